@@ -1,0 +1,154 @@
+"""The differentiable operations: the chaos game and the splatting of its points.
+
+Each public function checks what it is given, flattens the leading axes and hands over to a backend: `cpu` (numba,
+float32), or `torch`, the twin in `reference` that specifies them all. `auto` takes the fastest that can.
+"""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral, Real
+
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+from . import backends
+
+__all__ = ["chaos_game", "splat"]
+
+MAX_MAPS = 65_536  # a map's index is kept in 16 bits
+
+
+def chaos_game(
+    linear: Tensor,                        # (…, N, 2, 2)
+    offset: Tensor,                        # (…, N, 2)
+    *,
+    trajectories: int = 2000,
+    length: int = 250,
+    warmup: int = 10,
+    probabilities: Tensor | None = None,   # (…, N) or (N,)
+    seed: int | Tensor = 0,                # int, or int64 (…)
+    backend: str = "auto",
+) -> Tensor:                               # (…, P, 2)
+    """Points of the attractors of IFS codes by the chaos game (Barnsley 1988; Section 4.1 of the paper).
+
+    Every trajectory starts uniformly on the canvas [-1,1]² and `length` times applies a map drawn at random; its
+    points from `warmup` on are kept, P = trajectories · (length - warmup), trajectory by trajectory. `probabilities`
+    are those of the maps, uniform if None; no gradient flows to them. Gradients reach `linear` and `offset` through
+    all steps, warm-up included. A code that is not contractive may send points to infinity or NaN.
+
+    A trajectory's random numbers depend on the seed and its number alone, on every backend and device: with an int
+    all codes share starts and uniform variates (common random numbers), with a tensor each code has its own seed.
+    The `cpu` backend repeats bit for bit, points and gradients, whatever the number of threads.
+
+    Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, warmup outside 0 … length - 1,
+    probabilities that are negative or do not sum to 1, or a backend that cannot take the tensors.
+    """
+    batch, maps = _check_code(linear, offset)
+    for name, value in (("trajectories", trajectories), ("length", length)):
+        _check_count(name, value)
+    if not isinstance(warmup, Integral) or not 0 <= warmup < length:
+        raise InputError(f"warmup must be an integer from 0 to length - 1 = {length - 1}, got {warmup!r}")
+    codes = math.prod(batch)
+    thresholds = _thresholds(probabilities, batch, maps, linear.device).expand(codes, maps)
+    seeds = _seeds(seed, batch, linear.device).expand(codes)
+    run = backends.load(backends.choose(backend, linear)).chaos_game
+    points = run(linear.reshape(codes, maps, 2, 2), offset.reshape(codes, maps, 2), thresholds, seeds,
+                 trajectories=trajectories, length=length, warmup=warmup)
+    return points.view(*batch, trajectories * (length - warmup), 2)
+
+
+def splat(
+    points: Tensor,                        # (…, P, 2)
+    resolution: int,
+    *,
+    sigma_px: float = 2.5,
+    supersample: int = 5,
+    backend: str = "auto",
+) -> Tensor:                               # (…, R, R)
+    """Draw points as isotropic Gaussians, white on black: images in [0,1] of the canvas [-1,1]², the y axis up.
+
+    On a grid of `supersample` · R pixels a side, point k at distance r (in pixels of that grid) has the opacity
+    alpha_k = min(0.99, exp(-r² / 2 sigma_px²)), nothing where that is under 1/255, and a pixel is 1 - prod (1 -
+    alpha_k) (Kerbl et al. 2023 with one colour; Section 4.2 of the paper); the mean of supersample² pixels is a pixel
+    of the image. The gradient does not stop where alpha meets 0.99: it is that of the unclamped Gaussian. Points
+    beyond the canvas are drawn as far as they reach into it; infinite and NaN points are not, with zero gradient.
+
+    The `cpu` backend repeats bit for bit whatever the number of threads.
+
+    Raises `InputError` on wrong shapes or dtypes, resolution or supersample below 1, sigma_px that is not a finite
+    number above 0, or a backend that cannot take the tensor.
+    """
+    _check_tensor("points", points)
+    if points.ndim < 2 or points.shape[-1] != 2 or points.shape[-2] < 1:
+        raise InputError(f"points must have shape (…, P, 2) with P >= 1, got {tuple(points.shape)}")
+    for name, value in (("resolution", resolution), ("supersample", supersample)):
+        _check_count(name, value)
+    if not isinstance(sigma_px, Real) or not (math.isfinite(sigma_px) and sigma_px > 0):
+        raise InputError(f"sigma_px must be a finite number of supersampled pixels above 0, got {sigma_px!r}")
+    batch, count = points.shape[:-2], points.shape[-2]
+    run = backends.load(backends.choose(backend, points)).splat
+    images = run(points.reshape(math.prod(batch), count, 2), int(resolution), sigma_px=float(sigma_px),
+                 supersample=int(supersample))
+    return images.view(*batch, resolution, resolution)
+
+
+def _check_tensor(name: str, value: Tensor) -> None:
+    if not isinstance(value, Tensor):
+        raise InputError(f"{name} must be a torch tensor, got {type(value).__name__}; use torch.as_tensor")
+    if 0 in value.shape:
+        raise InputError(f"{name} must not be empty, got shape {tuple(value.shape)}")
+
+
+def _check_code(linear: Tensor, offset: Tensor) -> tuple[torch.Size, int]:
+    """The batch shape and the number of maps."""
+    _check_tensor("linear", linear)
+    _check_tensor("offset", offset)
+    if linear.ndim < 3 or linear.shape[-2:] != (2, 2):
+        raise InputError(f"linear must have shape (…, N, 2, 2), got {tuple(linear.shape)}")
+    if offset.shape != linear.shape[:-1]:
+        raise InputError(f"offset must have shape {tuple(linear.shape[:-1])} to go with linear "
+                         f"{tuple(linear.shape)}, got {tuple(offset.shape)}")
+    if offset.dtype != linear.dtype or offset.device != linear.device:
+        raise InputError(f"linear and offset must agree in dtype and device, got {linear.dtype} on {linear.device} "
+                         f"and {offset.dtype} on {offset.device}; convert one with offset.to(linear)")
+    if linear.shape[-3] > MAX_MAPS:
+        raise InputError(f"at most {MAX_MAPS} maps are supported, got {linear.shape[-3]}")
+    return linear.shape[:-3], linear.shape[-3]
+
+
+def _check_count(name: str, value: int) -> None:
+    if not isinstance(value, Integral) or value < 1:
+        raise InputError(f"{name} must be an integer of at least 1, got {value!r}")
+
+
+def _thresholds(probabilities: Tensor | None, batch: torch.Size, maps: int, device: torch.device) -> Tensor:
+    """The cumulative probabilities in units of 2^-32, int64 (B or 1, N): exact on every device."""
+    if probabilities is None:
+        return torch.arange(1, maps + 1, device=device)[None] * 2**32 // maps
+    _check_tensor("probabilities", probabilities)
+    if probabilities.shape not in ((maps,), (*batch, maps)):
+        raise InputError(f"probabilities must have shape ({maps},), one per map, or {(*batch, maps)}, "
+                         f"got {tuple(probabilities.shape)}")
+    p = probabilities.detach().cpu().double().reshape(-1, maps)
+    if not bool((p >= 0).all()):
+        raise InputError(f"probabilities must not be negative or NaN, got {float(p.min()):.6g}")
+    total = p.sum(-1, keepdim=True)
+    if not bool(((total - 1).abs() < 1e-3).all()):
+        raise InputError(f"probabilities must sum to 1, got {float(total[(total - 1).abs().argmax()]):.6g}; "
+                         f"divide them by their sum")
+    cumulative = p.cumsum(-1)
+    return (cumulative / cumulative[:, -1:] * 2**32).round().long().to(device)
+
+
+def _seeds(seed: int | Tensor, batch: torch.Size, device: torch.device) -> Tensor:
+    """int64 (B or 1,)."""
+    if isinstance(seed, Tensor):
+        if seed.dtype != torch.int64 or seed.shape != batch:
+            raise InputError(f"a tensor of seeds must be int64 of the batch's shape {tuple(batch)}, got {seed.dtype} "
+                             f"of shape {tuple(seed.shape)}")
+        return seed.to(device).reshape(-1)
+    if not isinstance(seed, Integral) or not -(2**63) <= seed < 2**63:
+        raise InputError(f"seed must be an integer of 64 bits or an int64 tensor with one per code, got {seed!r}")
+    return torch.full((1,), int(seed), dtype=torch.int64, device=device)

@@ -1,0 +1,52 @@
+"""Who computes an operation: the registry of backends and the choice among them.
+
+A backend is a module with `chaos_game` and `splat` in the form of `reference`. It is imported at its first use, so
+that nobody waits for a compiler that is not needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Where a backend lives, which tensors it takes, and the same in words."""
+
+    module: str
+    takes: Callable[[Tensor], bool]
+    needs: str
+
+
+BACKENDS: dict[str, Backend] = {  # "auto" takes the first that can
+    "torch": Backend("reference", lambda t: t.dtype in (torch.float32, torch.float64), "float32 or float64 tensors"),
+}
+
+
+def choose(name: str, tensor: Tensor) -> str:
+    """The name of the backend that will serve: `name` itself, or for "auto" the first that takes the tensor.
+
+    Raises `InputError` if there is no such backend or it cannot take the tensor's device and dtype.
+    """
+    if name != "auto" and name not in BACKENDS:
+        raise InputError(f"backend must be one of {', '.join(['auto', *BACKENDS])}, got {name!r}")
+    candidates = BACKENDS if name == "auto" else [name]
+    for candidate in candidates:
+        if BACKENDS[candidate].takes(tensor):
+            return candidate
+    needs = "; or ".join(f"{BACKENDS[candidate].needs} (backend={candidate!r})" for candidate in candidates)
+    raise InputError(f"backend={name!r} needs {needs}, got {tensor.dtype} on {tensor.device}; convert with "
+                     f"tensor.to(...) or leave backend='auto'")
+
+
+def load(name: str) -> ModuleType:
+    """The backend's module."""
+    return import_module(f"{__package__}.{BACKENDS[name].module}")

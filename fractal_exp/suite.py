@@ -1,0 +1,62 @@
+"""The random suite: a hundred codes that anybody can draw again, and their target images."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+
+from .errors import InputError
+from .ifs import IFS
+
+SUITE_SEED = 2025  # the published suite; any other seed makes another suite of the same distribution
+SUITE_COUNT = 100
+
+
+def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
+    """`count` random codes of 3 to 10 maps, drawn one after the other from one NumPy PCG64 generator.
+
+    The distribution is that of Anderson and Farrell, "Improving Fractal Pre-training" (WACV 2022, section 4): singular
+    values that share a budget sum_i (s1_i + 2 s2_i) ~ U((5+N)/2, (6+N)/2), orthonormal factors of uniform angle with
+    reflections, offsets uniform in [-1,1]²; nothing is rejected. Codes are as drawn: `attractor.normalize` brings them
+    to the canvas. A shorter suite of the same seed is the beginning of a longer one. Raises `InputError` unless
+    `count` is at least 1 and `seed` at least 0.
+    """
+    if count < 1:
+        raise InputError(f"a suite has at least 1 fractal, got count={count}")
+    if seed < 0:
+        raise InputError(f"a suite's seed must be at least 0, got {seed}")
+    rng = np.random.Generator(np.random.PCG64(seed))
+    return [_random_code(rng, {"name": f"random-{seed}-{index:03d}", "suite_seed": seed, "suite_index": index})
+            for index in range(count)]
+
+
+def _random_code(rng: np.random.Generator, meta: dict) -> IFS:
+    n = int(rng.integers(3, 10, endpoint=True))
+    singular = _singular_values(rng, n, rng.uniform((5 + n) / 2, (6 + n) / 2))
+    linear = _orthonormal(rng, n) @ (singular[:, :, None] * _orthonormal(rng, n).transpose(0, 2, 1))
+    offset = rng.uniform(-1, 1, (n, 2))
+    return IFS(torch.from_numpy(linear), torch.from_numpy(offset), meta=meta)
+
+
+def _singular_values(rng: np.random.Generator, n: int, budget: float) -> np.ndarray:
+    """n pairs 1 >= s1 >= s2 >= 0 with sum s1 + 2 s2 = budget, (n,2): Anderson and Farrell 2022, algorithm 1."""
+    pairs = np.empty((n, 2))
+    left, least = budget, budget - 3 * n + 3  # what is left to spend; what must be spent here for the rest to absorb it
+    for i in range(n - 1):
+        s1 = rng.uniform(max(0.0, least / 3), min(1.0, left))
+        left, least = left - s1, least - s1
+        s2 = rng.uniform(max(0.0, least / 2), min(s1, left / 2))
+        left, least = left - 2 * s2, least - 2 * s2 + 3
+        pairs[i] = s1, s2
+    s2 = rng.uniform(max(0.0, (left - 1) / 2), left / 3)
+    pairs[-1] = left - 2 * s2, s2
+    return pairs
+
+
+def _orthonormal(rng: np.random.Generator, n: int) -> np.ndarray:
+    """n rotations by uniform angles, each axis flipped with chance one half, (n,2,2)."""
+    angle = rng.uniform(0, 2 * math.pi, n)
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]).transpose(2, 0, 1)
+    return rotation * rng.choice([-1.0, 1.0], (n, 1, 2))

@@ -27,6 +27,7 @@ class Backend:
 
 
 BACKENDS: dict[str, Backend] = {  # "auto" takes the first that can
+    "cpu": Backend("cpu", lambda t: t.device.type == "cpu" and t.dtype == torch.float32, "float32 tensors on the CPU"),
     "torch": Backend("reference", lambda t: t.dtype in (torch.float32, torch.float64), "float32 or float64 tensors"),
 }
 

@@ -1,0 +1,35 @@
+"""How numba kernels are compiled here."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+
+# All that reorders sums and fuses products, but NaN and infinity keep their meaning.
+FAST = {"reassoc", "contract", "arcp", "nsz"}
+
+_ONE_AT_A_TIME = threading.Lock()
+
+
+def kernel(**options: Any) -> Callable[[Callable], Callable]:
+    """Compile at the first call, without the GIL, and keep the machine code between processes where that can be.
+
+    numba looks for a folder that can be written beside the source and then in the user's cache. Calls are let in one
+    at a time: numba's plainest threading layer aborts the process when two threads enter it.
+    """
+    def compile_lazily(function: Callable) -> Callable:
+        try:
+            compiled = njit(function, cache=True, nogil=True, **options)
+        except RuntimeError:  # no folder can be written: compile in every process
+            compiled = njit(function, nogil=True, **options)
+
+        @functools.wraps(function)
+        def call(*arguments: Any) -> Any:
+            with _ONE_AT_A_TIME:
+                return compiled(*arguments)
+        return call
+    return compile_lazily

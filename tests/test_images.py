@@ -1,0 +1,276 @@
+"""Reading targets from arrays: exact framing, polarity, types, every refusal."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from fractal_exp import InputError
+from fractal_exp.images import read_target
+
+
+def rectangle(height, width, x0, y0, x1, y1):
+    """A white rectangle with exact coverage at its edges, float64."""
+    columns = (np.minimum(x1, np.arange(width) + 1) - np.maximum(x0, np.arange(width))).clip(0, 1)
+    rows = (np.minimum(y1, np.arange(height) + 1) - np.maximum(y0, np.arange(height))).clip(0, 1)
+    return np.outer(rows, columns).astype(np.float64)
+
+
+def disc(height, width, x, y, radius, fine=16):
+    """A white disc, supersampled, float64."""
+    rows, columns = (np.arange(height * fine) + 0.5) / fine, (np.arange(width * fine) + 0.5) / fine
+    inside = (rows[:, None] - y) ** 2 + (columns - x) ** 2 < radius**2
+    return inside.reshape(height, fine, width, fine).mean((1, 3))
+
+
+def edges(image):
+    """Where a solid shape begins and ends along x and y, on the canvas (y down), from its middle row and column."""
+    size = image.shape[-1]
+
+    def span(profile):
+        level = (profile / profile.max()).repeat_interleave(2)  # an odd size has its middle within a pixel
+        return -level[:size].sum() / size, level[size:].sum() / size
+
+    return (*span(image.max(0).values), *span(image.max(1).values))
+
+
+def leaf():
+    """A lopsided grey shape, for tests of format."""
+    picture = rectangle(60, 80, 11, 9, 52, 47)
+    picture[20:30, 20:30] = 0.5
+    picture[9:12, 11:30] = 0
+    return picture
+
+
+@pytest.mark.parametrize("resolution", [64, 97, 192])
+@pytest.mark.parametrize("box", [(10.3, 20.25, 150.8, 90.6), (0, 0, 200, 77.5), (50.5, 3.2, 71.9, 119.1)])
+def test_rectangle_lands_to_the_subpixel(box, resolution):
+    width, height = box[2] - box[0], box[3] - box[1]
+    target = read_target(rectangle(120, 200, *box), resolution, invert=False)
+    half_x, half_y = 0.75 * width / max(width, height), 0.75 * height / max(width, height)
+    tolerance = 2e-3 if resolution < max(width, height) else 2e-2
+    np.testing.assert_allclose(edges(target.image), (-half_x, half_x, -half_y, half_y), atol=tolerance)
+    assert target.image.mean() == pytest.approx(half_x * half_y, rel=5 * tolerance)
+    assert target.scale == pytest.approx(0.75 * resolution / max(width, height), rel=1e-6)
+    x0, y0, x1, y1 = target.crop_box
+    assert (x0 + x1) / 2 == pytest.approx((box[0] + box[2]) / 2) and x1 - x0 == pytest.approx(y1 - y0)
+
+
+@pytest.mark.parametrize("radius", [23.7, 61.3])
+def test_disc_lands_to_the_subpixel(radius):
+    target = read_target(disc(147, 211, 91.37, 70.81, radius), 32)
+    side = 2 * radius / 0.75
+    window = (91.37 - side / 2, 70.81 - side / 2, 91.37 + side / 2, 70.81 + side / 2)
+    np.testing.assert_allclose(target.crop_box, window, atol=0.05)
+    np.testing.assert_allclose(edges(target.image), (-0.75, 0.75, -0.75, 0.75), atol=0.01)
+    assert float(target.image.mean()) == pytest.approx(math.pi * 0.75**2 / 4, rel=5e-3)
+    centers = torch.linspace(-31 / 32, 31 / 32, 32)
+    for axis in (0, 1):
+        assert float((target.image.sum(axis) * centers).sum() / target.image.sum()) == pytest.approx(0, abs=5e-4)
+
+
+def test_mass_does_not_depend_on_resolution():
+    picture = np.random.default_rng(0).uniform(0, 1, (300, 260)) * disc(300, 260, 120, 160, 90, fine=2)
+    masses = [float(read_target(picture, r, invert=False).image.mean()) for r in (16, 33, 64, 101)]
+    np.testing.assert_allclose(masses, masses[0], rtol=1e-5)
+
+
+def test_padding_sets_the_longer_side():
+    picture = rectangle(100, 100, 20, 30, 80, 60)
+    for padding in (0, 0.5):
+        x0, x1, y0, y1 = edges(read_target(picture, 50, padding=padding).image)
+        np.testing.assert_allclose([x0, x1, y0, y1], np.array([-1, 1, -0.5, 0.5]) * (1 - padding), atol=1e-3)
+
+
+def test_up_stays_up():
+    picture = rectangle(100, 100, 20, 20, 80, 80)
+    picture[20:50, 20:50] = 0
+    image = read_target(picture, 80).image
+    assert image[20, 20] == 0 and image[20, 60] == image[60, 20] == image[60, 60] == 1
+
+
+def test_black_on_white_and_its_inverse_are_the_same_target():
+    picture = np.rint(disc(90, 120, 70, 40, 30) * 255).astype(np.uint8)
+    white, black = read_target(picture, 48), read_target(255 - picture, 48)
+    torch.testing.assert_close(white.image, black.image, atol=1e-6, rtol=0)
+    assert not white.inverted and black.inverted
+    assert "white shape on black" in white.notes and "black shape on white: inverted" in black.notes
+
+
+def test_polarity_holds_against_noise_and_thin_shapes():
+    rng = np.random.default_rng(1)
+    thin = rectangle(200, 200, 99, 40, 101, 160) * 0.9
+    noisy = (thin + rng.normal(0.04, 0.015, thin.shape)).clip(0, 1)
+    assert not read_target(noisy, 32).inverted and read_target(1 - noisy, 32).inverted
+    assert not any("doubt" in note for note in read_target(noisy, 32).notes)
+
+
+def test_polarity_is_relative_to_the_background():
+    square = rectangle(60, 60, 20, 20, 40, 40)
+    assert read_target(0.4 - 0.35 * square, 32).inverted and not read_target(0.6 + 0.35 * square, 32).inverted
+
+
+def test_noise_of_the_background_does_not_widen_the_shape():
+    noise = np.random.default_rng(2).normal(0.2, 0.03, (300, 300))
+    target = read_target((noise + 0.7 * rectangle(300, 300, 100, 120, 220, 180)).clip(0, 1), 32)
+    np.testing.assert_allclose(target.crop_box, (80, 70, 240, 230), atol=1)
+
+
+def test_polarity_can_be_told():
+    ring = 1 - rectangle(64, 64, 20, 20, 44, 44)  # taken for a black square on white
+    assert read_target(ring, 64).inverted
+    told = read_target(ring, 64, invert=False)
+    assert not told.inverted and "white shape on black, as asked" in told.notes
+    assert told.image[8, 8] == 1 and told.image[32, 32] == 0 and told.image[2, 2] == 0
+
+
+def test_doubtful_border_is_said():
+    half = rectangle(64, 64, 0, 0, 40, 64)
+    notes = " ".join(read_target(half, 32).notes)
+    assert "the border leaves doubt; invert=false takes it the other way" in notes
+
+
+def test_threshold_makes_the_shape_solid():
+    picture = rectangle(100, 100, 20, 20, 80, 80) * 0.6 + 0.2
+    target = read_target(picture, 64, threshold=0.5)
+    assert target.image.max() == 1 and target.image.min() == 0 and "binary at the threshold 0.5" in target.notes
+    plain = read_target(picture, 64)
+    assert float(plain.image.min()) == pytest.approx(0.2) and "not black but 0.20" in " ".join(plain.notes)
+
+
+def test_background_continues_beyond_the_picture():
+    image = read_target(rectangle(40, 40, 0, 0, 40, 20) * 0.7 + 0.2, 80, invert=False).image
+    assert float(image[0, 0]) == pytest.approx(0.2, abs=1e-6)
+    assert float(image[-1, -1]) == pytest.approx(0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize("quality", [30, 75])
+def test_jpeg_artefacts_do_not_move_the_frame(tmp_path, quality):
+    picture = disc(301, 420, 199.4, 142.7, 88.2)
+    Image.fromarray(np.rint(picture * 255).astype(np.uint8)).save(tmp_path / "disc.jpg", quality=quality)
+    clean, read = read_target(picture, 96), read_target(tmp_path / "disc.jpg", 96)
+    np.testing.assert_allclose(read.crop_box, clean.crop_box, atol=1.0)
+    assert (read.image - clean.image).abs().mean() < 0.01
+
+
+def test_enlarging_is_smooth_centred_and_said():
+    picture = np.zeros((20, 20))
+    picture[6:14, 6:14] = 1
+    target = read_target(picture, 256)
+    assert any(note.startswith("enlarged 24 times by linear interpolation") for note in target.notes)
+    torch.testing.assert_close(target.image, target.image.flip(0).flip(1), atol=1e-6, rtol=0)
+    assert (target.image[128, 1:] - target.image[128, :-1]).abs().max() < 0.06
+    np.testing.assert_allclose(edges(target.image), (-0.75, 0.75, -0.75, 0.75), atol=0.01)
+
+
+def test_keep_frame_leaves_a_framed_target_alone():
+    image = torch.rand(48, 48, generator=torch.Generator().manual_seed(0)) * torch.from_numpy(leaf()[:48, :48] > 0)
+    kept = read_target(image, 48, frame="keep", invert=False)
+    assert torch.equal(kept.image, image) and kept.crop_box == (0, 0, 48, 48) and kept.scale == 1
+    halved = read_target(image, 24, frame="keep", invert=False).image
+    torch.testing.assert_close(halved, torch.nn.functional.avg_pool2d(image[None], 2)[0])
+    odd = read_target(image, 35, frame="keep", invert=False).image
+    assert float(odd.mean()) == pytest.approx(float(image.mean()), rel=1e-5)
+
+
+@pytest.mark.parametrize("dtype", ["bool", "uint8", "uint16", "float16", "float32", "float64", ">f4", ">u2"])
+def test_types_of_arrays_and_tensors_agree(dtype):
+    white = {"b": 1, "u": 65535 if "2" in dtype or "16" in dtype else 255, "f": 1}[np.dtype(dtype).kind]
+    picture = (leaf() > 0.4) * white
+    expected = read_target((leaf() > 0.4).astype(np.float64), 40).image
+    torch.testing.assert_close(read_target(picture.astype(dtype), 40).image, expected)
+    if dtype[0] != ">":
+        torch.testing.assert_close(read_target(torch.from_numpy(picture.astype(dtype)), 40).image, expected)
+
+
+def test_bfloat16_tensor_with_gradient():
+    tensor = torch.from_numpy(leaf()).bfloat16().requires_grad_()
+    image = read_target(tensor, 40).image
+    assert image.dtype == torch.float32 and not image.requires_grad
+
+
+def test_luminance_is_linear_in_the_channels():
+    shape = rectangle(40, 40, 10, 10, 30, 30)
+    for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
+        colour = np.zeros((40, 40, 3))
+        colour[..., channel] = shape
+        assert float(read_target(colour, 40, invert=False).image.max()) == pytest.approx(weight, rel=1e-5)
+
+
+def test_transparent_picture_is_laid_on_what_it_stands_out_from():
+    shape = rectangle(60, 60, 10, 10, 50, 50)
+    ramp = np.linspace(0, 0.3, 60) * shape
+    dark = read_target(np.dstack([ramp] * 3 + [shape]), 40)
+    assert dark.inverted and "transparent parts laid on white" in dark.notes and dark.image[0, 0] == 0
+    assert float(dark.image[20, 20]) > 0.7
+    light = read_target(np.dstack([1 - ramp] * 3 + [shape]), 40)
+    assert not light.inverted and "transparent parts laid on black" in light.notes
+    torch.testing.assert_close(light.image, dark.image, atol=1e-5, rtol=0)
+
+
+SQUARE = rectangle(40, 40, 10, 10, 30, 30)
+BAD_IMAGES = {
+    "empty": (np.zeros((40, 40)), r"empty \(all black\): its levels run from 0.000 to 0.000"),
+    "white": (np.full((40, 40), 255, np.uint8), "all white"),
+    "grey": (np.full((40, 40, 3), 0.5), "evenly grey"),
+    "faint": (SQUARE * 0.01 + 0.5, "evenly grey: its levels run from 0.500 to 0.510"),
+    "nan": (np.where(SQUARE > 0, np.nan, 0), "400 of its values are NaN or infinite"),
+    "infinite": (np.where(SQUARE > 0, np.inf, 0), "400 of its values are NaN or infinite"),
+    "above one": (SQUARE * 255, r"in \[0, 1\] where it is of floats, got 0 to 255; divide it"),
+    "negative": (SQUARE - 0.5, r"got -0.5 to 0.5"),
+    "small": (SQUARE[:15], "at least 16 px on each side, got 40×15"),
+    "no pixels": (np.zeros((0, 40)), "has no pixels"),
+    "one axis": (np.zeros(40), r"must have shape \(H, W\).*got \(40,\)"),
+    "two channels": (np.zeros((40, 40, 2)), r"got \(40, 40, 2\)"),
+    "channels first": (np.zeros((3, 40, 40)), "move the channels last"),
+    "batch": (np.zeros((1, 40, 40, 3)), r"got \(1, 40, 40, 3\)"),
+    "complex": (SQUARE.astype(complex), "got complex128"),
+    "object": (SQUARE.astype(object), "got object"),
+    "int64": (torch.zeros(40, 40, dtype=torch.int64), "got int64; convert it"),
+    "transparent": (np.zeros((40, 40, 4)), "fully transparent"),
+    "list": ([[0, 1]], "a path, a NumPy array or a torch tensor, got list"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_IMAGES)
+def test_unusable_images_are_refused(case):
+    image, message = BAD_IMAGES[case]
+    with pytest.raises(InputError, match=message) as caught:
+        read_target(image, 32)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"resolution": 15}, "at least 16 pixels, got 15"),
+    ({"resolution": 64.0}, "whole number of at least 16 pixels, got 64.0"),
+    ({"resolution": True}, "got True"),
+    ({"resolution": "64"}, "got '64'"),
+    ({"threshold": 0}, "threshold must lie between 0 and 1"),
+    ({"threshold": 1.0}, "got 1.0"),
+    ({"threshold": "0.5"}, "got '0.5'"),
+    ({"threshold": math.nan}, "got nan"),
+    ({"padding": 1}, "padding must be at least 0 and below 1"),
+    ({"padding": -0.1}, "got -0.1"),
+    ({"invert": "yes"}, 'invert must be "auto", true or false, got \'yes\''),
+    ({"invert": None}, "got None"),
+    ({"frame": "crop"}, 'frame must be "fit" or "keep", got \'crop\''),
+])
+def test_unusable_options_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        read_target(SQUARE, **{"resolution": 32, **options})
+
+
+def test_keep_refuses_an_oblong_picture():
+    with pytest.raises(InputError, match='frame="keep" needs a square picture, the image is 80×60'):
+        read_target(leaf(), 32, frame="keep")
+
+
+@pytest.mark.parametrize("threshold, message", [
+    (0.8, "leaves nothing of the image: its highest level, white on black, is 0.700; lower it"),
+    (0.1, "lights every pixel of the image: its lowest level, white on black, is 0.200; raise it"),
+])
+def test_threshold_without_effect_is_refused(threshold, message):
+    with pytest.raises(InputError, match=message):
+        read_target(SQUARE * 0.5 + 0.2, 32, threshold=threshold)

@@ -1,0 +1,15 @@
+"""Numbers, pictures and files of every fit, kept by MLflow; this folder is the only importer of mlflow.
+
+`store` is the place where runs are kept, made before work starts; `run` is one fit being logged, behind four verbs:
+log, image, artifact, table; `reading` gets it all back for reports, notebooks and the dashboard.
+"""
+
+from .base import NoTracker, Tracker
+from .reading import dashboard_command, read_artifact, read_series, read_table, runs_frame
+from .run import MlflowTracker, deliver, start_run
+from .store import mark_killed_runs, prepare_store, standard_tags
+
+__all__ = [
+    "MlflowTracker", "NoTracker", "Tracker", "dashboard_command", "deliver", "mark_killed_runs", "prepare_store",
+    "read_artifact", "read_series", "read_table", "runs_frame", "standard_tags", "start_run",
+]

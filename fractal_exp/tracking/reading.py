@@ -1,0 +1,89 @@
+"""Looking at the runs that are kept: frames for tables and notebooks, files, and the dashboard."""
+
+from __future__ import annotations
+
+import io
+import os
+import socket
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from .store import connect, database_path, pages, shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def runs_frame(uri: str, experiment: str, where: str = "") -> pd.DataFrame:
+    """One row a run: run_id, name, status, start_time, end_time (UTC), then params.…, metrics.… (last values), tags.….
+
+    `where` is an MLflow search filter, e.g. "tags.variant = 'full'". The newest run comes first. Raises `InputError`
+    on an experiment that the store does not have.
+    """
+    import pandas as pd
+
+    client = connect(uri)
+    found = client.get_experiment_by_name(experiment)
+    if found is None:
+        names = sorted(e.name for e in pages(client.search_experiments) if e.name != "Default")
+        raise InputError(f"{shown(uri)} has no study {experiment!r}; it has {names}")
+    rows = [
+        {"run_id": run.info.run_id, "name": run.info.run_name, "status": run.info.status,
+         "start_time": run.info.start_time, "end_time": run.info.end_time,
+         **{f"{kind}.{name}": value for kind in ("params", "metrics", "tags")
+            for name, value in getattr(run.data, kind).items()}}
+        for run in pages(client.search_runs, experiment_ids=[found.experiment_id], filter_string=where)
+    ]
+    frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=["run_id", "name", "status", "start_time", "end_time"])
+    for column in ("start_time", "end_time"):
+        frame[column] = pd.to_datetime(frame[column], unit="ms", utc=True)
+    return frame
+
+
+def read_series(uri: str, run_id: str, name: str) -> pd.DataFrame:
+    """Every value of one metric: columns step, value, time (UTC), in order of step. Empty if never logged."""
+    import pandas as pd
+
+    history = connect(uri).get_metric_history(run_id, name)
+    frame = pd.DataFrame([(m.step, m.value, m.timestamp) for m in history], columns=["step", "value", "time"])
+    frame["time"] = pd.to_datetime(frame["time"], unit="ms", utc=True)
+    return frame.sort_values(["step", "time"], ignore_index=True)
+
+
+def read_artifact(uri: str, run_id: str, name: str) -> bytes:
+    """The content of one artifact of a run. Raises `InputError` if the run has none of that name."""
+    client = connect(uri)
+    parent = name.rpartition("/")[0] or None
+    names = [artifact.path for artifact in client.list_artifacts(run_id, parent) if not artifact.is_dir]
+    if name not in names:
+        raise InputError(f"run {run_id} has no artifact {name!r}; in that folder it has {names}")
+    with tempfile.TemporaryDirectory() as scratch:
+        return Path(client.download_artifacts(run_id, name, scratch)).read_bytes()
+
+
+def read_table(uri: str, run_id: str, name: str) -> pd.DataFrame:
+    """A frame that was logged by `table`. Raises `InputError` if the run has none of that name."""
+    import pandas as pd
+
+    return pd.read_json(io.BytesIO(read_artifact(uri, run_id, name)), orient="split", precise_float=True)
+
+
+def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
+    """The command that serves the runs kept under `folder` at http://127.0.0.1:`port`.
+
+    Raises `InputError` if there are none yet, if a server keeps them, or if the port is taken.
+    """
+    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
+    database = database_path(uri)
+    if database is None:
+        raise InputError(f"the runs are kept by the server {shown(uri)}: open that address in the browser")
+    if not database.exists():
+        raise InputError(f"no runs under {database.parent} yet; fit something first, or name the output folder")
+    with socket.socket() as probe:
+        if probe.connect_ex(("127.0.0.1", port)) == 0:
+            raise InputError(f"port {port} is taken, perhaps by an open dashboard; choose another port")
+    return [sys.executable, "-m", "mlflow", "ui", "--backend-store-uri", uri, "--port", str(port), "--workers", "1",
+            "--default-artifact-root", (database.parent / "mlartifacts").as_uri()]

@@ -1,0 +1,241 @@
+"""One run in MLflow: how it starts or goes on, and its verbs."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import math
+import os
+import posixpath
+import re
+import time
+import traceback
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .base import Tracker
+from .outbox import Outbox, Upload
+from .store import FIRST_PATIENCE, artifact_root, connect, is_written_elsewhere, patiently, process_tags, reason, shown
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from mlflow import MlflowClient
+
+LONGEST_PARAM = 6000               # characters that MLflow keeps of a parameter
+LONGEST_NAME = 250                 # characters of a metric or a parameter
+TABLES = "mlflow.loggedArtifacts"  # the tag by which MLflow's dashboard finds tables
+
+
+class MlflowTracker(Tracker):
+    """A run in MLflow, made by `start_run`. A verb costs microseconds: an `Outbox` sends every few seconds."""
+
+    def __init__(self, client: MlflowClient, run_id: str, folder: str | Path, tables: list[dict] | None = None,
+                 on_record: Mapping[tuple[str, int], float] | None = None) -> None:
+        self.run_id = run_id
+        self._outbox = Outbox(client, run_id, folder)
+        self._tables = list(tables or [])
+        self._on_record = dict(on_record or {})
+        self._names: set[str] = set()
+        self._non_finite: dict[str, tuple[int, float, int]] = {}  # name: how many, the first, its step
+        self._ended = False
+
+    def log(self, metrics: Mapping[str, float], step: int = 0) -> None:
+        now, step = int(time.time() * 1000), int(step)
+        for name, value in metrics.items():
+            if name not in self._names:
+                self._names.add(_checked_name("metric", name, r"[\w\-. :]"))
+            value = float(value)
+            if not math.isfinite(value):
+                count, first, at = self._non_finite.get(name, (0, value, step))
+                self._non_finite[name] = (count + 1, first, at)
+            # A resumed fit goes through the steps since its checkpoint again and finds the same numbers.
+            elif self._on_record.get((name, step)) != value:
+                self._outbox.metric(name, value, now, step)
+
+    def image(self, name: str, image: Any, step: int | None = None) -> None:
+        _checked_name("image", name, r"[A-Za-z0-9_\-. ]")
+        self._outbox.upload(Upload(f"views/{name}.png" if step is None else name, _png(name, image), step))
+
+    def artifact(self, name: str, content: Path | str | bytes) -> None:
+        _checked_name("artifact", name, r"[\w\-. ]")
+        data = content.read_bytes() if isinstance(content, Path) else content
+        self._outbox.upload(Upload(name, data.encode() if isinstance(data, str) else data))
+
+    def table(self, name: str, frame: pd.DataFrame) -> None:
+        if not name.endswith(".json"):
+            raise InputError(f"a table's name must end in .json, got {name!r}")
+        # client.log_table appends to a table that is there, which would double the rows of a resumed fit.
+        self.artifact(name, frame.to_json(orient="split", index=False, date_format="iso", double_precision=15))
+        entry = {"path": name, "type": "table"}
+        if entry not in self._tables:
+            self._tables.append(entry)
+            self._outbox.tag(TABLES, json.dumps(self._tables))
+
+    def finish(self, status: str = "FINISHED", error: BaseException | str | None = None) -> None:
+        if status not in ("FINISHED", "FAILED", "KILLED"):
+            raise ValueError(f"a run ends as FINISHED, FAILED or KILLED, got {status!r}")
+        if self._ended:
+            return
+        self._ended = True
+        if isinstance(error, BaseException):
+            self.artifact("traceback.txt", "".join(traceback.format_exception(error)))
+            error = reason(error)
+        if error is not None:
+            self._outbox.tag("error", error)
+        if self._non_finite:
+            self._outbox.tag("non_finite", "; ".join(f"{name}: {count}, first {value} at step {step}" for
+                                                     name, (count, value, step) in self._non_finite.items()))
+        self._outbox.close(status)
+
+
+def start_run(uri: str, experiment: str, name: str, *, folder: str | Path, params: Mapping[str, Any] | None = None,
+              tags: Mapping[str, str] | None = None, parent_run_id: str | None = None,
+              resume_run_id: str | None = None) -> MlflowTracker:
+    """Start a run of a study in the store made by `prepare_store`, or go on with the run `resume_run_id`.
+
+    params may be nested, their names are joined by dots; one longer than 6000 characters becomes the file
+    params/NAME.txt and leaves its digest. folder is the run's own, for what a lost server did not take. A run with a
+    `parent_run_id` is nested below it. A resumed run is RUNNING again, has lost its error, and does not log again
+    what it has on record. Raises `InputError` if the store does not answer for a minute, the experiment is deleted, a
+    name is refused, or if the run to resume does not exist, is written by another process, or has another value of a
+    parameter.
+    """
+    client = connect(uri)
+    texts, files = _param_texts(params or {})
+    tags = {**(tags or {}), **process_tags()}
+    if parent_run_id is not None:
+        tags["mlflow.parentRunId"] = parent_run_id
+    known: dict[str, Any] = {}
+    if resume_run_id is None:
+        experiment_id = patiently(uri, _experiment_id, client, uri, experiment)
+        run_id = patiently(uri, client.create_run, experiment_id, run_name=name, tags=tags).info.run_id
+    else:
+        run_id, known = resume_run_id, _reopen(client, uri, resume_run_id, texts, tags)
+    from mlflow.entities import Param
+
+    patiently(uri, client.log_batch, run_id, params=[Param(*item) for item in texts.items()])
+    tracker = MlflowTracker(client, run_id, folder, **known)
+    for file, text in files.items():
+        tracker.artifact(file, text)
+    return tracker
+
+
+def _experiment_id(client: MlflowClient, uri: str, name: str) -> str:
+    from mlflow.exceptions import MlflowException
+
+    found = client.get_experiment_by_name(name)
+    if found is None:
+        try:
+            return client.create_experiment(name, artifact_location=artifact_root(uri))
+        except MlflowException:
+            found = client.get_experiment_by_name(name)  # another worker may have been first
+            if found is None:
+                raise
+    if found.lifecycle_stage == "deleted":
+        raise InputError(f"the study {name!r} was deleted from {shown(uri)}; choose another name, or restore it with: "
+                         f"mlflow experiments restore --experiment-id {found.experiment_id}")
+    return found.experiment_id
+
+
+def _reopen(client: MlflowClient, uri: str, run_id: str, params: Mapping[str, str], tags: Mapping[str, str]) -> dict:
+    """Set the run RUNNING with new tags; what the tracker must know of it: its tables and the values on record."""
+    from mlflow.entities import RunTag
+    from mlflow.exceptions import MlflowException
+
+    try:
+        run = patiently(uri, client.get_run, run_id)
+    except MlflowException as error:
+        raise InputError(f"{shown(uri)} has no run {run_id} to resume ({reason(error)}); start a new one") from error
+    if run.info.lifecycle_stage == "deleted":
+        raise InputError(f"run {run_id} was deleted; restore it with: mlflow runs restore --run-id {run_id}, "
+                         f"or start a new one")
+    if run.info.status == "RUNNING" and is_written_elsewhere(run.data.tags):
+        raise InputError(f"run {run_id} is being written by process {run.data.tags['pid']}; wait for it, or end it")
+    for name, value in params.items():
+        if (before := run.data.params.get(name, value)) != value:
+            raise InputError(f"run {run_id} was started with {name}={before} and cannot go on with {name}={value}; "
+                             f"put it back, or start a new run")
+    patiently(uri, client.update_run, run_id, status="RUNNING")
+    patiently(uri, client.log_batch, run_id, tags=[RunTag(*item) for item in tags.items()])
+    if "error" in run.data.tags:
+        patiently(uri, client.delete_tag, run_id, "error")
+    histories = [patiently(uri, client.get_metric_history, run_id, name) for name in run.data.metrics]
+    return {"tables": json.loads(run.data.tags.get(TABLES, "[]")),
+            "on_record": {(m.key, m.step): m.value for history in histories
+                          for m in sorted(history, key=lambda metric: metric.timestamp)}}
+
+
+def deliver(folder: str | Path) -> list[str]:
+    """Send what the runs in `folder` and below could not while their store was away; the ids of those runs.
+
+    The store is MLFLOW_TRACKING_URI if set, else the one they were started with. Raises `InputError` if there is
+    nothing to send or the store is still away.
+    """
+    notes = sorted(Path(folder).absolute().rglob("undelivered-*/run.json"))
+    if not notes:
+        raise InputError(f"nothing waits to be delivered in {Path(folder).absolute()}; name the run's folder")
+    run_ids = []
+    for path in notes:
+        note = json.loads(path.read_text())
+        uri = os.environ.get("MLFLOW_TRACKING_URI") or note["uri"]
+        client = connect(uri)
+        run = patiently(uri, client.get_run, note["run_id"], patience=FIRST_PATIENCE)
+        if "error" in run.data.tags:  # it may have been taken for killed meanwhile
+            patiently(uri, client.delete_tag, run.info.run_id, "error")
+        MlflowTracker(client, note["run_id"], path.parent.parent).finish(note["status"])
+        if path.exists():
+            raise InputError(f"{shown(uri)} still does not take everything of {path.parent}; try again")
+        run_ids.append(note["run_id"])
+    return run_ids
+
+
+def _param_texts(params: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
+    """Parameters as MLflow takes them, by dotted name, and the files for those that are too long."""
+    texts, files = {}, {}
+    for name, value in _flat(params):
+        text = str(value)
+        if len(text) > LONGEST_PARAM:
+            files[f"params/{name}.txt"] = text
+            text = f"{len(text)} characters, sha256 {hashlib.sha256(text.encode()).hexdigest()}: see params/{name}.txt"
+        texts[_checked_name("parameter", name, r"[\w\-. :]")] = text
+    return texts, files
+
+
+def _flat(params: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in params.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _checked_name(kind: str, name: str, character: str) -> str:
+    """The name, if it is made of such characters (a regular expression) in segments between single slashes."""
+    tidy = re.fullmatch(f"{character}+(/{character}+)*", name) and posixpath.normpath(name) == name
+    if not tidy or name.startswith(".") or len(name) > LONGEST_NAME:
+        raise InputError(f"{kind} names are letters, digits and '_', '-', '.', ' ' with single slashes between, up to "
+                         f"{LONGEST_NAME} characters; got {name!r}")
+    return name
+
+
+def _png(name: str, image: Any) -> bytes:
+    import numpy as np
+    from PIL import Image
+
+    if not isinstance(image, Image.Image):
+        pixels = np.asarray(image.detach().cpu() if hasattr(image, "detach") else image)
+        if pixels.ndim != 2 and not (pixels.ndim == 3 and pixels.shape[2] in (3, 4)):
+            raise InputError(f"image {name!r} must have shape (R,C), (R,C,3) or (R,C,4), got {pixels.shape}")
+        if pixels.dtype != np.uint8:
+            pixels = pixels.astype(np.float32)
+            if not (pixels.min() >= -1e-3 and pixels.max() <= 1 + 1e-3):  # rounding of a sum is no mistake
+                raise InputError(f"image {name!r} must lie in [0,1] or be uint8, got values from {pixels.min()} to "
+                                 f"{pixels.max()}")
+            pixels = np.rint(255 * pixels.clip(0, 1)).astype(np.uint8)
+        image = Image.fromarray(pixels)
+    buffer = io.BytesIO()
+    image.save(buffer, "PNG")
+    return buffer.getvalue()

@@ -1,0 +1,262 @@
+"""Where runs are kept: made once before work starts and cleared of dead runs; the tags that say where a run is from."""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+import importlib.metadata
+import logging
+import os
+import platform
+import re
+import socket
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+T = TypeVar("T")
+
+PATIENCE = 60.0                       # seconds that a fit waits to start while its server is away,
+FIRST_PATIENCE = 10.0                 # and that the first command waits, when an address may be mistaken
+FIRST_RETRY, LAST_RETRY = 0.5, 5.0    # seconds between attempts, doubling
+PAGE = 1000                           # runs per request
+
+# Read by MLflow when it is imported or called. Its own retries would hold one call for minutes: ours stand instead.
+ENVIRONMENT = {
+    "MLFLOW_DISABLE_TELEMETRY": "true",
+    "MLFLOW_LOGGING_LEVEL": "WARNING",
+    "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR": "false",
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "30",
+}
+
+
+def connect(uri: str) -> MlflowClient:
+    """A client of the store at `uri`. MLflow's global state stays untouched: one process can talk to several stores."""
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    from mlflow import MlflowClient
+
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it prints what it raises, we report it
+    return MlflowClient(uri)
+
+
+def prepare_store(folder: str | Path) -> str:
+    """Make sure that runs can be kept, mark those that died while running, and return the store's URI.
+
+    The store is `folder`/mlflow.db, an SQLite database in WAL mode, with the artifacts under `folder`/mlartifacts. If
+    MLFLOW_TRACKING_URI is set, that http(s) server or absolute sqlite:// database is used and nothing is made under
+    `folder`. Call it once, in the parent, before any worker starts. Raises `InputError` if the folder cannot be
+    written, the database cannot be used, or the server does not answer within ten seconds.
+    """
+    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
+    database = database_path(uri)
+    if database is None:
+        _check_server(uri)
+    else:
+        _create(database, uri)
+    mark_killed_runs(uri)
+    return uri
+
+
+def database_path(uri: str) -> Path | None:
+    """The file of an SQLite store, None for a server. Raises `InputError` on any other kind of URI."""
+    if re.match(r"https?://", uri):
+        return None
+    match = re.fullmatch(r"sqlite:///(/[^?]+)", uri)
+    if match is None:
+        raise InputError(f"runs are kept by a server (http://… or https://…) or in sqlite:////absolute/path.db without "
+                         f"'?' in it, got {shown(uri)!r}; correct MLFLOW_TRACKING_URI or the output folder")
+    return Path(match[1])
+
+
+def _check_server(uri: str) -> None:
+    client = connect(uri)
+    from mlflow.exceptions import MlflowException
+
+    try:
+        patiently(uri, client.search_experiments, max_results=1, patience=FIRST_PATIENCE)
+    except MlflowException as error:
+        raise InputError(f"{shown(uri)} refuses to keep runs ({reason(error)}); check that it is an MLflow server and "
+                         f"that you may use it, or unset MLFLOW_TRACKING_URI") from error
+
+
+def _create(database: Path, uri: str) -> None:
+    try:
+        (database.parent / "mlartifacts").mkdir(parents=True, exist_ok=True)
+        # MLflow's migrations fail when several processes run them at once on an empty file: commands started
+        # together wait here for the first.
+        with open(f"{database}.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            with closing(sqlite3.connect(database, timeout=30, isolation_level=None)) as connection:
+                mode = connection.execute("PRAGMA journal_mode=WAL").fetchone()[0]
+                connection.execute("BEGIN IMMEDIATE")  # fails here, not after an hour, where nothing can be written
+                connection.execute("ROLLBACK")
+            if mode != "wal":
+                raise InputError(f"{database} lies on a file system where SQLite cannot write concurrently; choose an "
+                                 f"output folder on a local disk, or point MLFLOW_TRACKING_URI at a server")
+            _make_tables(database, uri)
+    except (OSError, sqlite3.Error) as error:
+        raise InputError(f"cannot keep runs in {database}: {error}; choose an output folder that can be written, or "
+                         f"move that file away") from error
+
+
+def _make_tables(database: Path, uri: str) -> None:
+    try:
+        connect(uri).search_experiments(max_results=1)  # MLflow makes its tables on the first call
+    except Exception as error:  # MlflowException, SQLAlchemyError or alembic's CommandError, by version and defect
+        version = importlib.metadata.version("mlflow")
+        raise InputError(f"MLflow {version} cannot use {database}: {reason(error)}; if another version wrote it, copy "
+                         f"the file and run: {sys.executable} -m mlflow db upgrade '{uri}'") from error
+
+
+def artifact_root(uri: str) -> str | None:
+    """Where the artifacts of an SQLite store go, an absolute file:// URI; None where a server decides."""
+    database = database_path(uri)
+    return database and (database.parent / "mlartifacts").as_uri()
+
+
+def patiently(uri: str, call: Callable[..., T], *args: Any, patience: float = PATIENCE, **kwargs: Any) -> T:
+    """The result of call(*args, **kwargs), tried again for `patience` seconds while the store does not answer.
+
+    Raises `InputError` when it has not answered in that time; what the store refuses is raised at once.
+    """
+    deadline, pause = time.monotonic() + patience, FIRST_RETRY
+    while True:
+        try:
+            return call(*args, **kwargs)
+        except Exception as error:
+            if not _is_outage(error):
+                raise
+            if time.monotonic() + pause > deadline:
+                raise InputError(f"the store {shown(uri)} does not answer ({reason(error)}); start it, or unset "
+                                 f"MLFLOW_TRACKING_URI to keep runs in the output folder") from error
+            if pause == FIRST_RETRY:
+                print(f"tracking: waiting for {shown(uri)} ({reason(error)})", file=sys.stderr)
+        time.sleep(pause)
+        pause = min(2 * pause, LAST_RETRY)
+
+
+def _is_outage(error: Exception) -> bool:
+    from mlflow.exceptions import MlflowException
+
+    if isinstance(error, MlflowException):
+        return error.get_http_status_code() >= 500 or error.get_http_status_code() == 429
+    return isinstance(error, OSError)
+
+
+def pages(search: Callable[..., Any], **query: Any) -> Iterator[Any]:
+    """Everything that a paged search of the client finds."""
+    token = None
+    while True:
+        page = search(**query, max_results=PAGE, page_token=token)
+        yield from page
+        token = page.token
+        if not token:
+            return
+
+
+def shown(uri: str) -> str:
+    """The URI, or a text with URIs in it, without the passwords."""
+    return re.sub(r"//[^/@\s]+@", "//", uri)
+
+
+def reason(error: BaseException) -> str:
+    """An exception as one short line."""
+    line = shown(": ".join([type(error).__name__, *str(error).strip().splitlines()[:1]]))
+    return line if len(line) <= 300 else line[:299] + "…"
+
+
+def process_tags() -> dict[str, str]:
+    """Tags that say which process writes a run, so that its death can be noticed."""
+    return {"host": socket.gethostname(), "pid": str(os.getpid()), "process_start": process_start(os.getpid()) or ""}
+
+
+def process_start(pid: int) -> str | None:
+    """When process `pid` of this machine started, a text that differs for each user of that number; None if it is gone.
+
+    A zombie counts as gone.
+    """
+    if Path("/proc/self/stat").exists():
+        try:
+            state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return None
+        start = f"{Path('/proc/sys/kernel/random/boot_id').read_text().strip()} {fields[18]}"
+    else:
+        ps = subprocess.run(["ps", "-o", "stat=,lstart=", "-p", str(pid)], capture_output=True, text=True)
+        state, _, start = ps.stdout.strip().partition(" ")
+    return None if state[:1] in ("", "Z", "X") else start.strip()
+
+
+def is_written_elsewhere(tags: Mapping[str, str]) -> bool:
+    """Whether the run with these tags is being written by another process of this host that is alive."""
+    here = process_tags()
+    return (tags.get("host") == here["host"] and tags.get("pid") != here["pid"]
+            and process_start(int(tags.get("pid", 0))) == tags.get("process_start", ""))
+
+
+def mark_killed_runs(uri: str) -> list[str]:
+    """Set every run that is RUNNING by a process of this host that is gone to KILLED; the ids of those runs.
+
+    Runs of other hosts are left alone. Should a live one be taken for dead (two containers of one host name), its
+    status comes right when it ends.
+    """
+    client, here = connect(uri), process_tags()
+    experiments = [experiment.experiment_id for experiment in pages(client.search_experiments)]
+    running = list(pages(client.search_runs, experiment_ids=experiments,
+                          filter_string=f"attributes.status = 'RUNNING' and tags.host = '{here['host']}'"))
+    killed = []
+    for run in running:
+        tags = run.data.tags
+        if "process_start" in tags and process_start(int(tags["pid"])) != tags["process_start"]:
+            client.set_tag(run.info.run_id, "error", f"killed: process {tags['pid']} on {tags['host']} is gone and "
+                                                     f"had not ended the run")
+            client.set_terminated(run.info.run_id, status="KILLED")
+            killed.append(run.info.run_id)
+    return killed
+
+
+def standard_tags(*, variant: str, method: str, target: str, scale: str, backend: str, device: str,
+                  perceptual: str | None = None, **more: Any) -> dict[str, str]:
+    """The tags that every fit carries: what the caller names, and device_name, version, git_commit (with -dirty).
+
+    git_commit is present only if this package is run from its own checkout; `start_run` adds host and process.
+    """
+    tags = {"variant": variant, "method": method, "target": target, "scale": scale, "backend": backend,
+            "device": device, "device_name": _device_name(device), "perceptual": perceptual or "none",
+            "version": importlib.metadata.version("fractal-exp"), "git_commit": _git_commit(), **more}
+    return {name: str(value) for name, value in tags.items() if value is not None}
+
+
+def _device_name(device: str) -> str:
+    if device.startswith("cuda"):
+        import torch
+
+        return torch.cuda.get_device_name(device)
+    cpuinfo = Path("/proc/cpuinfo")
+    model = re.search(r"^model name\s*:\s*(.+)$", cpuinfo.read_text() if cpuinfo.exists() else "", re.MULTILINE)
+    return model[1] if model else platform.processor() or platform.machine()
+
+
+@functools.cache  # the code that runs is the one that was imported
+def _git_commit() -> str | None:
+    git = ["git", "-C", str(Path(__file__).parent)]
+    try:  # a package installed below somebody else's checkout must not carry that one's commit
+        subprocess.run([*git, "ls-files", "--error-unmatch", "store.py"], check=True, capture_output=True)
+        described = subprocess.run([*git, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"],
+                                   check=True, capture_output=True, text=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return described.stdout.strip()

@@ -1,0 +1,105 @@
+"""The sampler of a window against the chaos game with rejection, which specifies it."""
+
+import numpy as np
+import pytest
+import torch
+from scipy import stats
+
+from fractal_exp import IFS, View, attractor, codes, ops
+from fractal_exp.evaluation.render import _address_tree, _window
+from fractal_exp.ops import histogram
+from fractal_exp.suite import random_suite
+
+BINS = 16
+THROWN = 2_000_000
+WINDOWS = [  # the fern's frond, a dragon's boundary, codes whose maps overlap, one with a map of singular value .99992
+    ("fern", codes.known("fern"), View((0.05, -0.1), 4)),
+    ("fern, deeper", codes.known("fern"), View((0.08, -0.13), 16)),
+    ("dragon", codes.known("heighway_dragon"), View((0.2, 0.1), 8)),
+    ("suite 1", random_suite(2)[1], View((0.1, 0.0), 8)),
+    ("suite 9", random_suite(10)[9], View((-0.1, 0.1), 12)),
+    ("suite 3", random_suite(4)[3], View((0.0, 0.0), 4)),
+]
+
+
+def sampled(code: IFS, view: View, thrown: float, seeds: range = range(1)) -> np.ndarray:
+    """Counts (BINS²,) of points in the window, `thrown` at the whole attractor in all."""
+    canvas, tree = histogram.planes(BINS, histogram.COUNTED), _address_tree(code)
+    for seed in seeds:
+        tree.scatter(_window(view, BINS), thrown / len(seeds), seed=(seed,), canvas=canvas, mode=histogram.COUNTED)
+    return canvas.sum(0).ravel()
+
+
+def rejected(code: IFS, view: View, batches: int = 8, batch: int = 250_000) -> np.ndarray:
+    """The same by rejection: the last points of independent chaos games, those outside the window thrown away."""
+    counts, (x0, y0, x1, y1) = np.zeros(BINS**2), view.box
+    for seed in range(batches):
+        points = ops.chaos_game(code.linear, code.offset, trajectories=batch, length=200, warmup=199,
+                                probabilities=code.sampling_probabilities(), seed=seed).numpy()
+        counts += np.histogram2d(y1 - points[:, 1], points[:, 0], BINS, [[0, y1 - y0], [x0, x1]])[0].ravel()
+    return counts
+
+
+def p_value(a: np.ndarray, b: np.ndarray) -> float:
+    """Of the hypothesis that two histograms are of one distribution; bins of few counts are pooled."""
+    few = a + b < 20
+    table = np.array([[*a[~few], a[few].sum()], [*b[~few], b[few].sum()]])
+    return stats.chi2_contingency(table[:, table.sum(0) > 0]).pvalue
+
+
+@pytest.mark.parametrize(("code", "view"), [case[1:] for case in WINDOWS], ids=[case[0] for case in WINDOWS])
+def test_the_same_distribution_as_rejection(code, view):
+    code = attractor.normalize(code)
+    twin = rejected(code, view)
+    # Points of one seed share a few orbits; many seeds with few points each are independent, as the test wants them.
+    ours = sampled(code, view, THROWN, range(64))
+    assert twin.sum() > 2000
+    assert abs(ours.sum() - twin.sum()) < 4 * np.sqrt(ours.sum() + twin.sum())  # how many lie in the window,
+    assert p_value(ours, twin) > 1e-3                                           # and where
+    at_once = sampled(code, view, 10 * THROWN)
+    assert abs(at_once.sum() - 10 * twin.sum()) < 40 * np.sqrt(1.1 * twin.sum())
+    assert np.abs(at_once - 10 * twin).sum() < 0.1 * at_once.sum() + 10 * np.sqrt(twin).sum()
+
+
+def test_the_test_sees_a_wrong_distribution():
+    code, view = attractor.normalize(codes.known("fern")), View((0.05, -0.1), 4)
+    p = code.sampling_probabilities() * torch.tensor([1.0, 1.0, 1.1, 1.0])
+    other = IFS(code.linear, code.offset, p / p.sum())
+    assert p_value(sampled(other, view, THROWN, range(64)), rejected(code, view)) < 1e-6
+
+
+def test_counts_are_poisson_from_seed_to_seed():
+    code, view = attractor.normalize(codes.known("fern")), View((0.05, -0.1), 4)
+    counts = np.array([sampled(code, view, 20_000, range(seed, seed + 1)) for seed in range(200)], float)
+    busy = counts.mean(0) > 1
+    dispersion = counts[:, busy].var(0, ddof=1) / counts[:, busy].mean(0)
+    assert dispersion.mean() == pytest.approx(1, abs=0.05)
+    total = counts.sum(1)
+    assert 0.7 < total.var(ddof=1) / total.mean() < 1.4
+
+
+@pytest.mark.parametrize("mean", [0.3, 5.0, 11.9, 12.1, 40.0, 3000.0, 1e9])
+def test_poisson_variates(mean):
+    state, draws = np.uint64(12345), []
+    for _ in range(4000):
+        state, count = histogram._poisson(mean, np.uint64(state))
+        draws.append(count)
+    draws = np.array(draws, float)
+    assert draws.mean() == pytest.approx(mean, abs=4.5 * np.sqrt(mean / 4000))
+    assert draws.var(ddof=1) == pytest.approx(mean, rel=0.13)
+    if mean < 100:
+        edges = np.unique(stats.poisson.ppf(np.linspace(0, 1, 12)[1:-1], mean))
+        observed = np.histogram(draws, [-1, *edges, np.inf])[0]
+        # A bin holds the counts from its left edge to just under its right one.
+        below = stats.poisson.cdf(edges - 1, mean)
+        expected = np.diff([0, *below, 1]) * len(draws)
+        keep = expected > 5
+        statistic = ((observed - expected)[keep] ** 2 / expected[keep]).sum()
+        assert stats.chi2.sf(statistic, keep.sum()) > 1e-4
+
+
+def test_box_mean():
+    canvas = (np.random.default_rng(0).random((12, 12)) < 0.4).astype(np.uint8)
+    out = np.empty((4, 4), np.float32)
+    histogram.box_mean(canvas, 3, out)
+    np.testing.assert_allclose(out, canvas.reshape(4, 3, 4, 3).mean((1, 3)), rtol=1e-6)

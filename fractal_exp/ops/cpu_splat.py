@@ -201,7 +201,7 @@ def _forward(points, starts, entries, shares, side, cell, tile, reach, sigma, im
 
 @njit
 def _downsample(transmittance, cell, sums, image):
-    """One minus the mean over each cell."""
+    """The mean of 1 - T over each cell; summed as such, faint cells keep their digits."""
     mean = float32(1 / (cell * cell))
     for i in range(len(image)):
         for c in range(transmittance.shape[1]):
@@ -209,12 +209,12 @@ def _downsample(transmittance, cell, sums, image):
         for r in range(cell):
             row = transmittance[i * cell + r]
             for c in range(len(row)):
-                sums[c] += row[c]
+                sums[c] += float32(1) - row[c]
         for j in range(image.shape[1]):
             total = float32(0)
             for c in range(cell):
                 total += sums[j * cell + c]
-            image[i, j] = float32(1) - total * mean
+            image[i, j] = total * mean
 
 
 @kernel(parallel=True, fastmath=FAST)

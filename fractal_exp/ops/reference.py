@@ -19,7 +19,7 @@ MIX_2 = -7723592293110705685       # 0x94D049BB133111EB
 
 ALPHA_MAX = 0.99
 ALPHA_MIN = 1 / 255
-CHUNK_PIXELS = 1 << 24             # footprint pixels held at a time, which bounds the twin's memory
+CHUNK_PIXELS = 1 << 20             # footprint pixels whose opacities are held at a time; for all, their indices only
 
 
 def chaos_game(linear: Tensor, offset: Tensor, thresholds: Tensor, seeds: Tensor, *, trajectories: int, length: int,
@@ -86,12 +86,10 @@ def splat(points: Tensor, resolution: int, *, sigma_px: float, supersample: int)
     code = seen.nonzero()[:, 0]
     position = position[seen]
 
-    depth = points.new_zeros(len(points) * side * side)
+    depth = points.new_zeros(len(points) * side * side)  # sum of -log(1 - alpha)
     chunk = max(1, CHUNK_PIXELS // (2 * reach + 1) ** 2)
-    for i in range(0, len(code), chunk):
-        given = (code[i:i + chunk], position[i:i + chunk], len(points), side, sigma_px, reach)
-        several = len(code) > chunk and torch.is_grad_enabled()
-        depth = depth + (checkpoint(_optical_depth, *given, use_reentrant=False) if several else _optical_depth(*given))
+    for some in zip(code.split(chunk), position.split(chunk), strict=True):
+        depth.scatter_add_(0, *checkpoint(_footprints, *some, side, sigma_px, reach, use_reentrant=False))
     image = -torch.expm1(-depth).view(len(points), side, side)
     return avg_pool2d(image, supersample)
 
@@ -101,16 +99,16 @@ def cutoff_radius(sigma_px: float) -> float:
     return sigma_px * math.sqrt(-2 * math.log(ALPHA_MIN))
 
 
-def _optical_depth(code: Tensor, position: Tensor, codes: int, side: int, sigma_px: float, reach: int) -> Tensor:
-    """Sum over the points of -log(1 - alpha) at every pixel: positions (K,2) -> (codes * side * side,)."""
-    nearest = position.detach().round()
+def _footprints(code: Tensor, position: Tensor, side: int, sigma_px: float, reach: int) -> tuple[Tensor, Tensor]:
+    """Every pixel that points (K,2) of codes (K,) may touch, as an index into (B,S,S), and its -log(1 - alpha)."""
+    nearest = position.detach().round().long()
     steps = torch.arange(-reach, reach + 1, device=position.device)
-    column, row = (nearest[:, i, None].long() + steps for i in (0, 1))                     # (K,F)
-    dx, dy = column - position[:, 0, None], row - position[:, 1, None]
+    column, row = nearest[:, :1] + steps, nearest[:, 1:] + steps                           # (K,F)
+    dx, dy = column - position[:, :1], row - position[:, 1:]
     gauss = torch.exp(-(dx[:, None, :] ** 2 + dy[:, :, None] ** 2) / (2 * sigma_px**2))    # (K,F,F)
     alpha = gauss - (gauss.detach() - ALPHA_MAX).clamp(min=0)  # the gradient is the unclamped Gaussian's
     on_canvas = ((column >= 0) & (column < side))[:, None, :] & ((row >= 0) & (row < side))[:, :, None]
     alpha = alpha.where(on_canvas & (gauss >= ALPHA_MIN), 0)
     line = code[:, None] * side + row.clamp(0, side - 1)
     pixel = line[:, :, None] * side + column.clamp(0, side - 1)[:, None, :]
-    return position.new_zeros(codes * side * side).index_add(0, pixel.flatten(), -torch.log1p(-alpha).flatten())
+    return pixel.flatten(), -torch.log1p(-alpha).flatten()

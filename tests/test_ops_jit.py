@@ -1,0 +1,32 @@
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from fractal_exp.ops import jit
+
+SOURCE = Path(jit.__file__).parents[1]
+
+
+def test_kernels_compile_where_nothing_can_be_cached():
+    scope = {}
+    exec("def twice(x):\n    return 2 * x", scope)  # a function without a file has no place in any cache
+    assert jit.kernel()(scope["twice"])(21) == 42
+
+
+def test_kernels_run_from_an_installation_that_cannot_be_written(tmp_path):
+    """Neither the package's folder nor the user's cache can be made: a file stands where each folder should be."""
+    package = tmp_path / "fractal_exp"
+    shutil.copytree(SOURCE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in (package, package / "ops"):
+        (folder / "__pycache__").write_text("")
+    (tmp_path / "home").write_text("")
+    environment = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    environment |= {"PYTHONPATH": str(tmp_path), "HOME": str(tmp_path / "home"), "PYTHONDONTWRITEBYTECODE": "1"}
+    program = ("import torch, fractal_exp; from fractal_exp import ops\n"
+               "points = ops.chaos_game(torch.eye(2)[None] / 2, torch.zeros(1, 2), trajectories=1, length=60)\n"
+               "print(fractal_exp.__file__, points.abs().min() < 1e-6)")
+    done = subprocess.run([sys.executable, "-c", program], env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(package / "__init__.py"), "tensor(True)"]

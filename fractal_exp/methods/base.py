@@ -1,0 +1,88 @@
+"""The one contract of all methods: a target image in, a reconstruction out."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from ..checkpoint import Checkpoint
+from ..errors import InputError
+from ..ifs import IFS, View
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a method tells while it works: the step, the fraction done in [0,1], named scalars, and now and then a
+    preview image (R,R)."""
+
+    step: int
+    fraction: float
+    scalars: Mapping[str, float] = field(default_factory=dict)
+    preview: Tensor | None = None
+
+
+OnStep = Callable[[Progress], None]
+
+
+class FitDiverged(RuntimeError):
+    """A fit met a NaN or an infinity; the message says where, and where its last good state lies."""
+
+
+class Reconstruction(ABC):
+    """What a method returns: something that can be drawn at any view."""
+
+    @abstractmethod
+    def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
+               seed: int = 0) -> Tensor:
+        """The grey image (R,R) in [0,1] of a view, as evaluation draws it."""
+
+
+@dataclass(frozen=True)
+class CodeReconstruction(Reconstruction):
+    """A reconstruction that is an IFS, in the frame of the input image."""
+
+    code: IFS
+
+    def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
+               seed: int = 0) -> Tensor:
+        from ..evaluation.render import render
+
+        return render(self.code, view, resolution=resolution, points_in_view=points_in_view, supersample=supersample,
+                      seed=seed)
+
+
+class Method(ABC):
+    """How a reconstruction is got from an image. A method knows no tracker, no file names and no configuration."""
+
+    @abstractmethod
+    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
+                    checkpoint: Checkpoint | None = None) -> Reconstruction:
+        """Reconstruct a square image (R,R) in [0,1], the shape white on black.
+
+        on_step is called after every step; with a checkpoint the work is saved as it says and can be resumed. Raises
+        `InputError` on an unusable image before any work, and `FitDiverged` if the work breaks down.
+        """
+
+
+def check_target(target: Tensor, resolution: int | None = None) -> Tensor:
+    """The image as float32, or `InputError` unless it is a finite square (R,R) in [0,1] with something on it."""
+    target = torch.as_tensor(target)
+    if target.ndim != 2 or target.shape[0] != target.shape[1]:
+        raise InputError(f"a target image must be square, shape (R, R), got {tuple(target.shape)}; "
+                         "fractal_exp.images.read_target makes one from any picture")
+    if resolution is not None and target.shape[0] != resolution:
+        raise InputError(f"the target has {target.shape[0]}² pixels, but the model draws {resolution}²; read the "
+                         "target at the model's resolution")
+    target = target.to(torch.float32)
+    if not bool(torch.isfinite(target).all()):
+        raise InputError("the target image holds NaN or infinity")
+    low, high = float(target.min()), float(target.max())
+    if low < 0 or high > 1:
+        raise InputError(f"the target image must lie in [0, 1], got [{low:.4g}, {high:.4g}]; divide it by its maximum")
+    if low == high:
+        raise InputError(f"the target image is constant ({low:.4g}): there is no shape on it")
+    return target

@@ -1,0 +1,166 @@
+"""The paper's method: chaos game, splatting and a hybrid optimiser, in one explicit loop."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import torch
+from torch import Tensor
+
+from ..checkpoint import Checkpoint, Snapshot
+from ..errors import InputError
+from ..losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
+from ..model import SVD, ForwardModel, Parameterization, Parameters
+from ..optimizers import Alternating, Optimizer, Step
+from ..seeds import derive, generator
+from .base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_target
+from .best_states import BestStates
+
+
+class Chaotic(Method):
+    """Learning Image Fractals Using Chaotic Differentiable Point Splatting (Eurographics 2025).
+
+    model draws, objective judges, optimizer moves; `iterations` of it (15 000 in the paper), the temperature falling
+    linearly from 1 to 0. With `seconds`, time may end the run first; the schedule then follows whichever of iterations
+    and time is further on (and a run can no longer be repeated bit for bit). The result is the best state by total
+    loss: the best `kept` contractive states seen are drawn again with `rescoring_draws` fresh sets of points, since the loss that
+    singled them out was a lucky draw as well. previews: how many preview images a run reports. device: where tensors
+    live. Raises `InputError` on values out of range.
+    """
+
+    def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
+                 seconds: float | None = None, seed: int = 0, kept: int = 8, rescoring_draws: int = 4,
+                 previews: int = 20, device: str = "cpu"):
+        if iterations < 1 or kept < 1 or rescoring_draws < 1 or previews < 0:
+            raise InputError("expected iterations >= 1, kept >= 1, rescoring_draws >= 1 and previews >= 0, got "
+                             f"{iterations}, {kept}, {rescoring_draws} and {previews}")
+        if seconds is not None and not seconds > 0:
+            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        self.model, self.objective, self.optimizer = model, objective, optimizer
+        self.iterations, self.seconds, self.seed = iterations, seconds, seed
+        self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
+        self.device = device
+
+    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
+                    checkpoint: Checkpoint | None = None) -> CodeReconstruction:
+        target = check_target(target, self.model.resolution).to(self.device)
+        problem = Problem(self.model, self.objective, target)
+        best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
+        first = self._start(best, checkpoint)
+        preview_every = math.ceil(self.iterations / self.previews) if self.previews else None
+        start_time = time.monotonic()
+
+        iteration, fraction = first, first / self.iterations
+        while fraction < 1:
+            good = Snapshot(iteration, self._tensors(best), {"losses": best.losses, "iterations": best.iterations})
+            if checkpoint and iteration > first and iteration % checkpoint.every == 0:
+                checkpoint.save(good)
+            temperature = 1 - fraction
+            try:
+                step = self.optimizer.step(problem, iteration, temperature)
+            except KeyboardInterrupt:
+                if checkpoint:
+                    checkpoint.save(good)
+                raise
+            self._check_finite(step, good, checkpoint)
+            if self.model.is_contractive(step.raw):
+                best.offer(float(step.loss), iteration, step.raw)
+            iteration += 1
+            fraction = max(iteration / self.iterations,
+                           (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0)
+            if on_step:
+                wanted = preview_every and (iteration % preview_every == 0 or fraction >= 1)
+                on_step(Progress(iteration, min(fraction, 1.0), _scalars(step, temperature),
+                                 problem.draw(self.optimizer.raw, self.seed) if wanted else None))
+
+        raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
+                          self.rescoring_draws)
+        return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive())
+
+    def _start(self, best: BestStates, checkpoint: Checkpoint | None) -> int:
+        """Put the optimiser at its first or its saved state and return the iteration to go on with."""
+        raw = self.model.parameterization.initial(self.model.maps, generator(self.seed, "initial"))
+        raw = {name: value.to(self.device) for name, value in raw.items()}
+        saved = checkpoint.load() if checkpoint else None
+        if saved is None:
+            self.optimizer.start(raw, self.seed)
+            return 0
+        tensors = {name: tensor.to(self.device) for name, tensor in saved.tensors.items()}
+        self.optimizer.start(_under("raw/", tensors), self.seed)
+        self.optimizer.load_state(_under("optimizer/", tensors))
+        for i, (loss, iteration) in enumerate(zip(saved.numbers["losses"], saved.numbers["iterations"], strict=True)):
+            best.offer(loss, iteration, _under(f"best/{i}/", tensors))
+        return saved.iteration
+
+    def _tensors(self, best: BestStates) -> dict[str, Tensor]:
+        tensors = {f"raw/{name}": value.detach().clone() for name, value in self.optimizer.raw.items()}
+        tensors |= {f"optimizer/{name}": value for name, value in self.optimizer.state().items()}
+        for i, state in enumerate(best.states):
+            tensors |= {f"best/{i}/{name}": value for name, value in state.items()}
+        return tensors
+
+    def _check_finite(self, step: Step, good: Snapshot, checkpoint: Checkpoint | None) -> None:
+        finite = bool(torch.isfinite(step.loss)) and all(bool(torch.isfinite(v).all())
+                                                         for v in self.optimizer.raw.values())
+        if finite:
+            return
+        where = "no checkpoint was asked for"
+        if checkpoint:
+            checkpoint.save(good)
+            where = f"the state before it is in {checkpoint.path}"
+        terms = ", ".join(f"{name} {float(value):.4g}" for name, value in step.terms.items())
+        raise FitDiverged(f"iteration {good.iteration} met a NaN or an infinity (loss {float(step.loss):.4g}: {terms});"
+                          f" {where}. Try a smaller learning rate or a larger weight of the regulariser")
+
+
+def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 1500, trajectories: int = 1000,
+           length: int = 110, perceptual: str | None = None, seed: int = 0, seconds: float | None = None) -> Chaotic:
+    """The method at sizes that two CPU cores finish in minutes, with the paper's weights and schedule."""
+    model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
+    objective = WeightedSum(
+        {"mse": 10.0, "ssim": 1.0, "perceptual": 2.0, "regularizer": 0.01},
+        {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": Perceptual(perceptual) if perceptual else None,
+         "regularizer": Regularizer()})
+    return Chaotic(model, objective, Alternating(), iterations=iterations, seconds=seconds, seed=seed)
+
+
+class Problem:
+    """The model and the objective on one target, as the optimiser sees them."""
+
+    def __init__(self, model: ForwardModel, objective: WeightedSum, target: Tensor):
+        self.model, self.target = model, target
+        self.objective = objective.prepare(target)
+
+    @property
+    def parameterization(self) -> Parameterization:
+        return self.model.parameterization
+
+    def loss(self, raw: Parameters, seed: int) -> tuple[Tensor, dict[str, Tensor]]:
+        return self.objective(self.model(raw, seed))
+
+    @torch.no_grad()
+    def loss_value(self, raw: Parameters, seed: int) -> float:
+        return float(self.loss(raw, seed)[0])
+
+    @torch.no_grad()
+    def energy(self, raw: Parameters, seed: int) -> Tensor:
+        return (self.model(raw, seed).image - self.target).square().mean((-2, -1))
+
+    @torch.no_grad()
+    def draw(self, raw: Parameters, seed: int) -> Tensor:
+        return self.model(raw, seed).image.cpu()
+
+
+def _scalars(step: Step, temperature: float) -> dict[str, float]:
+    scalars = {"loss": float(step.loss), "temperature": temperature}
+    scalars |= {name: float(value) for name, value in step.terms.items()}
+    if step.accepted is not None:
+        scalars["accepted"] = step.accepted
+    return scalars
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+

@@ -1,0 +1,226 @@
+"""Gradient descent, simulated annealing and their alternation (Section 4.3 and Algorithm 1 of the paper)."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from .errors import InputError
+from .model import Parameterization, Parameters
+from .seeds import derive, generator
+
+
+class Problem(Protocol):
+    """What is minimised. Both draw their start points and map indices from `seed`; raw may carry a batch of codes."""
+
+    parameterization: Parameterization
+
+    def loss(self, raw: Parameters, seed: int) -> tuple[Tensor, dict[str, Tensor]]:
+        """The differentiable objective (…,) and its named terms."""
+
+    def energy(self, raw: Parameters, seed: int) -> Tensor:
+        """The energy (…,) that annealing compares: the plain mean squared error at full resolution."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one iteration scored: a copy by value of the parameters, their loss and its terms, and, where annealing
+    ran, the fraction of its candidates that were accepted."""
+
+    raw: dict[str, Tensor]
+    loss: Tensor
+    terms: Mapping[str, Tensor]
+    accepted: float | None = None
+
+
+class Optimizer(ABC):
+    """Moves raw parameters one iteration at a time; holds them in `raw`.
+
+    Every random number comes from (seed, iteration), so parameters, `state` and the iteration count are all that is
+    needed to continue.
+    """
+
+    raw: dict[str, Tensor]
+
+    def start(self, raw: Parameters, seed: int) -> None:
+        """Begin at copies of these parameters."""
+        self.seed = seed
+        self.raw = {name: value.detach().clone().requires_grad_() for name, value in raw.items()}
+
+    @abstractmethod
+    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+        """One iteration at this temperature, which falls linearly from 1 to 0 over the run."""
+
+    def state(self) -> dict[str, Tensor]:
+        """Everything beside `raw` that the next step depends on, as copies."""
+        return {}
+
+    def load_state(self, state: Mapping[str, Tensor]) -> None:  # noqa: B027 - most have nothing to take up
+        """Take up a `state`, after `start`."""
+
+    @torch.no_grad()
+    def _move_to(self, raw: Parameters) -> None:
+        for name, value in raw.items():
+            self.raw[name].copy_(value)
+
+    def _copy(self) -> dict[str, Tensor]:
+        return {name: value.detach().clone() for name, value in self.raw.items()}
+
+
+class GradientDescent(Optimizer):
+    """Adam at a fixed learning rate with default betas, projected after every step: w/o simulated annealing."""
+
+    def __init__(self, *, lr: float = 1e-2):
+        if not lr > 0:
+            raise InputError(f"the learning rate must be above 0, got {lr}")
+        self.lr = lr
+
+    def start(self, raw: Parameters, seed: int) -> None:
+        super().start(raw, seed)
+        self.reset_moments()
+
+    def reset_moments(self) -> None:
+        """Forget Adam's moments."""
+        self.adam = torch.optim.Adam(list(self.raw.values()), lr=self.lr)
+
+    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+        scored = self._copy()
+        loss, terms = problem.loss(self.raw, derive(self.seed, "gradient", iteration))
+        self.adam.zero_grad()
+        loss.backward()
+        self.change_gradients(iteration)
+        self.adam.step()
+        self._move_to(problem.parameterization.project(self.raw))
+        return Step(scored, loss.detach(), {name: term.detach() for name, term in terms.items()})
+
+    def change_gradients(self, iteration: int) -> None:
+        """A hook between the backward pass and Adam."""
+
+    def state(self) -> dict[str, Tensor]:
+        return {f"{name}/{key}": value.clone()
+                for name, tensor in self.raw.items() for key, value in self.adam.state[tensor].items()}
+
+    def load_state(self, state: Mapping[str, Tensor]) -> None:
+        self.reset_moments()
+        for name, tensor in self.raw.items():
+            keys = [key for key in state if key.startswith(f"{name}/")]
+            self.adam.state[tensor] = {key.split("/")[1]: state[key].clone() for key in keys}
+
+
+class NoisyGradientDescent(GradientDescent):
+    """Gradient descent with N(0, noise²) added to every gradient at every step: noisy gradients."""
+
+    def __init__(self, *, lr: float = 1e-2, noise: float = 0.1):
+        super().__init__(lr=lr)
+        if not noise >= 0:
+            raise InputError(f"the gradient noise is a standard deviation, at least 0, got {noise}")
+        self.noise = noise
+
+    def change_gradients(self, iteration: int) -> None:
+        random = generator(self.seed, "gradient noise", iteration)
+        for tensor in self.raw.values():
+            tensor.grad += self.noise * _normal_like(tensor, random)
+
+
+class Annealing:
+    """Proposals and the rule that accepts them (Equation 7).
+
+    spread: the standard deviation of a proposal is spread · temperature on every raw parameter (1/5 in the paper);
+    sharpness: a rise dE is accepted with probability exp(-sharpness · dE / temperature) (10 in the paper).
+    """
+
+    def __init__(self, *, spread: float = 0.2, sharpness: float = 10.0):
+        if not (spread > 0 and sharpness > 0):
+            raise InputError(f"annealing needs spread > 0 and sharpness > 0, got {spread} and {sharpness}")
+        self.spread, self.sharpness = spread, sharpness
+
+    def propose(self, raw: Parameters, parameterization: Parameterization, temperature: float,
+                random: torch.Generator) -> dict[str, Tensor]:
+        """A projected random neighbour of `raw`."""
+        std = self.spread * temperature
+        return parameterization.project({name: value.detach() + std * _normal_like(value, random)
+                                         for name, value in raw.items()})
+
+    def accepts(self, rise: float, temperature: float, random: torch.Generator) -> bool:
+        """Whether a change of energy by `rise` is taken. A NaN never is."""
+        u = float(torch.rand((), generator=random))
+        if rise <= 0:
+            return True
+        return temperature > 0 and u < math.exp(-self.sharpness * rise / temperature)
+
+
+class AnnealingOnly(Optimizer):
+    """One candidate an iteration, judged by the whole objective: w/o gradients.
+
+    The current state and the candidate are rendered with the same random numbers, together as a batch.
+    """
+
+    def __init__(self, *, annealing: Annealing | None = None):
+        self.annealing = annealing or Annealing()
+
+    @torch.no_grad()
+    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+        random = generator(self.seed, "annealing", iteration)
+        candidate = self.annealing.propose(self.raw, problem.parameterization, temperature, random)
+        both = {name: torch.stack([value, candidate[name]]) for name, value in self.raw.items()}
+        loss, terms = problem.loss(both, derive(self.seed, "energy", iteration))
+        scored = Step(self._copy(), loss[0], {name: term[0] for name, term in terms.items()})
+        accepted = self.annealing.accepts(float(loss[1] - loss[0]), temperature, random)
+        if accepted:
+            self._move_to(candidate)
+            scored = Step(self._copy(), loss[1], {name: term[1] for name, term in terms.items()})
+        return Step(scored.raw, scored.loss, scored.terms, accepted=float(accepted))
+
+
+class Alternating(GradientDescent):
+    """Gradient descent interrupted by phases of simulated annealing: the hybrid optimiser of the paper.
+
+    After every `every` iterations (250), while less than `until` (0.5) of the run is over, `candidates` (10) proposals
+    are tried one after another, the centre moving with each accepted one, and Adam's moments are reset.
+    common_random_numbers: render the current state and all candidates of a phase with the same start points and
+    map indices, so that energies differ by the parameters alone; otherwise each render draws its own.
+    """
+
+    def __init__(self, *, lr: float = 1e-2, every: int = 250, candidates: int = 10, until: float = 0.5,
+                 annealing: Annealing | None = None, common_random_numbers: bool = True):
+        super().__init__(lr=lr)
+        if every < 1 or candidates < 1 or not 0 <= until <= 1:
+            raise InputError("expected every >= 1, candidates >= 1 and until in [0, 1], got "
+                             f"{every}, {candidates} and {until}")
+        self.every, self.candidates, self.until = every, candidates, until
+        self.annealing = annealing or Annealing()
+        self.common_random_numbers = common_random_numbers
+
+    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+        step = super().step(problem, iteration, temperature)
+        if (iteration + 1) % self.every or 1 - temperature >= self.until:
+            return step
+        accepted = self._anneal(problem, iteration, temperature)
+        self.reset_moments()
+        return Step(step.raw, step.loss, step.terms, accepted=accepted / self.candidates)
+
+    @torch.no_grad()
+    def _anneal(self, problem: Problem, iteration: int, temperature: float) -> int:
+        random = generator(self.seed, "annealing", iteration)
+        energy = float(problem.energy(self.raw, derive(self.seed, "energy", iteration, 0)))
+        accepted = 0
+        for j in range(1, self.candidates + 1):
+            candidate = self.annealing.propose(self.raw, problem.parameterization, temperature, random)
+            draw = 0 if self.common_random_numbers else j
+            proposed = float(problem.energy(candidate, derive(self.seed, "energy", iteration, draw)))
+            if self.annealing.accepts(proposed - energy, temperature, random):
+                self._move_to(candidate)
+                energy = proposed
+                accepted += 1
+        return accepted
+
+
+def _normal_like(value: Tensor, random: torch.Generator) -> Tensor:
+    """Standard normal numbers drawn on the CPU, so that every device sees the same ones."""
+    return torch.randn(value.shape, generator=random).to(value.device)

@@ -1,0 +1,87 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from fractal_exp import IFS, InputError
+from fractal_exp.attractor import bounding_box, bounding_disc, normalize, support_function, visible_box
+
+
+def rows(*maps) -> IFS:
+    return IFS.from_json([list(m) for m in maps])
+
+
+TRIANGLE = rows([0.5, 0, 0, 0.5, 0, 0], [0.5, 0, 0, 0.5, 0.5, 0], [0.5, 0, 0, 0.5, 0.25, 0.5])
+CARPET = rows(*([1 / 3, 0, 0, 1 / 3, i / 3, j / 3] for i in range(3) for j in range(3) if (i, j) != (1, 1)))
+DRAGON = rows([0.5, -0.5, 0.5, 0.5, 0, 0], [-0.5, -0.5, 0.5, -0.5, 1, 0])
+DRAGON_BOX = [-1 / 3, -1 / 3, 7 / 6, 2 / 3]  # known in closed form
+
+
+@pytest.mark.parametrize(("code", "box"), [
+    (TRIANGLE, [0, 0, 1, 1]), (CARPET, [0, 0, 1, 1]), (DRAGON, DRAGON_BOX),
+    (rows([0.3, 0, 0, 0.4, 0.7, 0.6]), [1, 1, 1, 1]),
+])
+def test_the_box_is_that_of_the_closed_form(code, box):
+    np.testing.assert_allclose(bounding_box(code), box, atol=1e-6)
+
+
+def random_code(seed: int, largest: float) -> IFS:
+    random = np.random.default_rng(seed)
+    count = random.integers(2, 8)
+    u, _, v = np.linalg.svd(random.normal(size=(count, 2, 2)))
+    singular = np.sort(random.uniform(0.05, largest, (count, 2)))[:, ::-1]
+    return IFS((u * singular[:, None, :]) @ v, random.uniform(-1, 1, (count, 2)))
+
+
+def sample(code: IFS, count: int = 200_000) -> np.ndarray:
+    """Attractor points, from a fixed point on, in float64."""
+    random = np.random.default_rng(0)
+    linear, offset = code.linear.double().numpy(), code.offset.double().numpy()
+    x = np.tile(np.linalg.solve(np.eye(2) - linear[0], offset[0]), (count, 1))
+    for _ in range(30):
+        i = random.integers(0, len(code), count)
+        x = np.einsum("kij,kj->ki", linear[i], x) + offset[i]
+    return x
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("largest", [0.7, 0.99])
+def test_disc_box_and_half_planes_hold_every_point(seed, largest):
+    code = random_code(seed, largest)
+    points = sample(code)
+    center, radius = bounding_disc(code)
+    assert np.linalg.norm(points - center, axis=1).max() <= radius
+    box = bounding_box(code)
+    slack = 1e-6 * radius  # the code is float32
+    assert (points.min(0) >= box[:2] - slack).all() and (points.max(0) <= box[2:] + slack).all()
+    heights = support_function(code)
+    angle = 2 * math.pi * np.arange(len(heights)) / len(heights)
+    assert (points @ np.stack([np.cos(angle), np.sin(angle)]) <= heights + slack).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_box_is_tight_where_points_can_show_it(seed):
+    code = random_code(seed, 0.6)
+    points, box = sample(code), bounding_box(code)
+    side = (box[2:] - box[:2]).max()
+    np.testing.assert_allclose(np.r_[points.min(0), points.max(0)], box, atol=0.02 * side)
+
+
+def test_normalize_centres_and_scales_the_visible_box():
+    code = normalize(DRAGON)
+    x0, y0, x1, y1 = visible_box(code)
+    assert x1 - x0 == pytest.approx(1.5, abs=2e-3) and (x0 + x1) / 2 == pytest.approx(0, abs=1e-3)
+    assert y1 - y0 == pytest.approx(1.0, abs=2e-3) and (y0 + y1) / 2 == pytest.approx(0, abs=1e-3)
+
+
+def test_normalize_only_centres_a_point():
+    code = normalize(rows([0.3, 0, 0, 0.4, 0.7, 0.6]))
+    torch.testing.assert_close(code.offset, torch.zeros(1, 2), atol=1e-5, rtol=0)
+
+
+def test_a_code_that_does_not_contract_has_no_attractor_to_bound():
+    code = IFS([[[1.0, 0], [0, 0.5]]], [[0, 0]])
+    for function in (bounding_disc, bounding_box, support_function, visible_box, normalize):
+        with pytest.raises(InputError, match="map 0 has singular value 1"):
+            function(code)

@@ -1,0 +1,146 @@
+import math
+
+import pytest
+import torch
+
+from fractal_exp import InputError, View
+from fractal_exp.checkpoint import Checkpoint
+from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
+from fractal_exp.methods.base import FitDiverged, check_target
+from fractal_exp.methods.best_states import BestStates
+from fractal_exp.methods.chaotic import Chaotic
+from fractal_exp.model import SVD, ForwardModel, Naive
+from fractal_exp.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
+
+OPTIMIZERS = {
+    "alternating": lambda: Alternating(every=3, candidates=2), "gradient": GradientDescent,
+    "noisy": NoisyGradientDescent, "annealing": AnnealingOnly,
+}
+
+
+def fit(optimizer=None, *, iterations=12, parameterization=None, **options) -> Chaotic:
+    model = ForwardModel(parameterization or SVD(), resolution=32, maps=3, trajectories=60, length=30)
+    objective = WeightedSum({"mse": 10, "ssim": 1, "regularizer": 0.01},
+                            {"mse": MipMSE(), "ssim": DSSIM(), "regularizer": Regularizer()})
+    return Chaotic(model, objective, optimizer or GradientDescent(), iterations=iterations, **options)
+
+
+@pytest.fixture(scope="module")
+def target():
+    raw = SVD().initial(3, torch.Generator().manual_seed(5))
+    return ForwardModel(SVD(), resolution=32, maps=3, trajectories=400, length=60)(raw, 0).image
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+@pytest.mark.parametrize("parameterization", [SVD(), Naive()])
+def test_every_variant_runs_and_repeats_from_its_seed(target, name, parameterization):
+    def code(seed):
+        return fit(OPTIMIZERS[name](), parameterization=parameterization, seed=seed).reconstruct(target).code
+
+    assert torch.equal(code(0).linear, code(0).linear)
+    assert not torch.equal(code(0).linear, code(1).linear)
+
+
+@pytest.mark.parametrize("name", OPTIMIZERS)
+def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, name):
+    whole = fit(OPTIMIZERS[name]()).reconstruct(target).code
+    for stop in (1, 3, 4, 11):
+        def interrupt(progress, stop=stop):
+            if progress.step == stop:
+                raise KeyboardInterrupt
+
+        path = tmp_path / f"{stop}.safetensors"
+        with pytest.raises(KeyboardInterrupt):
+            fit(OPTIMIZERS[name]()).reconstruct(target, on_step=interrupt, checkpoint=Checkpoint(path))
+        resumed = fit(OPTIMIZERS[name]()).reconstruct(target, checkpoint=Checkpoint(path, resume=True)).code
+        assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+
+
+def test_checkpoints_come_every_so_many_iterations(target, tmp_path):
+    seen = []
+
+    class Recording(Checkpoint):
+        def save(self, snapshot):
+            seen.append(snapshot.iteration)
+            super().save(snapshot)
+
+    fit(iterations=11).reconstruct(target, checkpoint=Recording(tmp_path / "f", every=4))
+    assert seen == [4, 8]
+
+
+def test_a_fit_of_a_small_target_gets_better(target):
+    losses = []
+    fit(iterations=80).reconstruct(target, on_step=lambda p: losses.append(p.scalars["loss"]))
+    assert sum(losses[-10:]) < 0.8 * sum(losses[:10])
+
+
+def test_progress_tells_loss_temperature_terms_and_previews(target):
+    told = []
+    fit(OPTIMIZERS["alternating"](), previews=3).reconstruct(target, on_step=told.append)
+    assert [p.step for p in told] == list(range(1, 13))
+    assert told[-1].fraction == 1 and told[0].fraction == pytest.approx(1 / 12)
+    assert {"loss", "temperature", "mse", "ssim", "regularizer"} <= set(told[0].scalars)
+    assert [p.scalars["temperature"] for p in told] == pytest.approx([1 - i / 12 for i in range(12)])
+    assert "accepted" in told[2].scalars and "accepted" not in told[3].scalars
+    assert [p.step for p in told if p.preview is not None] == [4, 8, 12]
+    assert told[3].preview.shape == (32, 32)
+
+
+def test_seconds_end_a_fit_with_the_best_so_far(target):
+    told = []
+    code = fit(iterations=10**9, seconds=0.5).reconstruct(target, on_step=told.append).code
+    assert 0 < len(told) < 10**6 and told[-1].fraction == 1 and len(code) == 3
+
+
+def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
+    class Breaking(GradientDescent):
+        def change_gradients(self, iteration):
+            if iteration == 5:
+                self.raw["offset"].grad += math.nan
+
+    checkpoint = Checkpoint(tmp_path / "f", resume=True)
+    with pytest.raises(FitDiverged, match=r"iteration 5 met a NaN .*mse .*the state before it is in .*/f\. Try"):
+        fit(Breaking()).reconstruct(target, checkpoint=checkpoint)
+    snapshot = checkpoint.load()
+    assert snapshot.iteration == 5
+    assert all(bool(tensor.isfinite().all()) for tensor in snapshot.tensors.values())
+
+
+def test_the_reconstruction_draws_views(target):
+    image = fit(iterations=2).reconstruct(target).render(View((0.1, 0.2), 2), resolution=32, points_in_view=2000)
+    assert image.shape == (32, 32)
+
+
+def test_best_states_keep_the_lowest_apart_from_each_other():
+    best = BestStates(2, spacing=3)
+    for iteration, loss in enumerate([5.0, 4.0, 4.5, 9.0, 3.0, 2.0, 8.0, 1.0, 7.0]):
+        best.offer(loss, iteration, {"x": torch.tensor(float(iteration))})
+    assert best.iterations == [7, 1] and best.losses == [1.0, 4.0]
+    chosen = best.choose(lambda state, draw: -float(state["x"]) + draw, 2)
+    assert float(chosen["x"]) == 7
+    assert float(best.choose(lambda state, draw: float(state["x"]), 1)["x"]) == 1
+
+
+GOOD = torch.rand(32, 32, generator=torch.Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize(("image", "message"), [
+    (torch.zeros(32, 32), "constant"), (torch.ones(32, 32), "constant"), (GOOD[:20], "must be square"),
+    (GOOD[None], "must be square"), (GOOD * 255, r"must lie in \[0, 1\]"), (GOOD.sqrt().log(), r"lie in|infinity"),
+    (GOOD / 0, "NaN or infinity"), (torch.rand(64, 64), "the model draws 32²"),
+])
+def test_unusable_targets_are_refused_before_any_work(image, message):
+    with pytest.raises(InputError, match=message):
+        fit().reconstruct(image)
+
+
+def test_check_target_makes_float32():
+    assert check_target(GOOD.double()).dtype == torch.float32
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"iterations": 0}, "iterations >= 1"), ({"seconds": 0}, "seconds must be above 0"), ({"kept": 0}, "kept >= 1"),
+])
+def test_settings_out_of_range_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        fit(**options)

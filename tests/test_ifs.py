@@ -1,0 +1,131 @@
+import json
+import math
+
+import pytest
+import torch
+
+from fractal_exp import IFS, InputError, View
+
+HALF = [[0.5, 0.0], [0.0, 0.5]]
+
+
+def triangle(**kwargs) -> IFS:
+    return IFS([HALF] * 3, [[0, 0], [0.5, 0], [0.25, 0.5]], **kwargs)
+
+
+def test_a_code_is_float32_and_a_copy():
+    linear = torch.eye(2, dtype=torch.float64)[None] / 2
+    code = IFS(linear, [[1, 2]])
+    linear.zero_()
+    assert code.linear.dtype == code.offset.dtype == torch.float32
+    assert len(code) == 1 and torch.equal(code.linear[0], torch.eye(2) / 2)
+    with pytest.raises(AttributeError):
+        code.linear = linear
+
+
+@pytest.mark.parametrize(("linear", "offset", "probabilities", "message"), [
+    ([[0.5, 0.0]], [[0, 0]], None, r"linear must have shape \(N, 2, 2\)"),
+    (torch.zeros(0, 2, 2), torch.zeros(0, 2), None, "N >= 1"),
+    ([HALF], [[0, 0], [1, 1]], None, r"offset must have shape \(1, 2\)"),
+    ([HALF], [[math.nan, 0]], None, "offset must be finite"),
+    ([[[0.5, 0], [0]]], [[0, 0]], None, "linear must be a regular array"),
+    ([HALF] * 2, [[0, 0]] * 2, [1.0], r"probabilities must have shape \(2,\)"),
+    ([HALF] * 2, [[0, 0]] * 2, [1.5, -0.5], "must not be negative, got -0.5"),
+    ([HALF] * 2, [[0, 0]] * 2, [0.5, 0.2], "must sum to 1, got 0.7"),
+])
+def test_unusable_parameters_are_refused(linear, offset, probabilities, message):
+    with pytest.raises(InputError, match=message):
+        IFS(linear, offset, probabilities)
+
+
+@pytest.mark.parametrize(("center", "zoom", "message"), [
+    ((0, 0), 0, "zoom must be a finite number above 0"), ((0, 0), -1, "zoom"), ((0, 0), math.nan, "zoom"),
+    ((0, 0), math.inf, "zoom"), ((math.nan, 0), 1, "center must be finite"), ((0,), 1, "needs center"),
+    ((0, 0), "big", "needs center"),
+])
+def test_unusable_views_are_refused(center, zoom, message):
+    with pytest.raises(InputError, match=message):
+        View(center, zoom)
+
+
+def test_a_view_is_a_window_of_half_side_one_over_zoom():
+    assert View().box == (-1, -1, 1, 1)
+    assert View((0.5, -0.25), 4).box == (0.25, -0.5, 0.75, 0.0)
+
+
+def test_sampling_probabilities_follow_the_determinants_unless_given():
+    code = IFS([HALF, [[0.3, 0], [0, -0.1]]], [[0, 0], [0, 0]])
+    expected = torch.tensor([0.26, 0.04]) / 0.30
+    torch.testing.assert_close(code.sampling_probabilities(), expected)
+    assert torch.equal(triangle(probabilities=[0.5, 0.25, 0.25]).sampling_probabilities(),
+                       torch.tensor([0.5, 0.25, 0.25]))
+
+
+def test_a_map_that_does_not_contract_is_named():
+    code = IFS([HALF, [[0.9, 0.9], [0, 0.9]]], [[0, 0], [0, 0]])
+    with pytest.raises(InputError, match="map 1 has singular value 1.456"):
+        code.check_contractive()
+    assert triangle().check_contractive() is not None
+
+
+def test_a_similar_code_maps_the_moved_points_alike():
+    generator = torch.Generator().manual_seed(0)
+    code = IFS(torch.rand(4, 2, 2, generator=generator) - 0.5, torch.rand(4, 2, generator=generator))
+    scale, shift = 1.7, (0.3, -0.6)
+    x = torch.rand(2, generator=generator)
+    moved = scale * x + torch.tensor(shift)
+    there = torch.einsum("nij,j->ni", code.similar(scale, shift).linear, moved) + code.similar(scale, shift).offset
+    here = scale * (torch.einsum("nij,j->ni", code.linear, x) + code.offset) + torch.tensor(shift)
+    torch.testing.assert_close(there, here)
+
+
+def test_json_keeps_every_bit(tmp_path):
+    generator = torch.Generator().manual_seed(1)
+    code = IFS(torch.rand(5, 2, 2, generator=generator) - 0.5, torch.rand(5, 2, generator=generator),
+               torch.full((5,), 0.2), {"name": "five"})
+    back = IFS.load(code.save(tmp_path / "code.json"))
+    assert torch.equal(back.linear, code.linear) and torch.equal(back.offset, code.offset)
+    assert torch.equal(back.probabilities, code.probabilities) and back.meta == {"name": "five"}
+
+
+def test_both_public_spellings_are_read():
+    rows = IFS.from_json([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.25], [0.5, 0, 0, 0.5, 0, 0, 0.75]])
+    assert torch.equal(rows.linear[0], torch.tensor([[0.1, 0.2], [0.3, 0.4]]))
+    assert torch.equal(rows.offset[0], torch.tensor([0.5, 0.6]))
+    assert torch.equal(rows.probabilities, torch.tensor([0.25, 0.75]))
+    assert IFS.from_json([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]]).probabilities is None
+    for matrices in ([[0.1, 0.2, 0.3, 0.4]], [[[0.1, 0.2], [0.3, 0.4]]]):
+        lists = IFS.from_json({"ifs_m": matrices, "ifs_t": [[0.5, 0.6]], "ifs_p": [1.0]})
+        assert torch.equal(lists.linear, rows.linear[:1]) and torch.equal(lists.offset, rows.offset[:1])
+
+
+OWN = {"format": "fractal-exp/ifs", "version": 1, "linear": [HALF], "offset": [[0, 0]]}
+
+
+@pytest.mark.parametrize(("data", "message"), [
+    ({**OWN, "linear": [HALF, HALF]}, "offset must have shape"),
+    ({**OWN, "linear": [[0.5, 0.5]]}, "linear must have shape"),
+    ({**OWN, "linear": [[[1.5, 0], [0, 0.5]]]}, "map 0 has singular value 1.5"),
+    ({**OWN, "extra": 1}, r"unknown keys \['extra'\]"),
+    ({**OWN, "version": 2}, "version 1, got 'fractal-exp/ifs' version 2"),
+    ({"format": "fractal-exp/ifs", "version": 1, "linear": [HALF]}, "has no offset"),
+    ({"ifs_m": [HALF]}, "needs ifs_t"),
+    ({"ifs_m": [HALF], "ifs_t": [[0, 0]], "note": ""}, "unknown keys"),
+    ([[0.5, 0, 0, 0.5, 0]], "six numbers"),
+    ([[0.5, 0, 0, 0.5, 0, 0], [0.5]], "regular array"),
+    ("fern", "got str"),
+])
+def test_unusable_json_is_refused_naming_the_file(tmp_path, data, message):
+    path = tmp_path / "code.json"
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=message) as error:
+        IFS.load(path)
+    assert str(path) in str(error.value)
+
+
+def test_missing_and_broken_files_are_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot read the code .*No such file"):
+        IFS.load(tmp_path / "none.json")
+    (tmp_path / "broken.json").write_text("{")
+    with pytest.raises(InputError, match="is not JSON"):
+        IFS.load(tmp_path / "broken.json")

@@ -1,0 +1,146 @@
+import math
+
+import pytest
+import torch
+
+from fractal_exp import InputError
+from fractal_exp.model import SVD, Parameterization
+from fractal_exp.optimizers import Alternating, Annealing, AnnealingOnly, GradientDescent, NoisyGradientDescent
+
+OPTIMIZERS = [GradientDescent, NoisyGradientDescent, AnnealingOnly,
+              lambda: Alternating(every=5, candidates=3)]
+
+
+class Plain(Parameterization):
+    """Parameters that are what they are."""
+
+    def initial(self, maps, generator):
+        return {"x": torch.randn(maps, 2, generator=generator)}
+
+    def decode(self, raw):
+        raise AssertionError("the toy problem draws nothing")
+
+
+class Bowl:
+    """Squared distance from the origin, with a bump of noise per seed that is the same for all parameters."""
+
+    parameterization = Plain()
+
+    def __init__(self):
+        self.seeds = []
+
+    def loss(self, raw, seed):
+        noise = torch.randn((), generator=torch.Generator().manual_seed(seed % 2**31)) * 1e-3
+        total = raw["x"].square().sum((-2, -1)) + noise
+        return total, {"bowl": total}
+
+    def energy(self, raw, seed):
+        self.seeds.append(seed)
+        return self.loss(raw, seed)[0]
+
+
+def run(optimizer, problem, iterations=20, first=0, seed=3):
+    if first == 0:
+        optimizer.start(problem.parameterization.initial(2, torch.Generator().manual_seed(0)), seed)
+    return [optimizer.step(problem, i, 1 - i / 20) for i in range(first, iterations)]
+
+
+@pytest.mark.parametrize("build", OPTIMIZERS)
+def test_every_optimizer_descends_and_reports_what_it_scored(build):
+    optimizer, problem = build(), Bowl()
+    steps = run(optimizer, problem, 200)
+    assert float(steps[-1].loss) < float(steps[0].loss)
+    for step in steps:
+        assert float(step.loss) == pytest.approx(float(step.raw["x"].square().sum()), abs=5e-3)
+        assert set(step.terms) == {"bowl"}
+
+
+@pytest.mark.parametrize("build", OPTIMIZERS)
+def test_state_and_parameters_are_all_that_is_needed_to_go_on(build):
+    whole = build()
+    run(whole, Bowl())
+    half = build()
+    run(half, Bowl(), 10)
+    resumed = build()
+    resumed.start(half.raw, 3)
+    resumed.load_state(half.state())
+    run(resumed, Bowl(), 20, first=10)
+    assert torch.equal(whole.raw["x"], resumed.raw["x"])
+
+
+def test_scored_parameters_are_a_copy_by_value():
+    optimizer = GradientDescent()
+    steps = run(optimizer, Bowl(), 2)
+    assert not torch.equal(steps[0].raw["x"], steps[1].raw["x"])
+
+
+def test_annealing_runs_on_schedule_in_the_first_half_only_and_resets_adam():
+    optimizer, problem = Alternating(every=5, candidates=3), Bowl()
+    steps = run(optimizer, problem)
+    assert [i for i, step in enumerate(steps) if step.accepted is not None] == [4, 9]
+    assert len(problem.seeds) == 2 * (1 + 3)
+    optimizer = Alternating(every=5, candidates=3)
+    run(optimizer, problem, 5)
+    assert optimizer.state() == {}
+
+
+@pytest.mark.parametrize(("common", "distinct"), [(True, 1), (False, 4)])
+def test_candidates_share_their_random_numbers_if_asked(common, distinct):
+    problem = Bowl()
+    run(Alternating(every=5, candidates=3, common_random_numbers=common), problem, 5)
+    assert len(set(problem.seeds)) == distinct
+
+
+def test_the_centre_moves_with_every_accepted_candidate():
+    class Falling(Bowl):
+        count = 0
+
+        def energy(self, raw, seed):
+            self.count -= 1
+            return torch.tensor(float(self.count))
+
+    optimizer = Alternating(lr=1e-9, every=1, candidates=50, annealing=Annealing(spread=0.2))
+    start = Bowl.parameterization.initial(2, torch.Generator().manual_seed(0))["x"]
+    step = run(optimizer, Falling(), 1)[0]
+    walked = (optimizer.raw["x"].detach() - start).square().mean().sqrt()
+    assert step.accepted == 1
+    assert float(walked) > 0.2 * math.sqrt(50) / 3, "a walk of 50 steps, not one step from the start"
+
+
+def test_acceptance_follows_equation_7():
+    annealing, random = Annealing(sharpness=10), torch.Generator().manual_seed(0)
+    taken = sum(annealing.accepts(0.05, 0.5, random) for _ in range(4000)) / 4000
+    assert taken == pytest.approx(math.exp(-1), abs=0.03)
+    assert annealing.accepts(-0.1, 0.5, random) and annealing.accepts(0, 0, random)
+    assert not annealing.accepts(0.1, 0, random) and not annealing.accepts(math.nan, 1, random)
+
+
+def test_proposals_have_the_stated_spread_and_are_projected():
+    raw = SVD().initial(500, torch.Generator().manual_seed(0))
+    candidate = Annealing(spread=0.2).propose(raw, SVD(), 0.5, torch.Generator().manual_seed(1))
+    assert float((candidate["offset"] - raw["offset"]).std()) == pytest.approx(0.1, rel=0.1)
+    torch.testing.assert_close(candidate["u"].mT @ candidate["u"], torch.eye(2).expand(500, 2, 2))
+
+
+def test_noise_is_added_to_every_gradient():
+    class Flat(Bowl):
+        def loss(self, raw, seed):
+            total = 0 * raw["x"].sum()
+            return total, {"flat": total}
+
+    optimizer = NoisyGradientDescent(noise=0.1)
+    optimizer.start({"x": torch.zeros(2000, 2)}, 0)
+    optimizer.step(Flat(), 0, 1.0)
+    assert float(optimizer.raw["x"].grad.std()) == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize(("build", "message"), [
+    (lambda: GradientDescent(lr=0), "learning rate must be above 0, got 0"),
+    (lambda: NoisyGradientDescent(noise=-1), "at least 0, got -1"),
+    (lambda: Annealing(spread=0), "spread > 0"),
+    (lambda: Alternating(every=0), "every >= 1"),
+    (lambda: Alternating(until=2), r"until in \[0, 1\]"),
+])
+def test_settings_out_of_range_are_refused(build, message):
+    with pytest.raises(InputError, match=message):
+        build()

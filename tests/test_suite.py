@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from fractal_exp.errors import InputError
-from fractal_exp.suite import random_suite
+from fractal_exp.ifs import IFS
+from fractal_exp.suite import random_suite, target
 
 SUITE_SHA256 = "8f84e1cb576fd0dd1d3d8466e0206f093b4ca4b9a72259fa31e753cf2573c7ac"
 
@@ -48,3 +49,37 @@ def test_sizes_and_reflections_are_all_drawn():
 def test_a_suite_needs_a_count_and_a_seed(arguments):
     with pytest.raises(InputError, match="at least"):
         random_suite(**arguments)
+
+
+def test_a_target_is_framed_and_carries_the_density():
+    code = random_suite(1)[0]
+    image = target(code, 64)
+    assert image.shape == (64, 64) and image.dtype == torch.float32
+    rows, columns = (image > 0).any(1).nonzero(), (image > 0).any(0).nonzero()
+    sides = [float(axis.max() - axis.min() + 1) for axis in (rows, columns)]
+    assert 47 <= max(sides) <= 50  # 1.5 of the canvas's 2 units, give or take a pixel
+    for axis in (rows, columns):
+        assert abs(float(axis.max() + axis.min()) / 2 - 31.5) <= 1
+    assert torch.equal(image, target(code, 64)) and not torch.equal(image, target(code, 64, seed=1))
+
+
+def test_the_grey_level_of_a_target_is_the_density_of_points():
+    square = IFS(torch.eye(2).expand(4, 2, 2) / 2, torch.tensor([[-1.0, -1], [-1, 1], [1, -1], [1, 1]]))
+    density = -torch.log1p(-target(square, 64)[9:-9, 9:-9].mean())
+    assert float(density) == pytest.approx(50e6 / 1024**2 / 16**2 / 0.75**2, rel=0.01)  # points a supersampled pixel
+
+
+def test_a_binary_target_is_the_grey_one_above_a_quarter():
+    code = random_suite(2)[1]
+    assert torch.equal(target(code, 32, "binary"), (target(code, 32) > 0.25).float())
+
+
+def test_a_target_is_drawn_with_the_probabilities_of_the_protocol():
+    code = random_suite(1)[0]
+    other = IFS(code.linear, code.offset, torch.full((len(code),), 1 / len(code)))
+    assert torch.equal(target(other, 32), target(code, 32))
+
+
+def test_a_target_is_grey_or_binary():
+    with pytest.raises(InputError, match="grey, binary"):
+        target(random_suite(1)[0], 32, "colour")

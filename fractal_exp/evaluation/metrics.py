@@ -1,0 +1,89 @@
+"""How alike two images are: F1 and IoU of their masks, PSNR and SSIM, on batches of grey images."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+
+MSE_FLOOR = 1e-10            # PSNR of equal images: 100 dB
+SSIM_WINDOW = 11             # of sigma 1.5
+CROP = 8                     # an eighth of the image is cut off at each side
+
+
+def inner_crop(images: Tensor) -> Tensor:
+    """The inner 75% a side, pixels [R/8, 7R/8), of images (…,R,R): the frame of a normalised attractor."""
+    size = images.shape[-1]
+    return images[..., size // CROP:size - size // CROP, size // CROP:size - size // CROP]
+
+
+def f1(images: Tensor, truth: Tensor) -> Tensor:
+    """F1 (Dice) of the masks I > 0 of images (B,H,W): 2|A and B| / (|A| + |B|), 1 if both are empty; (B,) in [0,1]."""
+    both, _, total = _overlap(images, truth)
+    return torch.where(total > 0, 2 * both / total, 1.0).float()
+
+
+def iou(images: Tensor, truth: Tensor) -> Tensor:
+    """Intersection over union (Jaccard) of the masks I > 0 of images (B,H,W), 1 if both are empty; (B,) in [0,1]."""
+    both, either, total = _overlap(images, truth)
+    return torch.where(total > 0, both / either, 1.0).float()
+
+
+def psnr(images: Tensor, truth: Tensor) -> Tensor:
+    """Peak signal-to-noise ratio in dB of images (B,H,W) in [0,1], the mean squared error floored at 1e-10; (B,)."""
+    _check(images, truth)
+    error = (images.double() - truth.double()).square().mean((-2, -1))
+    return (-10 * torch.log10(error.clamp(min=MSE_FLOOR))).float()
+
+
+def ssim(images: Tensor, truth: Tensor) -> Tensor:
+    """Mean structural similarity of images (B,H,W) in [0,1]; (B,) in [-1,1].
+
+    Gaussian window 11 × 11 of sigma 1.5, data range 1, averaged where the window fits (Wang et al. 2004; as
+    `skimage.metrics.structural_similarity` with Gaussian weights). Raises `InputError` on images below 11 px.
+    """
+    from kornia.metrics import ssim as ssim_map
+
+    _check(images, truth)
+    if min(images.shape[-2:]) < SSIM_WINDOW:
+        raise InputError(f"SSIM needs images of at least {SSIM_WINDOW} px a side, got {tuple(images.shape[-2:])}; "
+                         "raise the resolution")
+    # In float64: the variance of a bright, nearly constant window is a difference of two large numbers.
+    maps = ssim_map(images[:, None].double(), truth[:, None].double(), SSIM_WINDOW, max_val=1.0, eps=0.0,
+                    padding="valid")
+    return maps.mean((-3, -2, -1)).float()
+
+
+METRICS = {"f1": f1, "iou": iou, "psnr": psnr, "ssim": ssim}
+
+
+def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
+    """All metrics by name, (B,) each, of the inner crops of images (B,R,R) against truth (B,R,R), both in [0,1].
+
+    Raises `InputError` if the shapes differ, or the images are not finite or leave [0,1].
+    """
+    _check(images, truth)
+    for name, batch in (("image", images), ("truth", truth)):
+        if not bool(torch.isfinite(batch).all()):
+            raise InputError(f"the {name} to compare holds NaN or infinity")
+        low, high = float(batch.min()), float(batch.max())
+        if low < 0 or high > 1:
+            raise InputError(f"the {name} to compare must lie in [0, 1], got [{low:.4g}, {high:.4g}]")
+    images, truth = inner_crop(images), inner_crop(truth)
+    return {name: metric(images, truth) for name, metric in METRICS.items()}
+
+
+def _overlap(images: Tensor, truth: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Pixels in both masks, in either, and in the one plus in the other; (B,) float64 each."""
+    _check(images, truth)
+    a, b = images > 0, truth > 0
+    both = (a & b).sum((-2, -1)).double()
+    total = a.sum((-2, -1)).double() + b.sum((-2, -1)).double()
+    return both, total - both, total
+
+
+def _check(images: Tensor, truth: Tensor) -> None:
+    if images.ndim != 3 or images.shape != truth.shape:
+        raise InputError(f"two batches of images of one shape (B, H, W) are compared, got {tuple(images.shape)} and "
+                         f"{tuple(truth.shape)}; render both at one resolution")

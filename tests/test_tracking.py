@@ -151,7 +151,7 @@ def test_other_stores_are_refused(address, tmp_path, monkeypatch):
 def test_a_server_that_does_not_answer_is_an_input_error_without_its_password(tmp_path, monkeypatch, impatient):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://somebody:secret@127.0.0.1:9")
     monkeypatch.setattr(store, "FIRST_PATIENCE", 0.1)
-    with pytest.raises(InputError, match="http://127.0.0.1:9 does not answer.*unset MLFLOW_TRACKING_URI") as caught:
+    with pytest.raises(InputError, match=r"127.0.0.1:9 does not answer \(Conn.*refused\); start it") as caught:
         tracking.prepare_store(tmp_path)
     assert "secret" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []

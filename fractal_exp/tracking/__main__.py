@@ -8,6 +8,7 @@ from pathlib import Path
 from ..errors import InputError
 from .reading import dashboard_command
 from .run import deliver
+from .store import ENVIRONMENT
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -26,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
         else:
             command = dashboard_command(args.folder, args.port)
             print(f"dashboard: http://127.0.0.1:{args.port} (Ctrl-C ends it)", flush=True)
-            os.execv(command[0], command)
+            os.execve(command[0], command, {**ENVIRONMENT, **os.environ})
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .store import FIRST_RETRY, LAST_RETRY, reason, shown
+from .store import FIRST_RETRY, LAST_RETRY, reason, root, shown
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -110,7 +110,7 @@ class Outbox:
             except Exception as error:  # of MLflow, its database, the disk or the network: none may end a fit
                 if away_since is None:
                     away_since = time.monotonic()
-                    print(f"tracking: the store does not take what is sent ({reason(error)}); the fit goes on, "
+                    print(f"tracking: the store does not take what is sent ({reason(root(error))}); the fit goes on, "
                           f"everything is kept and tried again", file=sys.stderr)
                 time.sleep(pause)
                 pause = min(2 * pause, LAST_RETRY)

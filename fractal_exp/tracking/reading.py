@@ -86,4 +86,5 @@ def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
         if probe.connect_ex(("127.0.0.1", port)) == 0:
             raise InputError(f"port {port} is taken, perhaps by an open dashboard; choose another port")
     return [sys.executable, "-m", "mlflow", "ui", "--backend-store-uri", uri, "--port", str(port), "--workers", "1",
-            "--default-artifact-root", (database.parent / "mlartifacts").as_uri()]
+            "--uvicorn-opts", "--log-level warning", "--default-artifact-root",
+            (database.parent / "mlartifacts").as_uri()]

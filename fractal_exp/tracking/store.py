@@ -36,6 +36,7 @@ ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_LOGGING_LEVEL": "WARNING",
     "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR": "false",
+    "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "30",
 }
@@ -57,8 +58,9 @@ def prepare_store(folder: str | Path) -> str:
 
     The store is `folder`/mlflow.db, an SQLite database in WAL mode, with the artifacts under `folder`/mlartifacts. If
     MLFLOW_TRACKING_URI is set, that http(s) server or absolute sqlite:// database is used and nothing is made under
-    `folder`. Call it once, in the parent, before any worker starts. Raises `InputError` if the folder cannot be
-    written, the database cannot be used, or the server does not answer within ten seconds.
+    `folder`. Call it once, in the parent, before any worker starts; workers are processes of their own, not forks of
+    this one, which would share its connection. Raises `InputError` if the folder cannot be written, the database
+    cannot be used, or the server does not answer within ten seconds.
     """
     uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
     database = database_path(uri)
@@ -117,8 +119,8 @@ def _make_tables(database: Path, uri: str) -> None:
         connect(uri).search_experiments(max_results=1)  # MLflow makes its tables on the first call
     except Exception as error:  # MlflowException, SQLAlchemyError or alembic's CommandError, by version and defect
         version = importlib.metadata.version("mlflow")
-        raise InputError(f"MLflow {version} cannot use {database}: {reason(error)}; if another version wrote it, copy "
-                         f"the file and run: {sys.executable} -m mlflow db upgrade '{uri}'") from error
+        raise InputError(f"MLflow {version} cannot use {database}: {reason(root(error))}; if another version wrote it, "
+                         f"copy the file and run: {sys.executable} -m mlflow db upgrade '{uri}'") from error
 
 
 def artifact_root(uri: str) -> str | None:
@@ -140,10 +142,10 @@ def patiently(uri: str, call: Callable[..., T], *args: Any, patience: float = PA
             if not _is_outage(error):
                 raise
             if time.monotonic() + pause > deadline:
-                raise InputError(f"the store {shown(uri)} does not answer ({reason(error)}); start it, or unset "
+                raise InputError(f"the store {shown(uri)} does not answer ({reason(root(error))}); start it, or unset "
                                  f"MLFLOW_TRACKING_URI to keep runs in the output folder") from error
             if pause == FIRST_RETRY:
-                print(f"tracking: waiting for {shown(uri)} ({reason(error)})", file=sys.stderr)
+                print(f"tracking: waiting for {shown(uri)} ({reason(root(error))})", file=sys.stderr)
         time.sleep(pause)
         pause = min(2 * pause, LAST_RETRY)
 
@@ -176,6 +178,13 @@ def reason(error: BaseException) -> str:
     """An exception as one short line."""
     line = shown(": ".join([type(error).__name__, *str(error).strip().splitlines()[:1]]))
     return line if len(line) <= 300 else line[:299] + "…"
+
+
+def root(error: BaseException) -> BaseException:
+    """The exception that began it: MLflow wraps a refused connection five times."""
+    while inner := error.__cause__ or error.__context__:
+        error = inner
+    return error
 
 
 def process_tags() -> dict[str, str]:

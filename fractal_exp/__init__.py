@@ -1,7 +1,27 @@
-"""fractal-exp: from one image of a self-similar shape to the iterated function system that draws it."""
+"""fractal-exp: from one image of a self-similar shape to the iterated function system that draws it, at any zoom.
+
+>>> from fractal_exp import View, invert, render                # doctest: +SKIP
+>>> code = invert("leaf.png")                                   # doctest: +SKIP
+>>> image = render(code, View(center=(0.1, -0.3), zoom=64))     # doctest: +SKIP
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from .errors import InputError
 from .ifs import IFS, View
 
-__all__ = ["IFS", "InputError", "View"]
+if TYPE_CHECKING:
+    from .evaluation.render import render
+    from .inversion import invert
+
+__all__ = ["IFS", "InputError", "View", "invert", "render"]
 __version__ = "0.1.0"
+
+_LATER = {"invert": ".inversion", "render": ".evaluation.render"}  # they bring numba: imported at their first use
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_LATER[name], __name__), name)

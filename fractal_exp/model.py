@@ -141,9 +141,22 @@ class ForwardModel:
         points = self._points(maps, seed)
         scale, shift = frame(points)
         points = points * scale[..., None, :] + shift[..., None, :]
-        image = ops.splat(points, self.resolution, sigma_px=self.sigma_px, supersample=self.supersample,
-                          backend=self.backend)
-        return Rendering(image=image, points=points, singular=maps.singular, offset=maps.offset)
+        return Rendering(image=self._splat(points), points=points, singular=maps.singular, offset=maps.offset)
+
+    @torch.no_grad()
+    def match(self, target: Tensor, seed: int, draws: int = 4) -> Tensor:
+        """The target image (R,R) as this model would draw it: as many points, scattered over its light, splatted alike.
+
+        The splats dilate what they draw. Held against an image that was not dilated, maps shrink to make up for it, and
+        on thin shapes to nothing; held against this one, the right maps are the best. Mean of `draws` scatterings.
+        """
+        count = self.trajectories * (self.length - self.warmup)
+        random = torch.Generator().manual_seed(seed)
+        pixel = torch.multinomial(target.flatten().cpu(), draws * count, replacement=True, generator=random)
+        column_row = torch.stack([pixel % self.resolution, pixel // self.resolution], -1)
+        inside = column_row + torch.rand(len(pixel), 2, generator=random)
+        points = (2 * inside / self.resolution - 1) * torch.tensor([1.0, -1.0])
+        return self._splat(points.view(draws, count, 2).to(target.device)).mean(0)
 
     @torch.no_grad()
     def is_contractive(self, raw: Parameters) -> bool:
@@ -156,6 +169,10 @@ class ForwardModel:
         maps = self.parameterization.decode(raw)
         scale, shift = frame(self._points(maps, seed))
         return IFS(maps.linear.cpu(), maps.offset.cpu()).similar(float(scale), tuple(shift.tolist()))
+
+    def _splat(self, points: Tensor) -> Tensor:
+        return ops.splat(points, self.resolution, sigma_px=self.sigma_px, supersample=self.supersample,
+                         backend=self.backend)
 
     def _points(self, maps: Maps, seed: int) -> Tensor:
         return ops.chaos_game(maps.linear, maps.offset, trajectories=self.trajectories, length=self.length,

@@ -51,7 +51,8 @@ class Optimizer(ABC):
     def start(self, raw: Parameters, seed: int) -> None:
         """Begin at copies of these parameters."""
         self.seed = seed
-        self.raw = {name: value.detach().clone().requires_grad_() for name, value in raw.items()}
+        # By name, since random numbers are dealt out in this order and a checkpoint does not keep another.
+        self.raw = {name: value.detach().clone().requires_grad_() for name, value in sorted(raw.items())}
 
     @abstractmethod
     def step(self, problem: Problem, iteration: int, temperature: float) -> Step:

@@ -46,12 +46,14 @@ def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, name):
     whole = fit(OPTIMIZERS[name]()).reconstruct(target).code
     for stop in (1, 3, 4, 11):
         def interrupt(progress, stop=stop):
+            assert progress.step <= stop
             if progress.step == stop:
                 raise KeyboardInterrupt
 
         path = tmp_path / f"{stop}.safetensors"
         with pytest.raises(KeyboardInterrupt):
             fit(OPTIMIZERS[name]()).reconstruct(target, on_step=interrupt, checkpoint=Checkpoint(path))
+        assert Checkpoint(path, resume=True).load().iteration == stop - 1
         resumed = fit(OPTIMIZERS[name]()).reconstruct(target, checkpoint=Checkpoint(path, resume=True)).code
         assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 

@@ -110,6 +110,19 @@ def test_an_attractor_that_is_a_point_gives_no_nan():
     assert bool(rendering.image.isfinite().all()) and bool(raw["linear"].grad.isfinite().all())
 
 
+def test_a_matched_target_is_drawn_as_the_model_draws():
+    model = ForwardModel(SVD(), **{**SMALL, "trajectories": 500, "length": 60})
+    truth = model(SVD().initial(3, random(4)), 5)
+    pixel = ((truth.points * torch.tensor([1.0, -1.0]) + 1) * 256).long().clamp(0, 511)
+    lit = torch.zeros(512, 512)
+    lit[pixel[:, 1], pixel[:, 0]] = 1
+    target = lit.view(32, 16, 32, 16).mean((1, 3))  # as the points are, without the splats' width
+    matched = model.match(target, seed=0)
+    assert torch.equal(matched, model.match(target, seed=0))
+    raw_error, matched_error = ((truth.image - image).square().mean() for image in (target, matched))
+    assert float(matched_error) < 0.1 * float(raw_error)
+
+
 @pytest.mark.parametrize(("options", "message"), [
     ({"maps": 0}, "N must be at least 1, got 0"), ({"warmup": 250}, r"warmup must be in \[0, length\)"),
     ({"resolution": 8}, "resolution >= 16"), ({"sigma_px": 0.0}, "sigma_px > 0"),

@@ -23,15 +23,19 @@ class Chaotic(Method):
 
     model draws, objective judges, optimizer moves; `iterations` of it (15 000 in the paper), the temperature falling
     linearly from 1 to 0. With `seconds`, time may end the run first; the schedule then follows whichever of iterations
-    and time is further on (and a run can no longer be repeated bit for bit). The result is the best state by total
-    loss: the best `kept` contractive states seen are drawn again with `rescoring_draws` fresh sets of points, since the loss that
-    singled them out was a lucky draw as well. previews: how many preview images a run reports. device: where tensors
-    live. Raises `InputError` on values out of range.
+    and time is further on (and a run can no longer be repeated bit for bit).
+
+    The result is the best state by total loss: the best `kept` contractive states seen are drawn again with
+    `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well.
+
+    match_target: compare with the target as the model itself would draw it (`ForwardModel.match`), which the paper
+    does not. previews: how many preview images a run reports. device: where tensors live. Raises `InputError` on
+    values out of range.
     """
 
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
                  seconds: float | None = None, seed: int = 0, kept: int = 8, rescoring_draws: int = 4,
-                 previews: int = 20, device: str = "cpu"):
+                 match_target: bool = False, previews: int = 20, device: str = "cpu"):
         if iterations < 1 or kept < 1 or rescoring_draws < 1 or previews < 0:
             raise InputError("expected iterations >= 1, kept >= 1, rescoring_draws >= 1 and previews >= 0, got "
                              f"{iterations}, {kept}, {rescoring_draws} and {previews}")
@@ -40,11 +44,13 @@ class Chaotic(Method):
         self.model, self.objective, self.optimizer = model, objective, optimizer
         self.iterations, self.seconds, self.seed = iterations, seconds, seed
         self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
-        self.device = device
+        self.match_target, self.device = match_target, device
 
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
         target = check_target(target, self.model.resolution).to(self.device)
+        if self.match_target:
+            target = self.model.match(target, derive(self.seed, "match"))
         problem = Problem(self.model, self.objective, target)
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
         first = self._start(best, checkpoint)
@@ -59,20 +65,20 @@ class Chaotic(Method):
             temperature = 1 - fraction
             try:
                 step = self.optimizer.step(problem, iteration, temperature)
+                self._check_finite(step, good, checkpoint)
+                if self.model.is_contractive(step.raw):
+                    best.offer(float(step.loss), iteration, step.raw)
+                iteration += 1
+                elapsed = (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0
+                fraction = min(1.0, max(iteration / self.iterations, elapsed))
+                if on_step:
+                    wanted = preview_every and (iteration % preview_every == 0 or fraction == 1)
+                    preview = problem.draw(self.optimizer.raw, self.seed) if wanted else None
+                    on_step(Progress(iteration, fraction, _scalars(step, temperature), preview))
             except KeyboardInterrupt:
                 if checkpoint:
                     checkpoint.save(good)
                 raise
-            self._check_finite(step, good, checkpoint)
-            if self.model.is_contractive(step.raw):
-                best.offer(float(step.loss), iteration, step.raw)
-            iteration += 1
-            fraction = max(iteration / self.iterations,
-                           (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0)
-            if on_step:
-                wanted = preview_every and (iteration % preview_every == 0 or fraction >= 1)
-                on_step(Progress(iteration, min(fraction, 1.0), _scalars(step, temperature),
-                                 problem.draw(self.optimizer.raw, self.seed) if wanted else None))
 
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
@@ -115,14 +121,16 @@ class Chaotic(Method):
 
 
 def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 1500, trajectories: int = 1000,
-           length: int = 110, perceptual: str | None = None, seed: int = 0, seconds: float | None = None) -> Chaotic:
-    """The method at sizes that two CPU cores finish in minutes, with the paper's weights and schedule."""
+           length: int = 110, perceptual: str | None = None, match_target: bool = True, seed: int = 0,
+           seconds: float | None = None) -> Chaotic:
+    """The method at sizes that two CPU cores finish in minutes, with the paper's weights and a matched target."""
     model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
     objective = WeightedSum(
         {"mse": 10.0, "ssim": 1.0, "perceptual": 2.0, "regularizer": 0.01},
         {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": Perceptual(perceptual) if perceptual else None,
          "regularizer": Regularizer()})
-    return Chaotic(model, objective, Alternating(), iterations=iterations, seconds=seconds, seed=seed)
+    return Chaotic(model, objective, Alternating(), iterations=iterations, seconds=seconds, seed=seed,
+                   match_target=match_target)
 
 
 class Problem:

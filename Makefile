@@ -1,0 +1,40 @@
+.DEFAULT_GOAL := help
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+PYTEST_ARGS ?=
+PORT ?= 5000
+
+.PHONY: help setup run test dashboard bench lint clean
+
+help: ## List the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
+
+setup: $(READY) ## Create .venv and install everything (about 3 GB, once)
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "fractal-exp needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; name another with: make PYTHON=python3.12 ...")'
+	@echo "Setting up $(VENV): the first time takes a few minutes, most of it for torch"
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@touch $@
+
+run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pictures, dashboard
+	@$(BIN)/fractal-train target=retina
+	@$(BIN)/fractal-train target=known target.name=fern model.maps=4
+
+test: $(READY) ## Run the tests
+	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+dashboard: $(READY) ## Open the MLflow dashboard of what was fitted (PORT=5000)
+	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT)
+
+bench: $(READY) ## Time the operators against their plain-torch twins
+	@$(BIN)/python -m benchmarks.ops
+
+lint: $(READY) ## Check the style with ruff
+	@$(BIN)/python -m pip install --quiet ruff && $(BIN)/ruff check .
+
+clean: ## Remove .venv and outputs/
+	rm -rf $(VENV) outputs

@@ -1,0 +1,76 @@
+"""One whole iteration of the paper's method (generator, splat, objective, backward, step) against its plain-torch twin.
+
+    python -m benchmarks.iteration                      laptop scale
+    python -m benchmarks.iteration --scale paper --perceptual lpips_alex --weights PATH
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import resource
+import statistics
+import time
+from pathlib import Path
+
+import torch
+
+from fractal_exp import threads
+from fractal_exp.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic import Problem
+from fractal_exp.model import SVD, ForwardModel
+from fractal_exp.optimizers import Alternating
+
+SCALES = {
+    "laptop": {"resolution": 256, "trajectories": 1000, "length": 110},
+    "paper": {"resolution": 1024, "trajectories": 2000, "length": 250},
+}
+
+
+def iteration_seconds(backend: str, scale: str, perceptual: Perceptual | None, repeats: int) -> list[float]:
+    """Wall seconds of `repeats` iterations after one that warms up (and compiles)."""
+    model = ForwardModel(SVD(), maps=10, backend=backend, **SCALES[scale])
+    terms = {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": perceptual, "regularizer": Regularizer()}
+    objective = WeightedSum({"mse": 10, "ssim": 1, "perceptual": 2, "regularizer": 0.01}, terms)
+    raw = SVD().initial(10, torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        target = ForwardModel(SVD(), maps=10, **SCALES[scale])(SVD().initial(10, torch.Generator().manual_seed(1)), 0)
+    problem, optimizer = Problem(model, objective, target.image), Alternating()
+    optimizer.start(raw, 0)
+    seconds = []
+    for i in range(repeats + 1):
+        start = time.perf_counter()
+        optimizer.step(problem, i, 1.0)
+        seconds.append(time.perf_counter() - start)
+    return seconds[1:]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scale", choices=SCALES, default="laptop")
+    parser.add_argument("--perceptual", default="none", help="none, lpips_alex, lpips_squeeze or lpips_vgg")
+    parser.add_argument("--weights", help="file of the backbone's weights")
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--no-twin", action="store_true", help="leave the slow plain-torch twin out")
+    parser.add_argument("--json", type=Path, help="append the result to this file, one JSON object a line")
+    args = parser.parse_args()
+    count = threads.use()
+    perceptual = None if args.perceptual == "none" else Perceptual(args.perceptual, args.weights)
+    result = {"scale": args.scale, "perceptual": args.perceptual, "threads": count, "torch": torch.__version__,
+              "machine": platform.processor() or platform.machine()}
+    result["auto_seconds"] = statistics.median(iteration_seconds("auto", args.scale, perceptual, args.repeats))
+    result["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"{args.scale}, perceptual={args.perceptual}: {result['auto_seconds'] * 1e3:.0f} ms an iteration, "
+          f"{result['peak_gb']:.1f} GB at most")
+    if not args.no_twin:
+        result["twin_seconds"] = min(iteration_seconds("torch", args.scale, perceptual, 1))
+        print(f"plain-torch operators: {result['twin_seconds'] * 1e3:.0f} ms, "
+              f"{result['twin_seconds'] / result['auto_seconds']:.1f}× as long")
+    if args.json:
+        with open(args.json, "a") as file:
+            file.write(json.dumps(result) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""From a Hydra configuration to checked, plain data: the constructors' signatures are the schema."""
+
+from __future__ import annotations
+
+import inspect
+import typing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from hydra.errors import InstantiationException
+from hydra.utils import get_object, instantiate
+from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from ..errors import InputError
+
+PATH_KEYS = ("output", "target.path", "perceptual_weights")
+
+
+@dataclass
+class TrainConfig:
+    """The top level of `fractal-train`; every group's own keys are typed by the class that its `_target_` names."""
+
+    target: Any = MISSING
+    method: Any = MISSING
+    model: Any = MISSING
+    loss: Any = MISSING
+    optimizer: Any = MISSING
+    evaluation: Any = MISSING
+    tracking: Any = MISSING
+    scale: str = MISSING
+    variant: str = MISSING
+    resolution: int = MISSING
+    iterations: int = MISSING
+    perceptual: str = "none"
+    perceptual_weights: str | None = None
+    seed: int = 0
+    device: str = "cpu"
+    backend: str = "auto"
+    threads: int | None = None
+    output: str = "outputs"
+    study: str = "fits"
+    name: str | None = None
+    resume: bool = False
+    checkpoint_every: int = 250
+    anneal_every: int = 250
+    match_target: bool = MISSING
+
+
+def register() -> None:
+    """Make the top-level schema known to Hydra, under the name that conf/train.yaml asks for."""
+    ConfigStore.instance().store(name="train_schema", node=TrainConfig)
+
+
+def resolve(config: DictConfig) -> DictConfig:
+    """The configuration with every interpolation resolved, every path absolute and every component checked.
+
+    Raises `InputError` naming the key on a missing value, a wrong type, a key that no constructor takes or a class
+    that does not exist.
+    """
+    try:
+        OmegaConf.resolve(config)
+        missing = OmegaConf.missing_keys(config)
+    except OmegaConfBaseException as error:
+        raise InputError(f"the configuration cannot be resolved: {str(error).splitlines()[0]}") from error
+    if missing:
+        raise InputError(f"no value was given for {', '.join(sorted(missing))}; add KEY=VALUE to the command")
+    for key in PATH_KEYS:
+        value = OmegaConf.select(config, key)
+        if value is not None:
+            OmegaConf.update(config, key, str(Path(value).expanduser().absolute()))
+    # The method repeats model, loss and optimizer: it comes last, so that an error names the part itself.
+    for key, node in sorted(config.items(), key=lambda item: item[0] == "method"):
+        if isinstance(node, DictConfig):
+            check_components(node, str(key))
+    return config
+
+
+def build(node: DictConfig) -> Any:
+    """The object that a checked component describes. A constructor's `InputError` comes out as it is."""
+    try:
+        return instantiate(node)
+    except InstantiationException as error:
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, InputError):
+            cause = cause.__cause__
+        raise cause or error from None
+
+
+def check_components(node: DictConfig, path: str) -> None:
+    """Check a node, and all nodes below it, against the constructors that `_target_` names."""
+    for key, value in node.items():
+        if isinstance(value, DictConfig):
+            check_components(value, f"{path}.{key}")
+    if "_target_" not in node:
+        return
+    try:
+        constructor = get_object(node["_target_"])
+    except Exception as error:
+        raise InputError(f"{path}._target_: there is no {node['_target_']!r}") from error
+    given = {str(key): value for key, value in node.items() if not str(key).startswith("_")}
+    _check_against_signature(constructor, given, path)
+
+
+def _check_against_signature(constructor: Any, given: dict[str, Any], path: str) -> None:
+    import pydantic
+
+    takes = inspect.signature(constructor).parameters
+    unknown = sorted(set(given) - set(takes))
+    if unknown:
+        raise InputError(f"unknown key {path}.{unknown[0]}; {constructor.__name__} takes {', '.join(takes)}")
+    initializer = constructor.__init__ if inspect.isclass(constructor) else constructor
+    hints = typing.get_type_hints(initializer)
+    fields = {name: (hints.get(name, Any), ...) for name, value in given.items() if not OmegaConf.is_config(value)}
+    options = pydantic.ConfigDict(arbitrary_types_allowed=True, protected_namespaces=())
+    schema = pydantic.create_model(constructor.__name__, __config__=options, **fields)
+    try:
+        schema(**{name: given[name] for name in fields})
+    except pydantic.ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(f"{path}.{first['loc'][0]}: {first['msg']}, got {first['input']!r}") from error

@@ -1,0 +1,80 @@
+"""The folder of one fit: what lies in it, and whether the fit is finished."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..checkpoint import compare, write_atomically
+from ..errors import InputError
+
+
+@dataclass(frozen=True)
+class FitFolder:
+    """code.json, config.yaml, per_view.csv, views/, checkpoint.safetensors while the fit runs, finished.json after."""
+
+    path: Path
+
+    @classmethod
+    def open(cls, parent: Path, name: str) -> FitFolder:
+        """Make the folder if need be. Raises `InputError` if it cannot be made or written."""
+        folder = cls(Path(parent).absolute() / name)
+        try:
+            folder.views.mkdir(parents=True, exist_ok=True)
+            probe = folder.path / ".writable"
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            raise InputError(f"cannot write to the output folder {folder.path}: {error.strerror}; choose another with "
+                             "output=FOLDER") from error
+        return folder
+
+    @property
+    def views(self) -> Path:
+        return self.path / "views"
+
+    @property
+    def checkpoint(self) -> Path:
+        return self.path / "checkpoint.safetensors"
+
+    @property
+    def _finished(self) -> Path:
+        return self.path / "finished.json"
+
+    @property
+    def _run(self) -> Path:
+        return self.path / "run.json"
+
+    def finished_scores(self, identity: Mapping[str, Any]) -> dict[str, float] | None:
+        """The scores of a finished fit of this identity, or None. Raises `InputError` if another one finished here."""
+        if not self._finished.exists():
+            return None
+        record = json.loads(self._finished.read_text())
+        differences = compare(record["identity"], json.loads(json.dumps(identity)))
+        if differences:
+            raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "
+                             "another name=NAME, or replace it with resume=false")
+        return record["scores"]
+
+    def finish(self, identity: Mapping[str, Any], scores: Mapping[str, float]) -> None:
+        """Mark the fit as finished; its checkpoint has served."""
+        write_atomically(self._finished, json.dumps({"identity": identity, "scores": scores}, indent=1).encode())
+        self.checkpoint.unlink(missing_ok=True)
+
+    def begin(self) -> None:
+        """Forget that an earlier fit finished here."""
+        self._finished.unlink(missing_ok=True)
+
+    def remember_run(self, uri: str, run_id: str | None) -> None:
+        """Keep which MLflow run this fit logs to, so that a resumed fit goes on with it."""
+        write_atomically(self._run, json.dumps({"uri": uri, "run_id": run_id}).encode())
+
+    def run_to_resume(self, uri: str) -> str | None:
+        """The run that the interrupted fit logged to in this store, or None."""
+        if not (self._run.exists() and self.checkpoint.exists()):
+            return None
+        record = json.loads(self._run.read_text())
+        return record["run_id"] if record["uri"] == uri else None

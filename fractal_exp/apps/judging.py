@@ -1,0 +1,61 @@
+"""What a finished fit is worth: scores and pictures, against the truth where it is known, else against the input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from torch import Tensor
+
+from ..evaluation import metrics
+from ..ifs import View
+from ..methods.base import Reconstruction
+from ..targets import Target
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS"}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; pictures by name, (R,R) each."""
+
+    per_view: pd.DataFrame
+    scores: dict[str, float]
+    pictures: dict[str, Tensor]
+
+    def describe(self) -> str:
+        """The scores in one line."""
+        shown = [f"{title} {self.scores[f'eval/{name}']:.3f}" for name, title in NAMES.items()
+                 if f"eval/{name}" in self.scores]
+        views = f"mean of {len(self.per_view)} views" if len(self.per_view) > 1 else "whole view, against the input"
+        return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
+
+
+def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], seconds: float) -> Judgement:
+    """Score a reconstruction by the evaluation `options` of the configuration.
+
+    With a known code, on its seven views (see `fractal_exp.evaluation.evaluate`); for a picture, on the whole view at
+    the picture's own resolution.
+    """
+    drawn = reconstruction.render(View(), resolution=target.image.shape[-1], points_in_view=options["points_in_view"],
+                                  supersample=options["supersample"])
+    if target.truth is None:
+        per_view = _against_input(drawn, target.image)
+    else:
+        from ..evaluation.evaluate import evaluate
+        per_view = evaluate(reconstruction, target.truth, **options)
+    means = per_view[[name for name in NAMES if name in per_view]].mean().dropna()
+    scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
+    pictures = {"target": target.image, "result": drawn, "difference": (drawn - target.image).abs()}
+    return Judgement(per_view, scores, pictures)
+
+
+def _against_input(drawn: Tensor, image: Tensor) -> pd.DataFrame:
+    import pandas as pd
+
+    row = {name: float(value) for name, value in metrics.compare(drawn[None], image[None]).items()}
+    return pd.DataFrame([{"view": "whole", "zoom": 1.0, **row}])

@@ -1,0 +1,39 @@
+"""From a picture to its code in one call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import InputError
+from .ifs import IFS
+from .methods import METHODS, load
+from .methods.base import OnStep
+
+if TYPE_CHECKING:
+    import numpy as np
+    from torch import Tensor
+
+
+def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "chaotic", resolution: int = 256, seed: int = 0,
+           seconds: float | None = None, on_step: OnStep | None = None, **options: Any) -> IFS:
+    """Recover the code of the self-similar shape on a picture.
+
+    image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
+    white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
+    image: the shape's longer side spans [-0.75, 0.75]. seconds: a limit after which the best code so far is returned.
+    on_step is told a `Progress` after every step. options go to the method: for "chaotic" maps (10), iterations (1500),
+    trajectories (1000), length (110), perceptual (None, or lpips_alex, lpips_squeeze, lpips_vgg).
+
+    Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before any work.
+    """
+    from .images import read_target
+
+    if method not in METHODS:
+        raise InputError(f"there is no method {method!r}; choose one of {', '.join(METHODS)}")
+    target = read_target(image, resolution).image
+    try:
+        built = load(method)(resolution=resolution, seed=seed, seconds=seconds, **options)
+    except TypeError as error:
+        raise InputError(f"the method {method!r} does not take these options: {error}") from error
+    return built.reconstruct(target, on_step=on_step).code

@@ -1,0 +1,77 @@
+"""Where target images come from: classic codes, the random suite, pictures."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from torch import Tensor
+
+from . import codes, images, samples, suite
+from .errors import InputError
+from .ifs import IFS
+
+
+@dataclass(frozen=True)
+class Target:
+    """An image (R,R) to invert, the code that drew it where one is known, and what was done to it in words."""
+
+    image: Tensor
+    truth: IFS | None = None
+    notes: tuple[str, ...] = ()
+
+
+class TargetSource(ABC):
+    """A target that is read or drawn when the resolution is known. `label` names it in folders and tables."""
+
+    label: str
+
+    @abstractmethod
+    def load(self, resolution: int) -> Target:
+        """The target at (resolution, resolution). Raises `InputError` if it cannot be read or used."""
+
+
+class KnownCode(TargetSource):
+    """A classic code by name (see `fractal_exp.codes`), drawn grey or binary."""
+
+    def __init__(self, name: str = "fern", kind: Literal["grey", "binary"] = "grey"):
+        self.code, self.kind, self.label = codes.known(name), kind, name
+
+    def load(self, resolution: int) -> Target:
+        return Target(suite.target(self.code, resolution, self.kind), self.code, (self.code.meta["title"],))
+
+
+class SuiteFractal(TargetSource):
+    """Fractal `index` of the random suite of this seed, drawn grey or binary."""
+
+    def __init__(self, index: int = 0, seed: int = suite.SUITE_SEED, kind: Literal["grey", "binary"] = "grey"):
+        if index < 0:
+            raise InputError(f"a suite's fractals are numbered from 0, got index {index}")
+        self.code, self.kind = suite.random_suite(index + 1, seed)[index], kind
+        self.label = f"suite{seed}-{index:03d}"
+
+    def load(self, resolution: int) -> Target:
+        return Target(suite.target(self.code, resolution, self.kind), self.code, (f"{len(self.code)} maps",))
+
+
+class Picture(TargetSource):
+    """An image file: shape found, centred and padded; see `fractal_exp.images.read_target`."""
+
+    def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None):
+        self.path, self.invert, self.threshold = Path(path).absolute(), invert, threshold
+        self.label = self.path.stem
+
+    def load(self, resolution: int) -> Target:
+        read = images.read_target(self.path, resolution, invert=self.invert, threshold=self.threshold)
+        return Target(read.image, None, read.notes)
+
+
+class RetinaVessels(TargetSource):
+    """The blood vessels of scikit-image's photograph of a retina."""
+
+    label = "retina"
+
+    def load(self, resolution: int) -> Target:
+        return Target(samples.retina_vessels(resolution), None, ("blood vessels of skimage.data.retina()",))

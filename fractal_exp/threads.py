@@ -1,0 +1,30 @@
+"""How many threads the two pools of this package, torch's and numba's, may use."""
+
+from __future__ import annotations
+
+import os
+
+from .errors import InputError
+
+
+def available() -> int:
+    """The number of cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def use(count: int | None = None) -> int:
+    """Give torch and numba `count` threads each (None: one per available core) and return the number.
+
+    To be called once per process, before any work. Both pools work in turn, never at once, so they share the cores.
+    Raises `InputError` unless 1 <= count <= the number of available cores.
+    """
+    cores = available()
+    count = cores if count is None else count
+    if not 1 <= count <= cores:
+        raise InputError(f"threads must be between 1 and {cores}, the cores of this machine, got {count}")
+    import numba
+    import torch
+
+    torch.set_num_threads(count)
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    return count

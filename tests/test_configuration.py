@@ -1,0 +1,102 @@
+import pytest
+from hydra import compose, initialize_config_module
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+
+from fractal_exp import InputError
+from fractal_exp.apps import configuration
+from fractal_exp.checkpoint import compare
+
+ABLATIONS = {  # the keys by which each row of the paper's ablation table may differ from the full method
+    "naive": {"model.parameterization._target_", "loss.weights.regularizer"},
+    "no_multisampling": {"model.supersample", "model.sigma_px"},
+    "no_mip": {"loss.terms.mse.levels"},
+    "no_ssim": {"loss.weights.ssim"},
+    "no_perceptual": {"perceptual", "loss.terms.perceptual.kind", "loss.weights.perceptual"},
+    "no_regularizer": {"loss.weights.regularizer"},
+    "moments": {"loss"},
+    "no_annealing": {"optimizer"},
+    "no_gradients": {"optimizer"},
+    "noisy_gradients": {"optimizer"},
+}
+
+
+def composed(*overrides: str):
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        return compose("train", list(overrides))
+
+
+def plain(*overrides: str) -> dict:
+    return OmegaConf.to_container(configuration.resolve(composed(*overrides)))
+
+
+def options(group: str) -> list[str]:
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        from hydra.core.global_hydra import GlobalHydra
+
+        return GlobalHydra.instance().config_loader().get_group_options(group)
+
+
+@pytest.mark.parametrize("group", ["target", "model", "loss", "optimizer", "scale", "tracking", "ablation"])
+def test_every_choice_composes_and_passes_its_schema(group):
+    for choice in options(group):
+        extra = ["target.path=leaf.png"] if (group, choice) == ("target", "image") else []
+        plain(f"{group}={choice}", *extra)
+
+
+def test_every_ablation_is_listed_here():
+    assert set(options("ablation")) == {*ABLATIONS, "none"}
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+@pytest.mark.parametrize("scale", ["laptop", "paper"])
+def test_an_ablation_differs_from_the_full_method_by_what_it_names_alone(name, scale):
+    full, ablated = plain(f"scale={scale}"), plain(f"scale={scale}", f"ablation={name}")
+    assert ablated.pop("variant") == name and full.pop("variant") == "full"
+    full.pop("method"), ablated.pop("method")  # repeats model, loss and optimizer
+    changed = {line.split(":")[0] for line in compare(full, ablated)}
+    assert changed, "an ablation must change something"
+    for key in changed:
+        assert any(key == named or key.startswith(named + ".") for named in ABLATIONS[name]), key
+
+
+def test_scales_have_the_stated_sizes():
+    paper = plain("scale=paper")
+    assert paper["resolution"] == 1024 and paper["iterations"] == 15000 and paper["perceptual"] == "lpips_alex"
+    assert paper["model"]["trajectories"] * (paper["model"]["length"] - paper["model"]["warmup"]) == 480_000
+    laptop = plain("scale=laptop")
+    assert laptop["resolution"] == 256
+    assert laptop["model"]["trajectories"] * (laptop["model"]["length"] - laptop["model"]["warmup"]) == 100_000
+
+
+def test_the_command_line_wins_over_scale_and_ablation():
+    config = plain("scale=smoke", "ablation=no_multisampling", "iterations=7", "model.sigma_px=1.5")
+    assert config["iterations"] == 7 and config["method"]["iterations"] == 7 and config["model"]["sigma_px"] == 1.5
+
+
+def test_paths_are_absolute(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = plain("target=image", "target.path=leaf.png")
+    assert config["target"]["path"] == str(tmp_path / "leaf.png") and config["output"] == str(tmp_path / "outputs")
+
+
+@pytest.mark.parametrize(("overrides", "message"), [
+    (["model.maps=many"], "model.maps: .*got 'many'"),
+    (["model.sigma_px=wide"], "model.sigma_px: .*got 'wide'"),
+    (["optimizer.annealing.spread=x"], "optimizer.annealing.spread: .*got 'x'"),
+    (["target.kind=color"], "target.kind: Input should be 'grey' or 'binary', got 'color'"),
+    (["+model.layers=3"], "unknown key model.layers; ForwardModel takes parameterization, resolution, maps"),
+    (["model._target_=fractal_exp.model.Nope"], "model._target_: there is no 'fractal_exp.model.Nope'"),
+    (["target=image"], "no value was given for target.path; add KEY=VALUE"),
+])
+def test_wrong_keys_and_types_are_refused_by_name(overrides, message):
+    with pytest.raises(InputError, match=message):
+        configuration.resolve(composed(*overrides))
+
+
+@pytest.mark.parametrize("override", ["model.layers=3", "resolution=big", "seed=x", "target=nothing", "colour=red"])
+def test_hydra_refuses_what_it_can_see_itself(override):
+    with pytest.raises(HydraException):
+        composed(override)

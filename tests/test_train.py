@@ -1,0 +1,188 @@
+"""The command line as users meet it, at sizes that take moments."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hydra import compose, initialize_config_module
+from PIL import Image
+
+from fractal_exp import IFS, InputError
+from fractal_exp.apps import configuration
+from fractal_exp.apps.train import fit
+from fractal_exp.tracking import read_series, runs_frame
+
+TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1"]
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory) -> Path:
+    """A black cross on white."""
+    path = tmp_path_factory.mktemp("picture") / "cross.png"
+    image = np.full((64, 64), 255, np.uint8)
+    image[10:54, 28:36] = image[28:36, 10:54] = 0
+    Image.fromarray(image).save(path)
+    return path
+
+
+def train(*overrides: str) -> dict[str, float]:
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        return fit(compose("train", [*TINY, *overrides]))
+
+
+def command(*arguments: str) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-m", "fractal_exp.apps.train", *TINY, *arguments], text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
+    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}")
+    folder = tmp_path / "fits" / "cross-chaotic-full-smoke-seed0"
+    assert len(IFS.load(folder / "code.json")) == 10
+    assert {p.name for p in (folder / "views").iterdir()} >= {"target.png", "result.png", "difference.png"}
+    assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "time/fit_seconds"}
+    assert not (folder / "checkpoint.safetensors").exists()
+    printed = capsys.readouterr().out
+    assert "no perceptual term in this objective" in printed and "inverted" in printed and str(folder) in printed
+
+    uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
+    run = runs_frame(uri, "fits").iloc[0]
+    assert run["status"] == "FINISHED"
+    assert run["metrics.eval/f1"] == pytest.approx(scores["eval/f1"])
+    assert run["tags.variant"] == "full" and run["tags.perceptual"] == "none" and run["tags.scale"] == "smoke"
+    assert run["params.model.maps"] == "10" and run["params.optimizer.lr"] == "0.01"
+    series = read_series(uri, run["run_id"], "train/loss")
+    assert list(series["step"]) == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_known_code_is_scored_on_seven_views(tmp_path):
+    train("target=known", "target.name=sierpinski_triangle", "model.maps=3", f"output={tmp_path}", "tracking=none",
+          "evaluation.points_in_view=20000")
+    folder = tmp_path / "fits" / "sierpinski_triangle-chaotic-full-smoke-seed0"
+    rows = (folder / "per_view.csv").read_text().splitlines()
+    assert len(rows) == 8 and rows[0].startswith("view,zoom,f1,iou,psnr,ssim")
+    assert not (tmp_path / "mlflow.db").exists()
+
+
+@pytest.mark.parametrize("ablation", ["naive", "no_multisampling", "moments", "no_gradients"])
+def test_variants_run_from_the_command_line(picture, tmp_path, ablation):
+    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
+                   f"ablation={ablation}")
+    assert 0 <= scores["eval/f1"] <= 1
+
+
+def test_a_finished_fit_is_not_repeated_on_resume_but_another_is_refused(picture, tmp_path, capsys):
+    settings = ["target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "name=one"]
+    first = train(*settings)
+    assert train(*settings, "resume=true") == first
+    assert "finished; resume=false fits it again" in capsys.readouterr().out
+    with pytest.raises(InputError, match="seed: 0 there, 1 now"):
+        train(*settings, "resume=true", "seed=1")
+
+
+def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path):
+    settings = ["target=image", f"target.path={picture}", "iterations=60", "resume=true"]
+    train(*settings, f"output={tmp_path / 'whole'}", "tracking=none")
+    output = tmp_path / "killed"
+    folder = output / "fits" / "cross-chaotic-full-smoke-seed0"
+    process = command(*settings, f"output={output}")
+    deadline = time.monotonic() + 120
+    while not (folder / "checkpoint.safetensors").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert (folder / "checkpoint.safetensors").exists() and not (folder / "finished.json").exists()
+    train(*settings, f"output={output}")
+    assert (folder / "code.json").read_text() == (
+        tmp_path / "whole" / "fits" / folder.name / "code.json").read_text()
+    frame = runs_frame(f"sqlite:///{output / 'mlflow.db'}", "fits")
+    assert list(frame["status"]) == ["FINISHED"], "one run, gone on with"
+
+
+def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
+    process = command("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
+                      "iterations=100000")
+    folder = tmp_path / "fits" / "cross-chaotic-full-smoke-seed0"
+    deadline = time.monotonic() + 120
+    while not (folder / "checkpoint.safetensors").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and "resume=true goes on" in errors and "Traceback" not in errors
+    with pytest.raises(InputError, match="another configuration: iterations: 100000 there, 6 now"):
+        train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
+
+
+def test_an_unfinished_fit_that_is_not_resumed_is_kept_aside(picture, tmp_path, capsys):
+    folder = tmp_path / "fits" / "cross-chaotic-full-smoke-seed0"
+    folder.mkdir(parents=True)
+    (folder / "checkpoint.safetensors").write_bytes(b"earlier work")
+    train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none")
+    assert (folder / "checkpoint.previous.safetensors").read_bytes() == b"earlier work"
+    assert "checkpoint is kept as" in capsys.readouterr().out
+
+
+BAD = {
+    "missing file": (["target=image", "target.path=nothing.png"], "nothing.png"),
+    "unknown code": (["target.name=fren"], "no classic code is called 'fren'; did you mean 'fern'"),
+    "wrong type": (["model.maps=many"], "model.maps: .* got 'many'"),
+    "no maps": (["target=retina", "model.maps=0"], "N must be at least 1, got 0"),
+    "unknown perceptual distance": (["target=retina", "perceptual=lpips"], "no perceptual distance 'lpips'"),
+    "missing weights": (["target=retina", "perceptual=lpips_alex", "perceptual_weights=none.pth"], "none.pth"),
+    "too many threads": (["threads=1000"], "threads must be between 1 and"),
+    "unwritable output": (["output=/proc/nowhere"], "cannot write to the output folder /proc/nowhere"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_refused_before_any_work(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    overrides, message = BAD[name]
+    output = [] if any(o.startswith("output=") for o in overrides) else [f"output={tmp_path}"]
+    with pytest.raises(InputError, match=message):
+        train(*output, *overrides)
+    assert not (tmp_path / "mlflow.db").exists()
+
+
+def test_the_command_prints_an_error_as_one_line(tmp_path):
+    process = command("target=image", "target.path=nothing.png", f"output={tmp_path}")
+    out, errors = process.communicate(timeout=120)
+    assert process.returncode == 2
+    assert re.fullmatch(r"fractal-train: error: .*nothing\.png.*\n", errors), errors
+
+
+def test_no_weights_offline_names_the_remedies(picture, tmp_path, monkeypatch):
+    monkeypatch.setenv("TORCH_HOME", str(tmp_path / "empty"))
+    monkeypatch.setenv("https_proxy", "http://127.0.0.1:9")
+    with pytest.raises(InputError, match="perceptual_weights|perceptual=none"):
+        train("target=image", f"target.path={picture}", f"output={tmp_path}", "perceptual=lpips_alex")
+
+
+def test_the_library_fits_in_one_call(picture):
+    from fractal_exp import invert
+
+    told = []
+    code = invert(picture, resolution=32, maps=3, iterations=4, trajectories=50, length=30, on_step=told.append)
+    assert len(code) == 3 and len(told) == 4
+    again = invert(np.asarray(Image.open(picture)), resolution=32, maps=3, iterations=4, trajectories=50, length=30)
+    assert torch.equal(code.linear, again.linear)
+    with pytest.raises(InputError, match="there is no method 'magic'; choose one of chaotic"):
+        invert(picture, method="magic")
+    with pytest.raises(InputError, match="does not take these options: .*colour"):
+        invert(picture, colour=3)
+
+
+def test_importing_the_package_is_light():
+    code = "import sys, fractal_exp; print([m for m in ('numba', 'mlflow', 'lpips', 'matplotlib', 'hydra', 'kornia', " \
+           "'skimage') if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, check=True, env=os.environ)
+    assert json.loads(out.stdout.replace("'", '"')) == []

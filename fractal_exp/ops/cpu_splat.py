@@ -227,20 +227,21 @@ def _backward(points, starts, entries, shares, side, cell, tile, reach, sigma, t
         buffer = np.empty((tile + 2 * reach, tile + 2 * width), np.float32)
         dx, dy = np.empty(width, np.float32), np.empty(width, np.float32)
         gauss_x, gauss_y = np.empty(width, np.float32), np.empty(width, np.float32)
+        weights = np.empty(buffer.shape[1], np.float32)
         along_x, along_y = np.empty(width, np.float32), np.empty(width, np.float32)
         for t in range(shares[worker], shares[worker + 1]):
             if starts[t] == starts[t + 1]:
                 continue
             code = t // (across * across)
             top, left = t // across % across * tile, t % across * tile
-            _weigh(transmittance[code], grad_image[code], top - reach, left - width, cell, buffer)
+            _weigh(transmittance[code], grad_image[code], top - reach, left - width, cell, weights, buffer)
             for e in range(starts[t], starts[t + 1]):
                 x, y = _pixel(points[code], entries[e], side)
-                column, row0 = _footprint(x, y, reach, sigma, dx, dy, gauss_x, gauss_y)
                 # The tile of the centre, or the nearest to it, is the one that sums up.
-                if (min(max(column + reach, 0), side - 1) // tile * tile != left
-                        or min(max(row0 + reach, 0), side - 1) // tile * tile != top):
+                if (min(max(int64(math.floor(x + 0.5)), 0), side - 1) // tile * tile != left
+                        or min(max(int64(math.floor(y + 0.5)), 0), side - 1) // tile * tile != top):
                     continue
+                column, row0 = _footprint(x, y, reach, sigma, dx, dy, gauss_x, gauss_y)
                 for j in range(width):
                     along_x[j] = along_y[j] = float32(0)
                 for r in range(max(0, -row0), min(2 * reach + 1, side - row0)):
@@ -262,18 +263,21 @@ def _backward(points, starts, entries, shares, side, cell, tile, reach, sigma, t
 
 
 @njit
-def _weigh(transmittance, grad_image, top, left, cell, buffer):
+def _weigh(transmittance, grad_image, top, left, cell, weights, buffer):
     """Fill the buffer, whose corner is pixel (top, left), with dL/dI · T per pixel, and 0 beyond the image."""
     side = len(transmittance)
     mean = float32(1 / (cell * cell))
     for r in range(len(buffer)):
-        target = buffer[r]
+        row = buffer[r]
+        for c in range(len(row)):
+            row[c] = float32(0)
+    first, last = max(0, left), min(side, left + buffer.shape[1])
+    for r in range(max(0, top), min(side, top + len(buffer))):
+        if r % cell == 0 or r == top:
+            cells = grad_image[r // cell]
+            for j in range(first // cell, (last + cell - 1) // cell):
+                for c in range(max(j * cell, first), min((j + 1) * cell, last)):
+                    weights[c - first] = cells[j] * mean
+        target, source = buffer[r - top, first - left:last - left], transmittance[r, first:last]
         for c in range(len(target)):
-            target[c] = float32(0)
-        if top + r < 0 or top + r >= side:
-            continue
-        cells = grad_image[(top + r) // cell]
-        for j in range(max(0, left) // cell, (min(side, left + len(target)) + cell - 1) // cell):
-            weight = cells[j] * mean
-            for c in range(max(j * cell, left), min((j + 1) * cell, left + len(target))):
-                target[c - left] = weight * transmittance[top + r, c]
+            target[c] = weights[c] * source[c]

@@ -1,0 +1,173 @@
+"""Scoring a reconstruction on the views of its truth: one row a view, and what the rows come to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import torch
+from torch import Tensor
+
+from .. import attractor, perceptual
+from ..errors import InputError
+from ..ifs import IFS, View
+from . import metrics
+from .cache import ImageCache
+from .render import points_per_view
+from .views import evaluation_views, views_seed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ALIGNMENTS: dict[str, Callable[[IFS], IFS]] = {"bbox": attractor.normalize, "none": lambda code: code}
+RESULT_STREAM, TRUTH_STREAM = 0, 1  # so that a perfect code is judged on other points than its truth
+
+Distance = Callable[[Tensor, Tensor], Tensor]
+
+
+class Renderable(Protocol):
+    """Anything with a picture of every view: an `IFS` is drawn by `render`, what else there is draws itself."""
+
+    def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
+               seed: int = 0) -> Tensor:
+        """The grey image (R,R) in [0,1] of a view."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A picture of one grey level at every view: what any method must beat."""
+
+    value: float
+
+    def render(self, view: View, *, resolution: int, **_: Any) -> Tensor:
+        """(R,R), all `value`."""
+        return torch.full((resolution, resolution), self.value)
+
+
+TRIVIAL: dict[str, Constant] = {"all white": Constant(1.0), "all black": Constant(0.0)}
+
+
+@dataclass(frozen=True)
+class Perceptual:
+    """The perceptual distance that a table has, or the reason why it has none.
+
+    distance(a (B,H,W), b) -> (B,) has the `name` that stands in the table's attributes; only LPIPS's own distances
+    stand in the column lpips.
+    """
+
+    name: str
+    distance: Distance | None = None
+    absent: str | None = None
+
+    @classmethod
+    def load(cls, kind: str = "none", weights: str | Path | None = None, input_range: str = "correct") -> Perceptual:
+        """The distance of `fractal_exp.perceptual.load`, or one that is absent for want of weights or of a wish.
+
+        Raises `InputError` on an unknown kind or a file that does not fit.
+        """
+        if kind == "none":
+            return cls("none", absent="no perceptual distance was asked for")
+        try:
+            return cls(kind, perceptual.load(kind, weights, input_range))
+        except perceptual.WeightsUnavailable as error:
+            return cls(kind, absent=str(error))
+
+    @property
+    def column(self) -> str:
+        """The name of its column."""
+        return "lpips" if self.name == "none" or self.name.startswith("lpips") else self.name
+
+    def measure(self, images: Tensor, truth: Tensor) -> Tensor:
+        """(B,), NaN where there is no distance. One pair at a time: features of large images take gigabytes."""
+        if self.distance is None:
+            return torch.full((len(images),), torch.nan)
+        with torch.no_grad():
+            return torch.cat([self.distance(a[None], b[None]).reshape(1).cpu()
+                              for a, b in zip(images, truth, strict=True)])
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A reconstruction and its truth, drawn at the same views: images (V,R,R) each, and the distance to measure."""
+
+    views: dict[str, View]
+    images: Tensor
+    truth: Tensor
+    perceptual: Perceptual
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips (see `evaluate`)."""
+        import pandas as pd
+
+        measured = metrics.compare(self.images, self.truth)
+        table = pd.DataFrame({
+            "view": list(self.views),
+            "zoom": [view.zoom for view in self.views.values()],
+            "center_x": [view.center[0] for view in self.views.values()],
+            "center_y": [view.center[1] for view in self.views.values()],
+            **{name: values.double().numpy() for name, values in measured.items()},
+            "lpips": torch.nan,
+        })
+        table[self.perceptual.column] = self.perceptual.measure(
+            metrics.inner_crop(self.images), metrics.inner_crop(self.truth)).double().numpy()
+        table.attrs = {"perceptual": self.perceptual.name, "perceptual_absent": self.perceptual.absent}
+        return table
+
+
+def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resolution: int = 1024,
+          points_in_view: int | None = None, supersample: int = 8, views: str = "paper", align: str = "bbox",
+          seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None) -> Scored:
+    """`evaluate`, with the images that were compared."""
+    if align not in ALIGNMENTS:
+        raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
+    if seed is None and not isinstance(truth, IFS):
+        raise InputError("views are drawn from a seed of the fractal; a truth that is no IFS needs seed=…")
+    chosen = evaluation_views(views_seed(truth) if seed is None else seed, views)
+    wanted = points_per_view(resolution) if points_in_view is None else points_in_view
+    size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}
+    if isinstance(perceptual, str):
+        perceptual = Perceptual.load(perceptual)
+    images = _draw(_aligned(reconstruction, align), chosen, RESULT_STREAM, size, ImageCache(None))
+    truths = _draw(_aligned(truth, align), chosen, TRUTH_STREAM, size, ImageCache(cache))
+    return Scored(chosen, images, truths, perceptual)
+
+
+def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resolution: int = 1024,
+             points_in_view: int | None = None, supersample: int = 8, views: str = "paper", align: str = "bbox",
+             seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None
+             ) -> pd.DataFrame:
+    """Compare a reconstruction with its truth on the seven views of the truth: a table of one row a view.
+
+    Columns: view (its name), zoom, center_x, center_y, then f1, iou, psnr (dB), ssim and lpips of the inner 75% (see
+    `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. A distance
+    that is not LPIPS has a column of its own name.
+
+    `points_in_view` (None: 50 million · (resolution/1024)²) and `supersample` are those of `render`. views: "paper" or
+    "released". align: "bbox" brings either code to the canvas by the box of its own attractor, as in the paper, "none"
+    takes codes in the frame they come in. The views' seed is that of the truth alone (`views_seed`) unless given.
+    perceptual: a loaded `Perceptual`, or the name of a distance. cache: a folder that keeps the truth's images.
+
+    Raises `InputError` on an unknown choice, sizes that cannot be drawn, or a code that is not contractive.
+    """
+    return score(reconstruction, truth, resolution=resolution, points_in_view=points_in_view, supersample=supersample,
+                 views=views, align=align, seed=seed, perceptual=perceptual, cache=cache).frame
+
+
+def _aligned(thing: IFS | Renderable, align: str) -> IFS | Renderable:
+    """The code of the thing, if it has one, in the frame to judge it in; else the thing."""
+    code = getattr(thing, "code", thing)
+    return ALIGNMENTS[align](code) if isinstance(code, IFS) else thing
+
+
+def _draw(thing: IFS | Renderable, views: dict[str, View], stream: int, size: dict[str, int], cache: ImageCache
+          ) -> Tensor:
+    """The images (V,R,R) of all views, each from a seed of its own."""
+    drawn = []
+    for number, view in enumerate(views.values()):
+        draw = partial(cache.render, thing) if isinstance(thing, IFS) else thing.render
+        drawn.append(draw(view, seed=2 * number + stream, **size))
+    return torch.stack(drawn)

@@ -1,0 +1,101 @@
+"""What tables of views come to: means with their uncertainty, by class of zoom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from .views import ZOOM_CLASSES, zoom_class
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+METRICS = ("f1", "iou", "psnr", "ssim", "lpips")
+KEYS = ("view", "zoom", "center_x", "center_y", "fractal")
+ALL_VIEWS = "all"
+CEILING_F1 = 0.97        # mean F1 from which a fractal counts as recovered as far as views can tell
+CONFIDENCE, RESAMPLES = 0.95, 9999
+
+
+def metric_columns(frame: pd.DataFrame) -> list[str]:
+    """The columns of a per-view table that hold scores: METRICS first, then distances of other names."""
+    scores = [name for name in frame.select_dtypes("number").columns if name not in KEYS]
+    return [name for name in METRICS if name in scores] + [name for name in scores if name not in METRICS]
+
+
+def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
+    """Mean scores of per-view tables (see `evaluate`), over all views and by class of zoom.
+
+    `frame` holds the rows of one fractal, or of several told apart by a column `fractal`. One row a class of zoom
+    (all, whole, 1-2x, 2-4x, 4-8x) and metric: mean over the views; std, the spread of the fractals' means; low and
+    high, the bootstrap 95% interval of the mean, drawn over fractals, since views of one fractal are no independent
+    samples (Efron's percentile interval, 9999 resamples; NaN for a single fractal); views and fractals, their numbers.
+    `attrs` keep those of the frame, and `ceiling_fraction`. A metric that is absent (NaN) stays absent. Raises
+    `InputError` on a table that is no such table or empty.
+    """
+    import pandas as pd
+
+    missing = [name for name in ("view", "zoom", "f1") if name not in frame]
+    if missing or len(frame) == 0:
+        raise InputError(f"expected a table of views as `evaluate` makes it, got {len(frame)} rows and no column "
+                         f"{', '.join(missing) or 'missing'}")
+    fractal = frame["fractal"] if "fractal" in frame else pd.Series("", index=frame.index)
+    classes = frame["zoom"].map(zoom_class)
+    rows = []
+    for name in (ALL_VIEWS, *ZOOM_CLASSES):
+        chosen = frame if name == ALL_VIEWS else frame[classes == name]
+        for metric in metric_columns(frame):
+            if len(chosen):
+                rows.append({"zoom_class": name, "metric": metric, **_statistics(chosen[metric], fractal, seed)})
+    summary = pd.DataFrame(rows)
+    summary.attrs = {**frame.attrs, "ceiling_fraction": ceiling_fraction(frame)}
+    return summary
+
+
+def ceiling_fraction(frame: pd.DataFrame) -> float:
+    """The fraction of fractals whose mean F1 over the views is at least 0.97."""
+    if "fractal" not in frame:
+        return float(frame["f1"].mean() >= CEILING_F1)
+    return float((frame.groupby("fractal")["f1"].mean() >= CEILING_F1).mean())
+
+
+def _statistics(values: pd.Series, fractal: pd.Series, seed: int) -> dict[str, float | int]:
+    means = values.groupby(fractal.loc[values.index]).mean().to_numpy()
+    low, high = _bootstrap(means, seed)
+    spread = float(means.std(ddof=1)) if len(means) > 1 else float("nan")
+    return {"mean": float(values.mean()), "std": spread, "low": low, "high": high, "views": len(values),
+            "fractals": len(means)}
+
+
+def _bootstrap(means: np.ndarray, seed: int) -> tuple[float, float]:
+    if len(means) < 2 or not np.isfinite(means).all():
+        return float("nan"), float("nan")
+    if np.ptp(means) == 0:
+        return float(means[0]), float(means[0])
+    from scipy.stats import bootstrap
+
+    interval = bootstrap((means,), np.mean, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile",
+                         rng=np.random.default_rng(seed)).confidence_interval
+    return float(interval.low), float(interval.high)
+
+
+def describe(summary: pd.DataFrame, metrics: Sequence[str] | None = None) -> str:
+    """A summary as a text table: a row a class of zoom, a column a metric, mean and interval."""
+    names = [name for name in summary["metric"].unique() if metrics is None or name in metrics]
+    cells = {(row.zoom_class, row.metric): _cell(row) for row in summary.itertuples()}
+    width = max(len(cell) for cell in cells.values()) + 2
+    lines = [" " * 8 + "".join(name.rjust(width) for name in names)]
+    for zoom in summary["zoom_class"].unique():
+        lines.append(zoom.ljust(8) + "".join(cells[zoom, name].rjust(width) for name in names))
+    return "\n".join(lines)
+
+
+def _cell(row: object) -> str:
+    if np.isnan(row.mean):
+        return "absent"
+    digits = 2 if row.metric == "psnr" else 3
+    interval = "" if np.isnan(row.low) else f" [{row.low:.{digits}f}, {row.high:.{digits}f}]"
+    return f"{row.mean:.{digits}f}{interval}"

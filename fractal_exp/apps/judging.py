@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 
-from ..evaluation import metrics
+from ..evaluation import Perceptual, evaluate, metrics
 from ..ifs import View
 from ..methods.base import Reconstruction
 from ..targets import Target
@@ -35,8 +35,9 @@ class Judgement:
         return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
 
 
-def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], seconds: float) -> Judgement:
-    """Score a reconstruction by the evaluation `options` of the configuration.
+def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], perceptual: Perceptual,
+          seconds: float) -> Judgement:
+    """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance.
 
     With a known code, on its seven views (see `fractal_exp.evaluation.evaluate`); for a picture, on the whole view at
     the picture's own resolution.
@@ -44,18 +45,18 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     drawn = reconstruction.render(View(), resolution=target.image.shape[-1], points_in_view=options["points_in_view"],
                                   supersample=options["supersample"])
     if target.truth is None:
-        per_view = _against_input(drawn, target.image)
+        per_view = _against_input(drawn, target.image, perceptual)
     else:
-        from ..evaluation.evaluate import evaluate
-        per_view = evaluate(reconstruction, target.truth, **options)
+        per_view = evaluate(reconstruction, target.truth, **options, perceptual=perceptual)
     means = per_view[[name for name in NAMES if name in per_view]].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
     pictures = {"target": target.image, "result": drawn, "difference": (drawn - target.image).abs()}
     return Judgement(per_view, scores, pictures)
 
 
-def _against_input(drawn: Tensor, image: Tensor) -> pd.DataFrame:
+def _against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:
     import pandas as pd
 
     row = {name: float(value) for name, value in metrics.compare(drawn[None], image[None]).items()}
+    row[perceptual.column] = float(perceptual.measure(metrics.inner_crop(drawn[None]), metrics.inner_crop(image[None])))
     return pd.DataFrame([{"view": "whole", "zoom": 1.0, **row}])

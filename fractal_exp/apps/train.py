@@ -15,6 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 from .. import threads
 from ..checkpoint import Checkpoint
 from ..errors import InputError
+from ..evaluation import Perceptual
 from ..images import write_image
 from ..methods.base import CodeReconstruction, FitDiverged, Method, Reconstruction
 from ..targets import Target
@@ -43,6 +44,7 @@ def fit(config: DictConfig) -> dict[str, float]:
         print(f"{folder.path} holds this fit, finished; resume=false fits it again")
         return scores
     method: Method = configuration.build(config.method)
+    perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
     target = source.load(config.resolution)
     checkpoint = Checkpoint(folder.checkpoint, config.checkpoint_every, identity, config.resume)
     checkpoint.load()
@@ -56,7 +58,7 @@ def fit(config: DictConfig) -> dict[str, float]:
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:
             reconstruction = method.reconstruct(target.image, on_step=reporter, checkpoint=checkpoint)
-        judgement = judge(reconstruction, target, settings["evaluation"], time.perf_counter() - start)
+        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, time.perf_counter() - start)
         _keep(folder, run, reconstruction, judgement)
         folder.finish(identity, judgement.scores)
     print(f"  {judgement.describe()}")

@@ -27,9 +27,10 @@ MAX_SUPERSAMPLE = 64
 TILE = 8192                  # supersampled pixels a side that are drawn at once
 MODES = {"occupancy": LIT, "density": COUNTED}
 
-SEARCH_WORK = 1_000_000      # words looked at to find that a view is empty
 PILOT_POINTS = 65_536        # points wanted to weigh a view: 0.4% accuracy
-WORK, WORK_PER_POINT = 300_000_000, 12  # words and points that a view may take: about ten seconds for 50M points
+WORD = 4                     # work of looking at a word, in points thrown
+SEARCH_WORK = 30_000_000     # points thrown, before a view counts as empty: about a tenth of a second
+WORK, WORK_PER_POINT = 1_000_000_000, 40  # and for a view: about ten seconds at 50 million points
 
 
 @dataclass(frozen=True)
@@ -182,20 +183,20 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int) -> _Plan:
     if tree.within(window):
         return _Plan(tree, float(points), 1.0)
     # With endless points under every word the tree is searched, not sampled, and the budget ends it at the first leaf.
-    if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK).finished:
+    if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK / 32).finished:
         return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is black")
     allowed = WORK + WORK_PER_POINT * points
     thrown, attempt = 4096.0, 0
     while True:
         attempt += 1
         tally = tree.scatter(window, thrown, seed=(seed, 1, attempt))
-        work = tally.thrown + tally.visited + 1
+        work = tally.thrown + WORD * tally.visited + 1
         # Words are shared, so that work grows less than in proportion to the points: what follows is a bound.
         work_per_point = work / max(tally.kept, 1)
         if tally.kept >= PILOT_POINTS and work_per_point * points <= allowed:
             break
         wanted = 1.5 * PILOT_POINTS / tally.kept if 0 < tally.kept < PILOT_POINTS else 1000.0
-        growth = min(1000.0, wanted, (allowed / 8 if tally.kept else SEARCH_WORK * 32) / work)
+        growth = min(1000.0, wanted, (allowed / 8 if tally.kept else SEARCH_WORK) / work)
         if growth < 1.5 or thrown > 1e250:
             break
         thrown *= growth
@@ -206,7 +207,7 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int) -> _Plan:
     if fewer >= points:
         return _Plan(tree, points / mass, mass)
     return _Plan(tree, fewer / mass, mass, f"the code's maps overlap so much that a point of this view takes up to "
-                                           f"{work_per_point:.0f} steps: drew about {fewer} of {points} points")
+                                           f"{work_per_point:.0f} throws: drew about {fewer} of {points} points")
 
 
 def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str

@@ -3,9 +3,10 @@
 Throw a Poisson number of points of the invariant measure, T on average. Those under the word w = w1 w2 … of the
 address tree are a Poisson number with mean T p_w, independent of those under every other word of a cut of the tree,
 and are images under f_w = f_w1 ∘ f_w2 ∘ … of points of the invariant measure (Hutchinson 1981). So the expected number
-is handed down the tree, words that miss the window are dropped, and where few points are left to expect their number
-is drawn and split among the children: words that hold no point cost nothing, and no list of words is kept. What lands
-in the window is distributed exactly as the chaos game's points that land there, however rare those are.
+is handed down the tree and words that miss the window are dropped. A word that lies in the window, or under which few
+points are left to expect, gets its random number of points, and those beside the window are rejected. What lands in
+the window is distributed exactly as the chaos game's points that land there, however rare those are, and however many
+words there are: those of few points are never looked into.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from .jit import kernel
 TASKS = 64           # shares of the work, each with its own random stream: no result depends on the number of threads
 ORBITS = 16          # chaos games that a task keeps going, to hide the latency of a step
 BURN_IN = 256        # steps that lead from a fixed point to the invariant measure
-FEW = 32.0           # expected points under a word, below which their number is drawn
+FEW = 64.0           # expected points under a word, below which throwing them is cheaper than a look at its children
 SMALL = 1 / 8        # of the window's side: words that reach no further are drawn and tested, not split
 CUT = 4096           # words are split until each holds at most this fraction of the window's points
 MAX_DEPTH = 20_000   # of a word; deeper ones likewise
@@ -244,9 +245,10 @@ def _throw(count, word, maps, thresholds, guide, state, orbits, size, canvas, pl
 
 @njit
 def _is_leaf(word, hull, size):
-    """Where a word lies (see `_place`), and whether its points are drawn as they are rather than split."""
+    """Where a word lies (see `_place`), and whether its points are to be drawn: all of them lie in the window, most
+    of them do, or they are too few for a search among its children to pay."""
     where, reach = _place(word[0], word[1], word[2], word[3], word[4], word[5], hull, size)
-    return where, where == 1 or reach <= SMALL * size or word[6] >= MAX_DEPTH
+    return where, where == 1 or reach <= SMALL * size or word[7] < FEW or word[6] >= MAX_DEPTH
 
 
 @njit
@@ -263,14 +265,13 @@ def _compose(word, maps, i, points, child):
 @kernel()
 def _cut(maps, mass, hull, size, root, thrown, pieces):
     """A cut of the tree: words (J,8) that share out the points of the window, none with much more than its share. A
-    word is its map to pixels a b c d x y, its depth, and the points under it: the expected number if above 0, minus
-    the number there is if below."""
+    word is its map to pixels a b c d x y, its depth, and the number of points to expect under it."""
     n = len(maps)
     words = np.zeros((1, 8))
     words[0, :6], words[0, 7] = root, thrown
     visited, split = 0, True
     while split and visited < 64 * CUT:
-        share = max(FEW, words[:, 7].sum() / CUT)
+        share = words[:, 7].sum() / CUT
         below, top, split = np.empty((n * len(words), 8)), 0, False
         for word in words:
             visited += 1
@@ -302,7 +303,6 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
     """Work off a task's words, depth first; `done` (4,) receives its tally."""
     n = len(maps)
     state, orbits = _warm_up(maps, thresholds, guide, state)
-    split = np.zeros(n, np.int64)
     word, stack, top, job = np.empty(8), np.empty((64 * n, 8)), 0, 0
     while top > 0 or job < len(jobs):
         if top == 0:
@@ -311,26 +311,15 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
         else:
             top -= 1
             word[:] = stack[top]
-        points = word[7]
         done[2] += 1
         where, leaf = _is_leaf(word, hull, size)
-        if done[1] + done[2] + (abs(points) if leaf else 0.0) > budget:
+        if done[1] + done[2] + (word[7] if leaf else 0.0) > budget:
             done[3] = 1
             return
         if where < 0:
             continue
-        if points > 0 and (leaf or points < FEW):
-            state, count = _poisson(points, state)
-            points = -float(count)
-        count = int(-points) if points <= 0 else 0
-        while count == 1 and where >= 0 and not leaf:  # a lone point needs no stack
-            state, bits = _random(state)
-            _compose(word, maps, _pick(bits, thresholds, guide), -1.0, word)
-            done[2] += 1
-            where, leaf = _is_leaf(word, hull, size)
-        if where < 0:
-            continue
         if leaf:
+            state, count = _poisson(word[7], state)
             state, kept = _throw(count, word, maps, thresholds, guide, state, orbits, size, canvas, plane, mode)
             done[0] += kept
             done[1] += count
@@ -339,14 +328,9 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
             taller = np.empty((2 * len(stack), 8))
             taller[:top] = stack[:top]
             stack = taller
-        for _ in range(count):
-            state, bits = _random(state)
-            split[_pick(bits, thresholds, guide)] += 1
         for i in range(n):
-            share = points * mass[i] if points > 0 else -float(split[i])
-            split[i] = 0
-            if share != 0:
-                _compose(word, maps, i, share, stack[top])
+            if mass[i] > 0:
+                _compose(word, maps, i, word[7] * mass[i], stack[top])
                 top += 1
 
 

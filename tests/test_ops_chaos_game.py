@@ -126,10 +126,29 @@ def test_mean_is_the_measures_fixed_point():
     assert ((by_trajectory.mean(0) - expected).abs() < 5 * by_trajectory.std(0) / 4000**0.5).all()
 
 
-def test_expanding_code_runs_off_to_infinity_without_harm():
-    linear, offset = 3 * torch.eye(2)[None], torch.zeros(1, 2)
-    points = chaos_game(linear, offset, trajectories=2, length=250)
-    assert not torch.isfinite(points[-1]).any()
+@pytest.mark.parametrize("backend", ["cpu", "torch"])
+def test_points_that_run_away_are_held_and_pass_no_gradient_on(backend):
+    linear, offset = random_code(maps=3)
+    expanding = (20 * linear.detach()).requires_grad_()
+    points = chaos_game(expanding, offset, trajectories=20, length=250, backend=backend)
+    assert float(points.detach().abs().max()) == 1e6
+    (points * torch.rand(points.shape, generator=torch.Generator().manual_seed(0))).sum().backward()
+    assert bool(expanding.grad.isfinite().all()) and bool(offset.grad.isfinite().all())
+
+
+def test_held_points_have_the_twins_gradient():
+    linear, offset = (t.detach() for t in random_code(maps=3))
+    game = dict(trajectories=20, length=14, warmup=4, seed=1)
+    grads = {}
+    for backend in ("cpu", "torch"):
+        code = ((9 * linear).requires_grad_(), offset.clone().requires_grad_())
+        points = chaos_game(*code, backend=backend, **game)
+        held = points.detach().abs() == 1e6
+        assert 0.02 < float(held.float().mean()) < 0.9
+        (points / 1e6).sum().backward()
+        grads[backend] = [t.grad for t in code]
+    for ours, twin in zip(grads["cpu"], grads["torch"], strict=True):
+        assert float((ours - twin).norm() / twin.norm()) < 1e-4
 
 
 def test_gradient_flows_to_one_of_linear_and_offset():

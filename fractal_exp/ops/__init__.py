@@ -36,7 +36,8 @@ def chaos_game(
     Every trajectory starts uniformly on the canvas [-1,1]² and `length` times applies a map drawn at random; its
     points from `warmup` on are kept, P = trajectories · (length - warmup), trajectory by trajectory. `probabilities`
     are those of the maps, uniform if None; no gradient flows to them. Gradients reach `linear` and `offset` through
-    all steps, warm-up included. A code that is not contractive may send points to infinity or NaN.
+    all steps, warm-up included. A point that runs away, as one of a code that is not contractive may, is held at
+    coordinates of ±1e6, where its gradient ends, so that nothing overflows.
 
     A trajectory's random numbers depend on the seed and its number alone, on every backend and device: with an int
     all codes share starts and uniform variates (common random numbers), with a tensor each code has its own seed.

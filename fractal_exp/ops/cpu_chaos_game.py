@@ -6,10 +6,12 @@ import numpy as np
 from numba import float32, njit, prange, uint64
 
 from .jit import FAST, kernel
+from .reference import ESCAPE as LIMIT
 
 BLOCK = 32          # trajectories whose gradients are summed together: fixes the order of the sum for good
 GUIDE_BITS = 8      # the guide table inverts the cumulative probabilities to within one of its 256 steps
 
+ESCAPE = float32(LIMIT)
 GOLDEN = uint64(0x9E3779B97F4A7C15)
 MIX_1 = uint64(0xBF58476D1CE4E5B9)
 MIX_2 = uint64(0x94D049BB133111EB)
@@ -69,7 +71,13 @@ def _start(seed, trajectory):
 
 @njit(inline="always")
 def _step(m, x, y):
-    return m[0] * x + (m[1] * y + m[4]), m[2] * x + (m[3] * y + m[5])
+    return _hold(m[0] * x + (m[1] * y + m[4])), _hold(m[2] * x + (m[3] * y + m[5]))
+
+
+@njit(inline="always")
+def _hold(x):
+    """A point that runs away stays finite, and so does its gradient."""
+    return min(max(x, -ESCAPE), ESCAPE)
 
 
 @kernel(parallel=True, fastmath=FAST)
@@ -112,13 +120,19 @@ def _backward(maps, seeds, points, indices, grad_points, partial):
                 path[k + 1, 0], path[k + 1, 1] = _step(table[drawn[k]], path[k, 0], path[k, 1])
             gx = gy = float32(0)
             for k in range(length - 1, warmup, -1):
-                gx += grad[k - warmup, 0]
-                gy += grad[k - warmup, 1]
+                gx = _unless_held(kept[k - warmup, 0], gx + grad[k - warmup, 0])
+                gy = _unless_held(kept[k - warmup, 1], gy + grad[k - warmup, 1])
                 gx, gy = _pull_back(table, total, drawn[k], kept[k - warmup - 1, 0], kept[k - warmup - 1, 1], gx, gy)
-            gx += grad[0, 0]
-            gy += grad[0, 1]
+            gx = _unless_held(kept[0, 0], gx + grad[0, 0])
+            gy = _unless_held(kept[0, 1], gy + grad[0, 1])
             for k in range(warmup, -1, -1):
                 gx, gy = _pull_back(table, total, drawn[k], path[k, 0], path[k, 1], gx, gy)
+                gx, gy = _unless_held(path[k, 0], gx), _unless_held(path[k, 1], gy)
+
+
+@njit(inline="always")
+def _unless_held(x, g):
+    return g if abs(x) < ESCAPE else float32(0)
 
 
 @njit(inline="always")

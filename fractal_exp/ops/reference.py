@@ -17,6 +17,7 @@ GOLDEN = -7046029254386353131      # 0x9E3779B97F4A7C15 as a signed integer: 2^6
 MIX_1 = -4658895280553007687       # 0xBF58476D1CE4E5B9
 MIX_2 = -7723592293110705685       # 0x94D049BB133111EB
 
+ESCAPE = 1e6                       # the coordinate at which a point that runs away is held
 ALPHA_MAX = 0.99
 ALPHA_MIN = 1 / 255
 CHUNK_PIXELS = 1 << 20             # footprint pixels whose opacities are held at a time; for all, their indices only
@@ -40,7 +41,7 @@ def chaos_game(linear: Tensor, offset: Tensor, thresholds: Tensor, seeds: Tensor
     for _ in range(length):
         state = next_states(state)
         index = torch.searchsorted(thresholds, _shift_right(state, 32), right=True)
-        x = (linear[code, index] @ x[..., None])[..., 0] + offset[code, index]
+        x = ((linear[code, index] @ x[..., None])[..., 0] + offset[code, index]).clamp(-ESCAPE, ESCAPE)
         points.append(x)
     return torch.stack(points[warmup:], dim=2).flatten(1, 2)
 

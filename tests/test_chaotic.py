@@ -31,8 +31,8 @@ def target():
     return ForwardModel(SVD(), resolution=32, maps=3, trajectories=400, length=60)(raw, 0).image
 
 
-@pytest.mark.parametrize("name", OPTIMIZERS)
-@pytest.mark.parametrize("parameterization", [SVD(), Naive()])
+@pytest.mark.parametrize(("name", "parameterization"), [
+    *((name, SVD()) for name in OPTIMIZERS), *((name, Naive()) for name in OPTIMIZERS if name != "annealing")])
 def test_every_variant_runs_and_repeats_from_its_seed(target, name, parameterization):
     def code(seed):
         return fit(OPTIMIZERS[name](), parameterization=parameterization, seed=seed).reconstruct(target).code
@@ -56,6 +56,33 @@ def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, name):
         assert Checkpoint(path, resume=True).load().iteration == stop - 1
         resumed = fit(OPTIMIZERS[name]()).reconstruct(target, checkpoint=Checkpoint(path, resume=True)).code
         assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+
+
+def test_several_starts_are_scouted_and_the_best_goes_on(target):
+    told = []
+    chaotic = fit(Alternating(every=2, candidates=2), iterations=10, starts=3, scouting=4)
+    chaotic.reconstruct(target, on_step=told.append)
+    assert len(told) == 3 * 4 + 10
+    assert [p.scalars["temperature"] for p in told[:12]] == [0] * 12
+    assert not any("accepted" in p.scalars for p in told[:12])
+    assert [p.scalars["temperature"] for p in told[12:]] == pytest.approx([1 - i / 10 for i in range(10)])
+    best_of_each = [min(p.scalars["loss"] for p in told[i:i + 4]) for i in (0, 4, 8)]
+    assert len(set(best_of_each)) == 3, "the starts differ"
+    assert told[12].scalars["loss"] == pytest.approx(min(best_of_each), rel=0.1)
+
+
+@pytest.mark.parametrize("stop", [3, 4, 5, 8, 9, 14])
+def test_an_interrupted_scouting_goes_on_bit_for_bit(target, tmp_path, stop):
+    def interrupt(progress):
+        if progress.step == stop:
+            raise KeyboardInterrupt
+
+    options = {"iterations": 8, "starts": 2, "scouting": 4}
+    whole = fit(**options).reconstruct(target).code
+    with pytest.raises(KeyboardInterrupt):
+        fit(**options).reconstruct(target, on_step=interrupt, checkpoint=Checkpoint(tmp_path / "f"))
+    resumed = fit(**options).reconstruct(target, checkpoint=Checkpoint(tmp_path / "f", resume=True)).code
+    assert torch.equal(whole.linear, resumed.linear)
 
 
 def test_checkpoints_come_every_so_many_iterations(target, tmp_path):
@@ -108,6 +135,15 @@ def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
     assert all(bool(tensor.isfinite().all()) for tensor in snapshot.tensors.values())
 
 
+def test_a_fit_without_any_contractive_state_says_so(target):
+    class Expanding(Naive):
+        def initial(self, maps, generator):
+            return {name: 3 * value for name, value in super().initial(maps, generator).items()}
+
+    with pytest.raises(FitDiverged, match="no contractive state was met"):
+        fit(parameterization=Expanding(), iterations=2).reconstruct(target)
+
+
 def test_the_reconstruction_draws_views(target):
     image = fit(iterations=2).reconstruct(target).render(View((0.1, 0.2), 2), resolution=32, points_in_view=2000)
     assert image.shape == (32, 32)
@@ -141,7 +177,8 @@ def test_check_target_makes_float32():
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    ({"iterations": 0}, "iterations >= 1"), ({"seconds": 0}, "seconds must be above 0"), ({"kept": 0}, "kept >= 1"),
+    ({"iterations": 0}, "iterations must be at least 1, got 0"), ({"seconds": 0}, "seconds must be above 0"),
+    ({"kept": 0}, "kept must be at least 1"), ({"starts": 0}, "starts must be"), ({"previews": -1}, "previews must be"),
 ])
 def test_settings_out_of_range_are_refused(options, message):
     with pytest.raises(InputError, match=message):

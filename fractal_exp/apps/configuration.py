@@ -47,6 +47,7 @@ class TrainConfig:
     checkpoint_every: int = 250
     anneal_every: int = 250
     match_target: bool = MISSING
+    starts: int = MISSING
 
 
 def register() -> None:

@@ -25,6 +25,10 @@ class Chaotic(Method):
     linearly from 1 to 0. With `seconds`, time may end the run first; the schedule then follows whichever of iterations
     and time is further on (and a run can no longer be repeated bit for bit).
 
+    starts: with more than one, each start is first followed for `scouting` iterations (at temperature 0, so without
+    annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most
+    single starts end in a poor local minimum, and a hundred iterations show which.
+
     The result is the best state by total loss: the best `kept` contractive states seen are drawn again with
     `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well.
 
@@ -34,15 +38,20 @@ class Chaotic(Method):
     """
 
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
-                 seconds: float | None = None, seed: int = 0, kept: int = 8, rescoring_draws: int = 4,
-                 match_target: bool = False, previews: int = 20, device: str = "cpu"):
-        if iterations < 1 or kept < 1 or rescoring_draws < 1 or previews < 0:
-            raise InputError("expected iterations >= 1, kept >= 1, rescoring_draws >= 1 and previews >= 0, got "
-                             f"{iterations}, {kept}, {rescoring_draws} and {previews}")
+                 seconds: float | None = None, seed: int = 0, starts: int = 1, scouting: int = 100, kept: int = 8,
+                 rescoring_draws: int = 4, match_target: bool = False, previews: int = 20, device: str = "cpu"):
+        counts = {"iterations": iterations, "starts": starts, "scouting": scouting, "kept": kept,
+                  "rescoring_draws": rescoring_draws}
+        for name, value in counts.items():
+            if value < 1:
+                raise InputError(f"{name} must be at least 1, got {value}")
+        if previews < 0:
+            raise InputError(f"previews must be at least 0, got {previews}")
         if seconds is not None and not seconds > 0:
             raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
         self.model, self.objective, self.optimizer = model, objective, optimizer
         self.iterations, self.seconds, self.seed = iterations, seconds, seed
+        self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting
         self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
         self.match_target, self.device = match_target, device
 
@@ -52,17 +61,21 @@ class Chaotic(Method):
         if self.match_target:
             target = self.model.match(target, derive(self.seed, "match"))
         problem = Problem(self.model, self.objective, target)
+        total = self.scouted + self.iterations
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
         first = self._start(best, checkpoint)
-        preview_every = math.ceil(self.iterations / self.previews) if self.previews else None
+        preview_every = math.ceil(total / self.previews) if self.previews else None
         start_time = time.monotonic()
 
-        iteration, fraction = first, first / self.iterations
+        iteration, fraction = first, first / total
         while fraction < 1:
+            if 0 < iteration <= self.scouted and iteration % self.scouting == 0:
+                scouted = iteration == self.scouted
+                self.optimizer.start(best.states[0] if scouted else self._initial(iteration), self.seed)
             good = Snapshot(iteration, self._tensors(best), {"losses": best.losses, "iterations": best.iterations})
             if checkpoint and iteration > first and iteration % checkpoint.every == 0:
                 checkpoint.save(good)
-            temperature = 1 - fraction
+            temperature = (1 - fraction) * total / self.iterations if iteration >= self.scouted else 0.0
             try:
                 step = self.optimizer.step(problem, iteration, temperature)
                 self._check_finite(step, good, checkpoint)
@@ -70,7 +83,7 @@ class Chaotic(Method):
                     best.offer(float(step.loss), iteration, step.raw)
                 iteration += 1
                 elapsed = (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0
-                fraction = min(1.0, max(iteration / self.iterations, elapsed))
+                fraction = min(1.0, max(iteration / total, elapsed))
                 if on_step:
                     wanted = preview_every and (iteration % preview_every == 0 or fraction == 1)
                     preview = problem.draw(self.optimizer.raw, self.seed) if wanted else None
@@ -80,17 +93,18 @@ class Chaotic(Method):
                     checkpoint.save(good)
                 raise
 
+        if not best.states:
+            raise FitDiverged("no contractive state was met, so there is no attractor to return; raise the weight of the "
+                              "regulariser, or take the SVD parameterisation")
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive())
 
     def _start(self, best: BestStates, checkpoint: Checkpoint | None) -> int:
         """Put the optimiser at its first or its saved state and return the iteration to go on with."""
-        raw = self.model.parameterization.initial(self.model.maps, generator(self.seed, "initial"))
-        raw = {name: value.to(self.device) for name, value in raw.items()}
         saved = checkpoint.load() if checkpoint else None
         if saved is None:
-            self.optimizer.start(raw, self.seed)
+            self.optimizer.start(self._initial(0), self.seed)
             return 0
         tensors = {name: tensor.to(self.device) for name, tensor in saved.tensors.items()}
         self.optimizer.start(_under("raw/", tensors), self.seed)
@@ -98,6 +112,11 @@ class Chaotic(Method):
         for i, (loss, iteration) in enumerate(zip(saved.numbers["losses"], saved.numbers["iterations"], strict=True)):
             best.offer(loss, iteration, _under(f"best/{i}/", tensors))
         return saved.iteration
+
+    def _initial(self, iteration: int) -> dict[str, Tensor]:
+        """Random parameters for the start that begins at this iteration."""
+        raw = self.model.parameterization.initial(self.model.maps, generator(self.seed, "initial", iteration))
+        return {name: value.to(self.device) for name, value in raw.items()}
 
     def _tensors(self, best: BestStates) -> dict[str, Tensor]:
         tensors = {f"raw/{name}": value.detach().clone() for name, value in self.optimizer.raw.items()}
@@ -121,8 +140,8 @@ class Chaotic(Method):
 
 
 def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 1500, trajectories: int = 1000,
-           length: int = 110, perceptual: str | None = None, match_target: bool = True, seed: int = 0,
-           seconds: float | None = None) -> Chaotic:
+           length: int = 110, perceptual: str | None = None, match_target: bool = True, starts: int = 8,
+           seed: int = 0, seconds: float | None = None) -> Chaotic:
     """The method at sizes that two CPU cores finish in minutes, with the paper's weights and a matched target."""
     model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
     objective = WeightedSum(
@@ -130,7 +149,7 @@ def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 1500, tra
         {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": Perceptual(perceptual) if perceptual else None,
          "regularizer": Regularizer()})
     return Chaotic(model, objective, Alternating(), iterations=iterations, seconds=seconds, seed=seed,
-                   match_target=match_target)
+                   starts=starts, match_target=match_target)
 
 
 class Problem:

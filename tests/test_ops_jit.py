@@ -27,6 +27,7 @@ def test_kernels_run_from_an_installation_that_cannot_be_written(tmp_path):
     program = ("import torch, fractal_exp; from fractal_exp import ops\n"
                "points = ops.chaos_game(torch.eye(2)[None] / 2, torch.zeros(1, 2), trajectories=1, length=60)\n"
                "print(fractal_exp.__file__, points.abs().min() < 1e-6)")
-    done = subprocess.run([sys.executable, "-c", program], env=environment, cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", program], env=environment, cwd=tmp_path, capture_output=True,
+                          text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [str(package / "__init__.py"), "tensor(True)"]

@@ -41,7 +41,8 @@ def chaos_game(
 
     A trajectory's random numbers depend on the seed and its number alone, on every backend and device: with an int
     all codes share starts and uniform variates (common random numbers), with a tensor each code has its own seed.
-    The `cpu` backend repeats bit for bit, points and gradients, whatever the number of threads.
+    The `cpu` backend repeats bit for bit, points and gradients, whatever the number of threads; of `torch` this holds
+    for the points alone.
 
     Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, warmup outside 0 … length - 1,
     probabilities that are negative or do not sum to 1, or a backend that cannot take the tensors.
@@ -76,7 +77,8 @@ def splat(
     of the image. The gradient does not stop where alpha meets 0.99: it is that of the unclamped Gaussian. Points
     beyond the canvas are drawn as far as they reach into it; infinite and NaN points are not, with zero gradient.
 
-    The `cpu` backend repeats bit for bit whatever the number of threads.
+    The `cpu` backend repeats bit for bit whatever the number of threads; `torch` on a GPU adds with atomics and need
+    not.
 
     Raises `InputError` on wrong shapes or dtypes, resolution or supersample below 1, sigma_px that is not a finite
     number above 0, or a backend that cannot take the tensor.

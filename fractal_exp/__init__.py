@@ -5,8 +5,13 @@
 >>> image = render(code, View(center=(0.1, -0.3), zoom=64))     # doctest: +SKIP
 """
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+# torch and numba bring an OpenMP pool each, which work in turn: idle threads that spin would take the other's cores.
+# Read when torch is imported, so it comes first.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 from .errors import InputError
 from .ifs import IFS, View

@@ -94,8 +94,8 @@ class Chaotic(Method):
                 raise
 
         if not best.states:
-            raise FitDiverged("no contractive state was met, so there is no attractor to return; raise the weight of the "
-                              "regulariser, or take the SVD parameterisation")
+            raise FitDiverged("no contractive state was met, so there is no attractor to return; raise the weight of "
+                              "the regulariser, or take the SVD parameterisation")
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive())

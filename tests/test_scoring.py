@@ -153,6 +153,9 @@ def test_summaries_average_over_views_and_bootstrap_over_fractals():
     assert row["high"] - row["low"] == pytest.approx(2 * half, rel=0.15)
     assert row["low"] < row["mean"] < row["high"]
     assert summary.loc[("4-8x", "f1"), "mean"] == pytest.approx(table[table.zoom == 7].f1.mean())
+    repeated = pd.concat([part for _, part in table.groupby("fractal")])
+    repeated.index = [0, 1, 2, 3] * 12  # as when tables of `evaluate` are laid one after another
+    pd.testing.assert_frame_equal(summarize(repeated), summarize(table))
     assert list(summary.index.get_level_values(0).unique()) == ["all", "whole", "1-2x", "2-4x", "4-8x"]
     pd.testing.assert_frame_equal(summarize(table), summarize(table))
 

@@ -130,15 +130,18 @@ def tile_side(resolution: int, supersample: int) -> int:
     return math.ceil(resolution / math.ceil(resolution * supersample / TILE))
 
 
+def white_level(density: Tensor) -> float:
+    """The density that becomes white in a picture: the 99.9th percentile of the pixels that are not empty."""
+    lit = density[density > 0]
+    return float(np.quantile(lit.numpy(), 0.999)) if len(lit) else 1.0
+
+
 def tone_map(density: Tensor, white: float | None = None) -> Tensor:
     """A picture in [0,1] of a density image: log(1 + density) over log(1 + white), cut at 1.
 
-    `white` is the density that becomes white, by default the 99.9th percentile of the pixels that are not empty; give
-    it to keep the frames of a film alike.
+    `white` is the density that becomes white (default: `white_level`); give it to keep the frames of a film alike.
     """
-    if white is None:
-        lit = density[density > 0]
-        white = float(np.quantile(lit.numpy(), 0.999)) if len(lit) else 1.0
+    white = white_level(density) if white is None else white
     return (torch.log1p(density) / math.log1p(white)).clamp(max=1.0)
 
 

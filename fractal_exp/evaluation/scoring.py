@@ -132,7 +132,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     if isinstance(perceptual, str):
         perceptual = Perceptual.load(perceptual)
     images = _draw(_aligned(reconstruction, align), chosen, RESULT_STREAM, size, ImageCache(None))
-    truths = _draw(_aligned(truth, align), chosen, TRUTH_STREAM, size, ImageCache(cache))
+    truths = _draw(_aligned(truth, "bbox"), chosen, TRUTH_STREAM, size, ImageCache(cache))
     return Scored(chosen, images, truths, perceptual)
 
 
@@ -147,8 +147,9 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
     that is not LPIPS has a column of its own name.
 
     `points_in_view` (None: 50 million · (resolution/1024)²) and `supersample` are those of `render`. views: "paper" or
-    "released". align: "bbox" brings either code to the canvas by the box of its own attractor, as in the paper, "none"
-    takes codes in the frame they come in. The views' seed is that of the truth alone (`views_seed`) unless given.
+    "released". A true code is brought to the canvas (`attractor.normalize`), as it is for the input of a method; align
+    says the same of the reconstruction: "bbox" frames its code by the box of its own attractor, as in the paper, "none"
+    takes it in the frame of the input. The views' seed is that of the truth alone (`views_seed`) unless given.
     perceptual: a loaded `Perceptual`, or the name of a distance. cache: a folder that keeps the truth's images.
 
     Raises `InputError` on an unknown choice, sizes that cannot be drawn, or a code that is not contractive.

@@ -42,6 +42,7 @@ def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
     if missing or len(frame) == 0:
         raise InputError(f"expected a table of views as `evaluate` makes it, got {len(frame)} rows and no column "
                          f"{', '.join(missing) or 'missing'}")
+    frame = frame.reset_index(drop=True)  # tables laid one after another repeat their row numbers
     fractal = frame["fractal"] if "fractal" in frame else pd.Series("", index=frame.index)
     classes = frame["zoom"].map(zoom_class)
     rows = []

@@ -1,0 +1,65 @@
+"""Pictures for the eye: comparison strips and contact sheets, as RGB arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+
+from ..errors import InputError
+
+GAP = 4                                    # pixels between pictures
+MISSING = np.array([1.0, 0.55, 0.1])       # orange: in the target alone
+EXTRA = np.array([0.2, 0.6, 1.0])          # blue: in the result alone
+COLUMNS = ("target", "result", "orange: missing, blue: too much")
+
+
+def difference(image: Tensor, truth: Tensor) -> np.ndarray:
+    """Where an image (H,W) in [0,1] differs from the truth: (H,W,3), orange where it lacks, blue where it exceeds."""
+    signed = (truth.double() - image.double()).numpy()[..., None]
+    return np.maximum(signed, 0) * MISSING + np.maximum(-signed, 0) * EXTRA
+
+
+def comparison_strip(images: Tensor, truth: Tensor, captions: Sequence[str], side: int = 320) -> np.ndarray:
+    """Target | result | difference, a row for each pair of images (V,R,R): (H,W,3) uint8.
+
+    captions has one line a row; every picture is scaled to `side` pixels. Raises `InputError` if the numbers differ.
+    """
+    if images.shape != truth.shape or len(captions) != len(images):
+        raise InputError(f"a strip needs as many results as targets and captions, got {tuple(images.shape)}, "
+                         f"{tuple(truth.shape)} and {len(captions)}")
+    cells, notes = [], []
+    for image, target, caption in zip(images, truth, captions, strict=True):
+        cells += [_grey(target), _grey(image), difference(image, target)]
+        notes += [f"{caption}: {COLUMNS[0]}", *COLUMNS[1:]]
+    return _grid(cells, notes, columns=3, side=side)
+
+
+def contact_sheet(images: Sequence[Tensor] | Tensor, captions: Sequence[str], columns: int = 10, side: int = 160
+                  ) -> np.ndarray:
+    """Small pictures of images (R,R) in rows of `columns`, a caption below each: (H,W,3) uint8."""
+    if len(images) != len(captions) or len(images) == 0:
+        raise InputError(f"a contact sheet needs one caption an image, got {len(images)} images and {len(captions)}")
+    return _grid([_grey(image) for image in images], captions, columns, side)
+
+
+def _grey(image: Tensor) -> np.ndarray:
+    return np.repeat(image.double().numpy()[..., None], 3, axis=-1)
+
+
+def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, side: int) -> np.ndarray:
+    font = ImageFont.load_default(size=max(9, side // 24))
+    line = font.getbbox("Ag")[3] + GAP
+    rows, columns = -(-len(cells) // columns), min(columns, len(cells))
+    sheet = Image.new("RGB", (columns * (side + GAP) + GAP, rows * (side + line + GAP) + GAP), (32, 32, 32))
+    pen = ImageDraw.Draw(sheet)
+    for k, (cell, caption) in enumerate(zip(cells, captions, strict=True)):
+        x, y = GAP + k % columns * (side + GAP), GAP + k // columns * (side + line + GAP)
+        picture = Image.fromarray(np.rint(255 * np.clip(cell, 0, 1)).astype(np.uint8))
+        # Averaging over a pixel's area keeps thin shapes; enlarging keeps pixels visible as pixels.
+        smaller = picture.width >= side
+        sheet.paste(picture.resize((side, side), Image.Resampling.BOX if smaller else Image.Resampling.NEAREST), (x, y))
+        pen.text((x, y + side + 1), caption, fill=(210, 210, 210), font=font)
+    return np.asarray(sheet)

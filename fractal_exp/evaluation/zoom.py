@@ -1,0 +1,85 @@
+"""The camera of an endless zoom: a point of the attractor, and the views on the way to it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+
+from .. import attractor
+from ..errors import InputError
+from ..ifs import IFS, View
+from .render import MAX_ZOOM, render_with_info
+
+LETTERS = 2000        # of a random address
+LOOK, LOOK_POINTS = 64, 20_000  # pixels and points of a look about
+EASE = 0.15           # of the time is spent on gathering speed, and as much on braking
+CENTERED = 0.4        # of the time after which the target is in the middle of the picture
+
+
+def random_point(code: IFS, seed: int = 0) -> tuple[float, float]:
+    """A point (x, y) of the attractor by the invariant measure, to double precision.
+
+    Raises `InputError` if the code is not contractive.
+    """
+    code.check_contractive()
+    linear, offset = code.linear.cpu().double().numpy(), code.offset.cpu().double().numpy()
+    p = code.sampling_probabilities().cpu().double().numpy()
+    x = np.linalg.solve(np.eye(2) - linear[p.argmax()], offset[p.argmax()])  # on the attractor, as all its images are
+    for i in np.random.Generator(np.random.PCG64(seed)).choice(len(p), LETTERS, p=p / p.sum()):
+        x = linear[i] @ x + offset[i]
+    return float(x[0]), float(x[1])
+
+
+def nearest_point(code: IFS, to: tuple[float, float]) -> tuple[float, float]:
+    """The point (x, y) of the attractor nearest to `to`, found by looking: a small picture of the whole, then of a few
+    pixels about the lit one that is nearest, and so on down to 1e-12 of the canvas.
+
+    Nearest up to a pixel of each picture. Raises `InputError` if the code is not contractive.
+    """
+    middle, radius = attractor.bounding_disc(code)
+    center, zoom = to, 1 / (math.dist(middle, to) + max(radius, 1e-6))
+    while zoom < MAX_ZOOM:
+        image, info = render_with_info(code, View(center, zoom), resolution=LOOK, points_in_view=LOOK_POINTS,
+                                       supersample=1)
+        if info.empty:
+            break
+        row, column = (axis.double() for axis in image.nonzero(as_tuple=True))
+        x = center[0] + ((2 * column + 1) / LOOK - 1) / zoom
+        y = center[1] + (1 - (2 * row + 1) / LOOK) / zoom
+        nearest = int(torch.hypot(x - to[0], y - to[1]).argmin())
+        center, zoom = (float(x[nearest]), float(y[nearest])), zoom * LOOK / 4
+    return center
+
+
+def zoom_path(target: tuple[float, float], frames: int, *, start: View | None = None, end_zoom: float = 1e6
+              ) -> list[View]:
+    """The views of a zoom into `target` (x, y), from `start` (default: the whole canvas) to `end_zoom`.
+
+    The zoom grows exponentially, at a rate that rises at the beginning and falls at the end; meanwhile the target
+    glides to the middle of the picture and stays there. Raises `InputError` unless frames >= 2 and the end zoom is
+    above the start's and at most 1e12.
+    """
+    start = start or View()
+    if frames < 2:
+        raise InputError(f"a zoom needs at least 2 frames, got {frames}")
+    if not start.zoom < end_zoom <= MAX_ZOOM:
+        raise InputError(f"the zoom must end above the start's {start.zoom:g} and at most at {MAX_ZOOM:g}, got "
+                         f"{end_zoom:g}")
+    on_screen = [(t - c) * start.zoom for t, c in zip(target, start.center, strict=True)]
+    views = []
+    for t in np.linspace(0, 1, frames):
+        zoom = start.zoom * math.exp(math.log(end_zoom / start.zoom) * _eased(t))
+        gone = min(1.0, t / CENTERED)
+        left = 1 - gone * gone * (3 - 2 * gone)
+        views.append(View((target[0] - on_screen[0] * left / zoom, target[1] - on_screen[1] * left / zoom), zoom))
+    return views
+
+
+def _eased(t: float) -> float:
+    """The way made after the time t, both in [0,1]: constant acceleration, constant speed, constant braking."""
+    if t > 0.5:
+        return 1 - _eased(1 - t)
+    speed = 1 / (1 - EASE)
+    return speed * (t * t / (2 * EASE) if t < EASE else t - EASE / 2)

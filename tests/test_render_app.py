@@ -1,0 +1,112 @@
+"""fractal-render and fractal-suite from the command line to the files."""
+
+import json
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from fractal_exp import IFS, View, attractor, codes, render
+from fractal_exp.apps import render as render_app
+from fractal_exp.apps import suite as suite_app
+from fractal_exp.evaluation import render as rendering
+from fractal_exp.suite import random_suite, target
+
+
+def pixels(path) -> np.ndarray:
+    return np.asarray(Image.open(path))
+
+
+def test_a_still_is_what_render_draws(tmp_path, capsys):
+    fern = attractor.normalize(codes.known("fern"))
+    fern.save(tmp_path / "leaf.json")
+    out = tmp_path / "leaf.png"
+    render_app.main([str(tmp_path / "leaf.json"), str(out), "--size", "96", "--points", "1e5", "--frame", "own",
+                     "--center", "0.1", "-0.2", "--zoom", "4", "--bits", "16", "--supersample", "4", "--seed", "3"])
+    expected = render(fern, View((0.1, -0.2), 4), resolution=96, points_in_view=100_000, supersample=4, seed=3)
+    np.testing.assert_allclose(pixels(out) / 65535, expected.numpy(), atol=1e-5)
+    assert str(out) in capsys.readouterr().out
+
+
+def test_a_large_still_is_drawn_in_tiles_to_every_edge(tmp_path, monkeypatch):
+    monkeypatch.setattr(rendering, "TILE", 4 * 40)
+    square = IFS(torch.eye(2).expand(4, 2, 2) / 2, torch.tensor([[-1.0, -1], [-1, 1], [1, -1], [1, 1]]) / 2)
+    square.save(tmp_path / "square.json")
+    for mode in ("occupancy", "density"):
+        render_app.main([str(tmp_path / "square.json"), str(tmp_path / f"{mode}.png"), "--size", "150", "--points",
+                         "2e6", "--supersample", "4", "--frame", "own", "--mode", mode])
+        image = pixels(tmp_path / f"{mode}.png")
+        assert image.shape == (150, 150)
+        inner = image[1:-1, 1:-1] / image[1:-1, 1:-1].mean()  # the square fills the canvas: no seam is dark or bright
+        assert np.abs(inner.mean(0) - 1).max() < 0.05 and np.abs(inner.mean(1) - 1).max() < 0.05
+
+
+def test_transparent_and_density_stills(tmp_path):
+    render_app.main(["fern", str(tmp_path / "a.png"), "--size", "64", "--transparent"])
+    image = pixels(tmp_path / "a.png")
+    assert image.shape == (64, 64, 2) and (image[..., 0] == 255).all() and image[..., 1].max() > 100
+    render_app.main(["suite:3", str(tmp_path / "b.png"), "--size", "64", "--mode", "density"])
+    assert 0 < (pixels(tmp_path / "b.png") > 0).mean() < 0.9
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "gif"])
+def test_a_film(tmp_path, suffix):
+    out = tmp_path / f"zoom.{suffix}"
+    render_app.main(["sierpinski_triangle", str(out), "--size", "64", "--points", "2e4", "--seconds", "0.5", "--fps",
+                     "10", "--zoom", "1e4", "--center", "0.2", "0.1"])
+    film = iio.imread(out)
+    assert len(film) == 5 and (film.reshape(5, -1).mean(1) > 3).all()
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["ferm", "a.png"], "did you mean fern"),
+    (["no.json", "a.png"], "cannot read the code"),
+    (["suite:x", "a.png"], "suite:INDEX"),
+    (["fern", "a.jpg"], "end the name in .png"),
+    (["fern", "no/such/a.png"], "cannot write"),
+    (["fern", "a.png", "--zoom", "0"], "zoom must be a finite number above 0"),
+    (["fern", "a.png", "--zoom", "nan"], "zoom must be a finite number above 0"),
+    (["fern", "a.png", "--size", "20000"], "from 1 to 16384"),
+    (["fern", "a.png", "--points", "nan"], "--points"),
+    (["fern", "a.png", "--points", "-5"], "--points"),
+    (["fern", "a.mp4", "--size", "63"], "even"),
+    (["fern", "a.mp4", "--transparent"], "stills"),
+    (["fern", "a.mp4", "--seconds", "0"], "at least 2 frames"),
+    (["fern", "a.mp4", "--zoom", "0.5"], "must end above"),
+])
+def test_what_a_user_can_mend_is_one_line(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        render_app.main(arguments)
+    error = capsys.readouterr().err
+    assert stop.value.code == 2 and message in error and error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_suite_in_files(tmp_path):
+    suite_app.main([str(tmp_path / "suite"), "--count", "3", "--resolution", "32", "--seed", "5", "--bits", "16"])
+    folder = tmp_path / "suite"
+    code = random_suite(3, 5)[2]
+    saved = IFS.load(folder / "codes" / "002.json")
+    assert torch.equal(saved.linear, code.linear) and torch.equal(saved.offset, attractor.normalize(code).offset)
+    assert saved.meta["suite_index"] == 2
+    np.testing.assert_allclose(pixels(folder / "targets" / "002.png") / 65535, target(code, 32).numpy(), atol=1e-5)
+    assert json.loads((folder / "suite.json").read_text()) == {"count": 3, "seed": 5, "resolution": 32, "kind": "grey"}
+    assert pixels(folder / "sheet.png").max() > 100
+    suite_app.main([str(tmp_path / "binary"), "--count", "1", "--resolution", "32", "--binary"])
+    assert set(np.unique(pixels(tmp_path / "binary" / "targets" / "000.png"))) == {0, 255}
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--count", "0"], "at least 1 fractal"), (["--resolution", "0"], "from 1 to 16384"), (["--seed", "-1"], "seed"),
+])
+def test_a_suite_that_cannot_be_written(tmp_path, capsys, arguments, message):
+    with pytest.raises(SystemExit) as stop:
+        suite_app.main([str(tmp_path / "suite"), *arguments])
+    assert stop.value.code == 2 and message in capsys.readouterr().err and not list(tmp_path.iterdir())
+    (tmp_path / "file").touch()
+    with pytest.raises(SystemExit):
+        suite_app.main([str(tmp_path / "file")])
+    assert "cannot make the folder" in capsys.readouterr().err

@@ -71,6 +71,20 @@ def test_scales_have_the_stated_sizes():
     assert laptop["model"]["trajectories"] * (laptop["model"]["length"] - laptop["model"]["warmup"]) == 100_000
 
 
+def test_the_librarys_defaults_are_those_of_the_laptop_scale():
+    from hydra.utils import instantiate
+
+    from fractal_exp.methods.chaotic import laptop
+
+    ours, configured = laptop(), instantiate(configuration.resolve(composed("scale=laptop")).method)
+
+    def plain_numbers(thing):
+        return {name: value if isinstance(value, int | float | str | None) else plain_numbers(value)
+                for name, value in vars(thing).items() if name not in ("objective", "parameterization")}
+
+    assert plain_numbers(ours) == plain_numbers(configured)
+
+
 def test_the_command_line_wins_over_scale_and_ablation():
     config = plain("scale=smoke", "ablation=no_multisampling", "iterations=7", "model.sigma_px=1.5")
     assert config["iterations"] == 7 and config["method"]["iterations"] == 7 and config["model"]["sigma_px"] == 1.5

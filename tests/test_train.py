@@ -171,9 +171,9 @@ def test_the_library_fits_in_one_call(picture):
     from fractal_exp import invert
 
     told = []
-    code = invert(picture, resolution=32, maps=3, iterations=4, trajectories=50, length=30, on_step=told.append)
+    code = invert(picture, resolution=32, maps=3, iterations=4, starts=1, trajectories=50, length=30, on_step=told.append)
     assert len(code) == 3 and len(told) == 4
-    again = invert(np.asarray(Image.open(picture)), resolution=32, maps=3, iterations=4, trajectories=50, length=30)
+    again = invert(np.asarray(Image.open(picture)), resolution=32, maps=3, iterations=4, starts=1, trajectories=50, length=30)
     assert torch.equal(code.linear, again.linear)
     with pytest.raises(InputError, match="there is no method 'magic'; choose one of chaotic"):
         invert(picture, method="magic")

@@ -45,7 +45,9 @@ class TrainConfig:
     name: str | None = None
     resume: bool = False
     checkpoint_every: int = 250
+    scouting: int = 100
     anneal_every: int = 250
+    anneal_sharpness: float = 10.0
     match_target: bool = MISSING
     starts: int = MISSING
 

@@ -12,7 +12,7 @@ from ..checkpoint import Checkpoint, Snapshot
 from ..errors import InputError
 from ..losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
 from ..model import SVD, ForwardModel, Parameterization, Parameters
-from ..optimizers import Alternating, Optimizer, Step
+from ..optimizers import Alternating, Annealing, Optimizer, Step
 from ..seeds import derive, generator
 from .base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_target
 from .best_states import BestStates
@@ -139,17 +139,18 @@ class Chaotic(Method):
                           f" {where}. Try a smaller learning rate or a larger weight of the regulariser")
 
 
-def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 1500, trajectories: int = 1000,
-           length: int = 110, perceptual: str | None = None, match_target: bool = True, starts: int = 8,
+def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, starts: int = 10, scouting: int = 120,
+           trajectories: int = 1000, length: int = 110, match_target: bool = True, perceptual: str | None = None,
            seed: int = 0, seconds: float | None = None) -> Chaotic:
-    """The method at sizes that two CPU cores finish in minutes, with the paper's weights and a matched target."""
+    """The method at the sizes of the configuration scale=laptop: two cores finish in minutes."""
     model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
     objective = WeightedSum(
         {"mse": 10.0, "ssim": 1.0, "perceptual": 2.0, "regularizer": 0.01},
         {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": Perceptual(perceptual) if perceptual else None,
          "regularizer": Regularizer()})
-    return Chaotic(model, objective, Alternating(), iterations=iterations, seconds=seconds, seed=seed,
-                   starts=starts, match_target=match_target)
+    optimizer = Alternating(every=100, annealing=Annealing(sharpness=1000.0))
+    return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed, starts=starts,
+                   scouting=scouting, match_target=match_target)
 
 
 class Problem:

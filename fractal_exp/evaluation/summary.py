@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -83,15 +82,13 @@ def _bootstrap(means: np.ndarray, seed: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def describe(summary: pd.DataFrame, metrics: Sequence[str] | None = None) -> str:
-    """A summary as a text table: a row a class of zoom, a column a metric, mean and interval."""
-    names = [name for name in summary["metric"].unique() if metrics is None or name in metrics]
-    cells = {(row.zoom_class, row.metric): _cell(row) for row in summary.itertuples()}
-    width = max(len(cell) for cell in cells.values()) + 2
-    lines = [" " * 8 + "".join(name.rjust(width) for name in names)]
-    for zoom in summary["zoom_class"].unique():
-        lines.append(zoom.ljust(8) + "".join(cells[zoom, name].rjust(width) for name in names))
-    return "\n".join(lines)
+def describe(summary: pd.DataFrame, row: str = "zoom_class") -> str:
+    """A summary as a text table: a line for each value of the column `row`, a column a metric, mean and interval."""
+    names, lines = list(summary["metric"].unique()), list(summary[row].unique())
+    cells = {(getattr(line, row), line.metric): _cell(line) for line in summary.itertuples()}
+    head, width = max(map(len, lines)), max(map(len, cells.values())) + 2
+    return "\n".join([" " * head + "".join(name.rjust(width) for name in names)]
+                     + [line.ljust(head) + "".join(cells[line, name].rjust(width) for name in names) for line in lines])
 
 
 def _cell(row: object) -> str:

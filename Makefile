@@ -21,7 +21,7 @@ $(READY): pyproject.toml
 	@touch $@
 
 run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pictures, dashboard
-	@$(BIN)/fractal-train target=retina
+	@$(BIN)/fractal-train target=retina model.maps=20
 	@$(BIN)/fractal-train target=known target.name=fern model.maps=4
 
 test: $(READY) ## Run the tests

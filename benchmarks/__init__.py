@@ -1,1 +1,1 @@
-"""Timings, each beside a plain-torch twin in the same run. `python -m benchmarks.NAME --help` tells what one measures."""
+"""Timings and qualities, each beside its twin in one run. `python -m benchmarks.NAME --help` tells what it measures."""

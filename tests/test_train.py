@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
 from PIL import Image
 
 from fractal_exp import IFS, InputError
@@ -48,7 +49,8 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     scores = train("target=image", f"target.path={picture}", f"output={tmp_path}")
     folder = tmp_path / "fits" / "cross-chaotic-full-smoke-seed0"
     assert len(IFS.load(folder / "code.json")) == 10
-    assert {p.name for p in (folder / "views").iterdir()} >= {"target.png", "result.png", "difference.png"}
+    assert OmegaConf.load(folder / "config.yaml").iterations == 6
+    assert {p.name for p in (folder / "views").iterdir()} >= {"target.png", "result.png", "comparison.png"}
     assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "time/fit_seconds"}
     assert not (folder / "checkpoint.safetensors").exists()
     printed = capsys.readouterr().out

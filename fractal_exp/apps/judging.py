@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from torch import Tensor
 
-from ..evaluation import Perceptual, evaluate, metrics
+from ..evaluation import Perceptual, metrics, score
+from ..evaluation.pictures import comparison_strip
 from ..ifs import View
 from ..methods.base import Reconstruction
 from ..targets import Target
@@ -21,17 +23,19 @@ NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPI
 
 @dataclass(frozen=True)
 class Judgement:
-    """per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; pictures by name, (R,R) each."""
+    """per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; pictures by name: the input as
+    `target`, its reconstruction as `result`, and `comparison`, target | result | difference of every view."""
 
     per_view: pd.DataFrame
     scores: dict[str, float]
-    pictures: dict[str, Tensor]
+    pictures: dict[str, Tensor | np.ndarray]
 
     def describe(self) -> str:
         """The scores in one line."""
         shown = [f"{title} {self.scores[f'eval/{name}']:.3f}" for name, title in NAMES.items()
                  if f"eval/{name}" in self.scores]
-        views = f"mean of {len(self.per_view)} views" if len(self.per_view) > 1 else "whole view, against the input"
+        whole = f"F1 {self.per_view['f1'].iloc[0]:.3f} on the whole one"
+        views = f"mean of {len(self.per_view)} views, {whole}" if len(self.per_view) > 1 else "against the input"
         return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
 
 
@@ -39,19 +43,21 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
           seconds: float) -> Judgement:
     """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance.
 
-    With a known code, on its seven views (see `fractal_exp.evaluation.evaluate`); for a picture, on the whole view at
+    With a known code, on its seven views (see `fractal_exp.evaluation.score`); for a picture, on the whole view at
     the picture's own resolution.
     """
     drawn = reconstruction.render(View(), resolution=target.image.shape[-1], points_in_view=options["points_in_view"],
                                   supersample=options["supersample"])
     if target.truth is None:
-        per_view = _against_input(drawn, target.image, perceptual)
+        per_view, images, truth = _against_input(drawn, target.image, perceptual), drawn[None], target.image[None]
     else:
-        per_view = evaluate(reconstruction, target.truth, **options, perceptual=perceptual)
+        scored = score(reconstruction, target.truth, **options, perceptual=perceptual)
+        per_view, images, truth = scored.frame, scored.images, scored.truth
     means = per_view[[name for name in NAMES if name in per_view]].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
-    pictures = {"target": target.image, "result": drawn, "difference": (drawn - target.image).abs()}
-    return Judgement(per_view, scores, pictures)
+    captions = [f"{row.view}, F1 {row.f1:.3f}" for row in per_view.itertuples()]
+    return Judgement(per_view, scores, {"target": target.image, "result": drawn,
+                                        "comparison": comparison_strip(images, truth, captions)})
 
 
 def _against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:

@@ -55,6 +55,7 @@ def fit(config: DictConfig) -> dict[str, float]:
     runs: Runs = configuration.build(config.tracking)
     with runs.start(folder, settings, source.label) as run:
         folder.begin()
+        (folder.path / "config.yaml").write_text(OmegaConf.to_yaml(config))
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:
             reconstruction = method.reconstruct(target.image, on_step=reporter, checkpoint=checkpoint)

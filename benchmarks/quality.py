@@ -25,8 +25,6 @@ from fractal_exp.evaluation.summary import describe
 from fractal_exp.images import write_image
 from fractal_exp.methods.chaotic import laptop
 
-METRICS = ("f1", "iou", "psnr", "ssim")
-
 
 def fit_one(index: int, seed: int, kind: str, options: dict, folder: Path) -> pd.DataFrame:
     """Fit one fractal; its rows, and those of the trivial images, one a view. Keeps the code and a picture."""
@@ -65,7 +63,7 @@ def main() -> None:
     table = pd.concat(frames)
     for name, rows in table.groupby("method", sort=False):
         print(f"\n{name}, {args.count} fractals, {args.kind} targets, mean and 95% interval")
-        print(describe(summarize(rows.drop(columns=["seconds", "maps", "method"])), METRICS))
+        print(describe(summarize(rows.drop(columns=["seconds", "maps", "method"]))))
     fits = table[table["method"] == "chaotic"]
     print("\neach fractal: mean F1 over its views, on the whole view, seconds")
     for index, rows in fits.groupby("fractal"):

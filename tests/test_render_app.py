@@ -43,6 +43,12 @@ def test_a_large_still_is_drawn_in_tiles_to_every_edge(tmp_path, monkeypatch):
         assert np.abs(inner.mean(0) - 1).max() < 0.05 and np.abs(inner.mean(1) - 1).max() < 0.05
 
 
+def test_a_center_may_be_given_in_any_notation(tmp_path):
+    for name, x in (("a", "-1.5e-3"), ("b", "-.0015")):
+        render_app.main(["fern", str(tmp_path / f"{name}.png"), "--size", "32", "--zoom", "50", "--center", x, "-2E-2"])
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
 def test_transparent_and_density_stills(tmp_path):
     render_app.main(["fern", str(tmp_path / "a.png"), "--size", "64", "--transparent"])
     image = pixels(tmp_path / "a.png")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +21,15 @@ class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFor
     """Help that keeps the lines of the description and shows defaults."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        return action.help if action.default in (None, False) else super()._get_help_string(action)
+        quiet = action.default is None or action.default is False
+        return action.help if quiet else super()._get_help_string(action)
+
+
+def command_parser(program: str, description: str) -> argparse.ArgumentParser:
+    """An argument parser that knows -1.5e-6 for a number, which Python's own takes for an option until 3.14."""
+    parser = argparse.ArgumentParser(program, description=description, formatter_class=Raw)
+    parser._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
+    return parser
 
 
 def read_code(text: str) -> IFS:

@@ -22,7 +22,7 @@ from ..evaluation.summary import CEILING_F1, describe
 from ..evaluation.views import REACHES
 from ..images import write_image
 from .candidates import Candidate, gather
-from .commands import Raw, command, make_folder
+from .commands import command, command_parser, make_folder
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,7 +50,7 @@ examples
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
-    parser = argparse.ArgumentParser("fractal-evaluate", description=DESCRIPTION, formatter_class=Raw)
+    parser = command_parser("fractal-evaluate", DESCRIPTION)
     parser.add_argument("codes", nargs="+", help="what to judge")
     parser.add_argument("--truth", help="what it ought to be (default: what the fits' records say)")
     parser.add_argument("--out", default="evaluation", help="folder to write to")

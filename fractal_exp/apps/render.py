@@ -19,7 +19,7 @@ from ..evaluation.render import MODES, render, render_tiles, tile_side, tone_map
 from ..evaluation.video import SUFFIXES, check_film, frames, write_film
 from ..evaluation.zoom import nearest_point, random_point, zoom_path
 from ..ifs import IFS, View
-from .commands import CODE_HELP, Raw, command, read_code
+from .commands import CODE_HELP, command, command_parser, read_code
 
 LARGEST = 16_384
 FRAMES = {"canvas": attractor.normalize, "own": lambda code: code}
@@ -41,7 +41,7 @@ examples
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
-    parser = argparse.ArgumentParser("fractal-render", description=DESCRIPTION, formatter_class=Raw)
+    parser = command_parser("fractal-render", DESCRIPTION)
     parser.add_argument("code", help=CODE_HELP)
     parser.add_argument("out", help="file to write: .png for a still, .mp4 or .gif for a film")
     parser.add_argument("--center", type=float, nargs=2, metavar=("X", "Y"),

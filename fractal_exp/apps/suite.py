@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..evaluation.pictures import contact_sheet
 from ..images import write_image
 from ..suite import SUITE_COUNT, SUITE_SEED, TARGET_KINDS, random_suite, target
-from .commands import Raw, command, make_folder
+from .commands import command, command_parser, make_folder
 
 DESCRIPTION = """Write the random suite: codes, target images and a contact sheet.
 
@@ -33,7 +33,7 @@ examples
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
-    parser = argparse.ArgumentParser("fractal-suite", description=DESCRIPTION, formatter_class=Raw)
+    parser = command_parser("fractal-suite", DESCRIPTION)
     parser.add_argument("folder", help="where to write")
     parser.add_argument("--count", type=int, default=SUITE_COUNT, help="how many fractals")
     parser.add_argument("--seed", type=int, default=SUITE_SEED, help="of the suite")

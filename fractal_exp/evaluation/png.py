@@ -18,6 +18,7 @@ from ..errors import InputError
 GREY, GREY_ALPHA = 0, 4   # colour types
 FILTER_UP = 2             # a row is stored as its difference to the row above
 LEVEL = 6                 # of compression
+ROWS = 32                 # that are packed at once
 
 
 class PngWriter:
@@ -56,6 +57,11 @@ class PngWriter:
         if band.ndim != 2 or band.shape[1] != self.width or self._rows + len(band) > self.height:
             raise ValueError(f"rows of {self.width} pixels up to {self.height} in all, got {band.shape} after "
                              f"{self._rows}")
+        for start in range(0, len(band), ROWS):
+            self._write_few(band[start:start + ROWS])
+        self._rows += len(band)
+
+    def _write_few(self, band: np.ndarray) -> None:
         white = 2**self.bits - 1
         levels = np.rint(band * white)
         if self.transparent:
@@ -65,7 +71,7 @@ class PngWriter:
         filtered = np.empty((len(band), 1 + rows.shape[1]), np.uint8)
         filtered[:, 0] = FILTER_UP
         filtered[:, 1:] = rows[1:] - rows[:-1]
-        self._above, self._rows = rows[-1], self._rows + len(band)
+        self._above = rows[-1].copy()
         self._chunk(b"IDAT", self._deflate.compress(filtered.tobytes()))
 
     def __exit__(self, kind: type | None, *_: object) -> None:

@@ -30,7 +30,7 @@ MODES = {"occupancy": LIT, "density": COUNTED}
 PILOT_POINTS = 65_536        # points wanted to weigh a view: 0.4% accuracy
 WORD = 4                     # work of looking at a word, in points thrown
 SEARCH_WORK = 30_000_000     # points thrown, before a view counts as empty: about a tenth of a second
-WORK, WORK_PER_POINT = 1_000_000_000, 40  # and for a view: about ten seconds at 50 million points
+WORK, WORK_PER_POINT = 1_000_000_000, 25  # and for a view: about ten seconds at 50 million points
 
 
 @dataclass(frozen=True)

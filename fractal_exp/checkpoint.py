@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Mapping
@@ -38,6 +39,10 @@ class Checkpoint:
     identity: Mapping[str, Any] = field(default_factory=dict)
     resume: bool = False
 
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise InputError(f"a checkpoint is saved every so many iterations, at least 1, got {self.every}")
+
     def save(self, snapshot: Snapshot) -> None:
         """Write atomically: at any moment the file on disk is a whole one, the old or the new."""
         from safetensors.torch import save
@@ -66,7 +71,8 @@ class Checkpoint:
         """Rename an unfinished fit's file that is not to be resumed, so that it is not lost; its new path."""
         if self.resume or not self.path.exists():
             return None
-        aside = self.path.with_suffix(".previous" + self.path.suffix)
+        names = (self.path.with_suffix(f".previous-{i}{self.path.suffix}") for i in itertools.count(1))
+        aside = next(name for name in names if not name.exists())
         os.replace(self.path, aside)
         return aside
 

@@ -22,8 +22,9 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "chaotic", 
     image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
     white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
     image: the shape's longer side spans [-0.75, 0.75]. seconds: a limit after which the best code so far is returned.
-    on_step is told a `Progress` after every step. options go to the method: for "chaotic" maps (10), iterations (800 after the scouting),
-    trajectories (1000), length (110), perceptual (None, or lpips_alex, lpips_squeeze, lpips_vgg).
+    on_step is told a `Progress` after every step. options go to the method: for "chaotic" maps (10), starts (10) and
+    scouting (120), iterations (800), trajectories (1000), length (110), match_target (True) and perceptual (None, or
+    lpips_alex, lpips_squeeze, lpips_vgg), see `methods.chaotic.Chaotic`.
 
     Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before any work.
     """

@@ -107,10 +107,11 @@ def moments(image: Tensor) -> Tensor:
 def regularizer(singular: Tensor, offset: Tensor, *, condition_weight: float = 10.0) -> Tensor:
     """sum_i s_i1² + s_i2² + |b_i|² + condition_weight ((s_i1 + 1)/(s_i2 + 1) - 1)² (equation 6 of the paper).
 
-    singular (…,N,2) and offset (…,N,2) -> (…,). The first three summands keep the parameters out of saturation, the
-    last is a stable stand-in for the condition number and keeps maps from turning into streaks.
+    singular (…,N,2), in any order (s_i1 is the larger), and offset (…,N,2) -> (…,). The first three summands keep the
+    parameters out of saturation, the last is a stable stand-in for the condition number and keeps maps from turning
+    into streaks.
     """
-    condition = (singular[..., 0] + 1) / (singular[..., 1] + 1)
+    condition = (singular.amax(-1) + 1) / (singular.amin(-1) + 1)
     per_map = singular.square().sum(-1) + offset.square().sum(-1) + condition_weight * (condition - 1).square()
     return per_map.sum(-1)
 

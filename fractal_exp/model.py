@@ -117,7 +117,7 @@ class ForwardModel:
     maps: N; trajectories × length points are drawn, the first `warmup` of each trajectory dropped (b, l and m of the
     paper: 2000, 250, 10), every map with probability 1/N. The image has `resolution`² pixels, splatted at `supersample`
     times that with Gaussians of `sigma_px` supersampled pixels (Section 4.2; without multisampling: 1 and 1).
-    backend: auto, cpu or torch, see `fractal_exp.ops`. Raises `InputError` on values out of range.
+    backend: auto, cpu or torch, see `fractal_exp.ops`. Raises `InputError` on any value out of range.
     """
 
     def __init__(self, parameterization: Parameterization, *, resolution: int = 256, maps: int = 10,
@@ -130,6 +130,7 @@ class ForwardModel:
         if trajectories < 1 or resolution < 16 or supersample < 1 or not sigma_px > 0:
             raise InputError("expected trajectories >= 1, resolution >= 16, supersample >= 1 and sigma_px > 0, got "
                              f"{trajectories}, {resolution}, {supersample} and {sigma_px}")
+        ops.backends.check_name(backend)
         self.parameterization = parameterization
         self.resolution, self.maps, self.backend = resolution, maps, backend
         self.trajectories, self.length, self.warmup = trajectories, length, warmup

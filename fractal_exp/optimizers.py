@@ -47,6 +47,7 @@ class Optimizer(ABC):
     """
 
     raw: dict[str, Tensor]
+    scouting_temperature = 0.0  # while one of several starts is followed: gradients need none
 
     def start(self, raw: Parameters, seed: int) -> None:
         """Begin at copies of these parameters."""
@@ -161,6 +162,8 @@ class AnnealingOnly(Optimizer):
 
     The current state and the candidate are rendered with the same random numbers, together as a batch.
     """
+
+    scouting_temperature = 1.0
 
     def __init__(self, *, annealing: Annealing | None = None):
         self.annealing = annealing or Annealing()

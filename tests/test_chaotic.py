@@ -58,6 +58,13 @@ def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, name):
         assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
+def test_annealing_moves_while_it_scouts(target):
+    told = []
+    fit(AnnealingOnly(), iterations=2, starts=2, scouting=8).reconstruct(target, on_step=told.append)
+    regularizers = {p.scalars["regularizer"] for p in told[:8]}
+    assert len(regularizers) > 1
+
+
 def test_several_starts_are_scouted_and_the_best_goes_on(target):
     told = []
     chaotic = fit(Alternating(every=2, candidates=2), iterations=10, starts=3, scouting=4)
@@ -140,8 +147,9 @@ def test_a_fit_without_any_contractive_state_says_so(target):
         def initial(self, maps, generator):
             return {name: 3 * value for name, value in super().initial(maps, generator).items()}
 
-    with pytest.raises(FitDiverged, match="no contractive state was met"):
-        fit(parameterization=Expanding(), iterations=2).reconstruct(target)
+    for starts in (1, 2):
+        with pytest.raises(FitDiverged, match="no contractive state was met"):
+            fit(parameterization=Expanding(), iterations=2, starts=starts, scouting=2).reconstruct(target)
 
 
 def test_the_reconstruction_draws_views(target):

@@ -56,8 +56,11 @@ def test_an_unfinished_fit_that_is_not_resumed_is_set_aside(tmp_path):
     checkpoint = Checkpoint(tmp_path / "fit.safetensors")
     assert checkpoint.set_aside() is None
     checkpoint.save(SNAPSHOT)
-    assert checkpoint.set_aside() == tmp_path / "fit.previous.safetensors"
-    assert not checkpoint.path.exists() and (tmp_path / "fit.previous.safetensors").exists()
+    assert checkpoint.set_aside() == tmp_path / "fit.previous-1.safetensors"
+    assert not checkpoint.path.exists()
+    checkpoint.save(SNAPSHOT)
+    assert checkpoint.set_aside() == tmp_path / "fit.previous-2.safetensors"
+    assert (tmp_path / "fit.previous-1.safetensors").exists(), "what was set aside stays"
 
 
 def _save_for_ever(path):

@@ -12,7 +12,7 @@ ABLATIONS = {  # the keys by which each row of the paper's ablation table may di
     "no_multisampling": {"model.supersample", "model.sigma_px"},
     "no_mip": {"loss.terms.mse.levels"},
     "no_ssim": {"loss.weights.ssim"},
-    "no_perceptual": {"perceptual", "loss.terms.perceptual.kind", "loss.weights.perceptual"},
+    "no_perceptual": {"loss.terms.perceptual.kind", "loss.weights.perceptual"},
     "no_regularizer": {"loss.weights.regularizer"},
     "moments": {"loss"},
     "no_annealing": {"optimizer"},

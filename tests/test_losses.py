@@ -124,6 +124,7 @@ def test_regularizer_by_hand():
     offset = torch.tensor([[0.3, -0.4], [0.0, 1.0]])
     expected = 0.25 + 0.04 + 0.25 + 10 * (1.5 / 1.2 - 1) ** 2 + 0.81 + 0.81 + 1.0
     assert float(losses.regularizer(singular, offset)) == pytest.approx(expected, rel=1e-6)
+    assert float(losses.regularizer(singular.flip(-1), offset)) == pytest.approx(expected, rel=1e-6)
     assert float(losses.regularizer(singular, offset, condition_weight=0)) == pytest.approx(expected - 0.625, rel=1e-6)
 
 

@@ -21,7 +21,7 @@ from fractal_exp.apps import configuration
 from fractal_exp.apps.train import fit
 from fractal_exp.tracking import read_series, runs_frame
 
-TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1"]
+TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1", "name=fit"]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def command(*arguments: str) -> subprocess.Popen:
 
 def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     scores = train("target=image", f"target.path={picture}", f"output={tmp_path}")
-    folder = tmp_path / "fits" / "cross-chaotic-full-smoke-seed0"
+    folder = tmp_path / "fits" / "fit"
     assert len(IFS.load(folder / "code.json")) == 10
     assert OmegaConf.load(folder / "config.yaml").iterations == 6
     assert {p.name for p in (folder / "views").iterdir()} >= {"target.png", "result.png", "comparison.png"}
@@ -69,7 +69,7 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
 def test_a_known_code_is_scored_on_seven_views(tmp_path):
     train("target=known", "target.name=sierpinski_triangle", "model.maps=3", f"output={tmp_path}", "tracking=none",
           "evaluation.points_in_view=20000")
-    folder = tmp_path / "fits" / "sierpinski_triangle-chaotic-full-smoke-seed0"
+    folder = tmp_path / "fits" / "fit"
     rows = (folder / "per_view.csv").read_text().splitlines()
     assert len(rows) == 8 and rows[0].startswith("view,zoom,") and "f1,iou,psnr,ssim" in rows[0]
     assert not (tmp_path / "mlflow.db").exists()
@@ -83,7 +83,7 @@ def test_variants_run_from_the_command_line(picture, tmp_path, ablation):
 
 
 def test_a_finished_fit_is_not_repeated_on_resume_but_another_is_refused(picture, tmp_path, capsys):
-    settings = ["target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "name=one"]
+    settings = ["target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none"]
     first = train(*settings)
     assert train(*settings, "resume=true") == first
     assert "finished; resume=false fits it again" in capsys.readouterr().out
@@ -95,7 +95,7 @@ def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path
     settings = ["target=image", f"target.path={picture}", "iterations=60", "resume=true"]
     train(*settings, f"output={tmp_path / 'whole'}", "tracking=none")
     output = tmp_path / "killed"
-    folder = output / "fits" / "cross-chaotic-full-smoke-seed0"
+    folder = output / "fits" / "fit"
     process = command(*settings, f"output={output}")
     deadline = time.monotonic() + 120
     while not (folder / "checkpoint.safetensors").exists() and time.monotonic() < deadline:
@@ -112,10 +112,10 @@ def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path
 
 def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
     process = command("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
-                      "iterations=100000")
-    folder = tmp_path / "fits" / "cross-chaotic-full-smoke-seed0"
+                      "iterations=100000", "checkpoint_every=1000000", "method.previews=5000")
+    folder = tmp_path / "fits" / "fit"
     deadline = time.monotonic() + 120
-    while not (folder / "checkpoint.safetensors").exists() and time.monotonic() < deadline:
+    while not (folder / "views" / "preview.png").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
@@ -124,12 +124,33 @@ def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
 
 
+def test_a_changed_picture_is_not_gone_on_with(picture, tmp_path):
+    copy = tmp_path / "copy.png"
+    copy.write_bytes(picture.read_bytes())
+    settings = ["target=image", f"target.path={copy}", f"output={tmp_path}", "tracking=none"]
+    train(*settings)
+    Image.open(picture).rotate(45, fillcolor=255).save(copy)
+    with pytest.raises(InputError, match="target_image"):
+        train(*settings, "resume=true")
+
+
+def test_different_fits_have_different_folders_unless_named(picture, tmp_path):
+    settings = ["target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none"]
+    for maps in (2, 3):
+        train(*settings, "name=null", f"model.maps={maps}")
+    names = [path.name for path in (tmp_path / "fits").iterdir()]
+    assert len(names) == 2 and all(name.startswith("cross-chaotic-full-smoke-seed0-") for name in names)
+    train(*settings)
+    with pytest.raises(InputError, match="holds a fit of another configuration: .*name=NAME"):
+        train(*settings, "model.maps=3")
+
+
 def test_an_unfinished_fit_that_is_not_resumed_is_kept_aside(picture, tmp_path, capsys):
-    folder = tmp_path / "fits" / "cross-chaotic-full-smoke-seed0"
+    folder = tmp_path / "fits" / "fit"
     folder.mkdir(parents=True)
     (folder / "checkpoint.safetensors").write_bytes(b"earlier work")
     train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none")
-    assert (folder / "checkpoint.previous.safetensors").read_bytes() == b"earlier work"
+    assert (folder / "checkpoint.previous-1.safetensors").read_bytes() == b"earlier work"
     assert "checkpoint is kept as" in capsys.readouterr().out
 
 
@@ -140,6 +161,14 @@ BAD = {
     "no maps": (["target=retina", "model.maps=0"], "N must be at least 1, got 0"),
     "unknown perceptual distance": (["target=retina", "perceptual=lpips"], "no perceptual distance 'lpips'"),
     "missing weights": (["target=retina", "perceptual=lpips_alex", "perceptual_weights=none.pth"], "none.pth"),
+    "wrong device": (["device=gpu"], "there is no device 'gpu'"),
+    "wrong backend": (["target=retina", "backend=magic"], "backend must be one of auto, cpu, torch"),
+    "resolution without mip levels": (["target=retina", "resolution=48"], "power of two"),
+    "no checkpoint interval": (["target=retina", "checkpoint_every=0"], "at least 1, got 0"),
+    "unknown views": (["evaluation.views=all"], "views must be one of"),
+    "no supersampling": (["evaluation.supersample=0"], "evaluation.supersample must be a whole number"),
+    "unknown evaluation option": (["+evaluation.zoom=3"], "'zoom' is none of them"),
+    "a float for a count": (["model.trajectories=2e2"], "model.trajectories: .*integer, got 200.0"),
     "too many threads": (["threads=1000"], "threads must be between 1 and"),
     "unwritable output": (["output=/proc/nowhere"], "cannot write to the output folder /proc/nowhere"),
 }
@@ -152,7 +181,7 @@ def test_bad_input_is_refused_before_any_work(name, tmp_path, monkeypatch):
     output = [] if any(o.startswith("output=") for o in overrides) else [f"output={tmp_path}"]
     with pytest.raises(InputError, match=message):
         train(*output, *overrides)
-    assert not (tmp_path / "mlflow.db").exists()
+    assert not (tmp_path / "mlflow.db").exists() and not (tmp_path / "fits" / "fit" / "config.yaml").exists()
 
 
 def test_the_command_prints_an_error_as_one_line(tmp_path):
@@ -173,9 +202,10 @@ def test_the_library_fits_in_one_call(picture):
     from fractal_exp import invert
 
     told = []
-    code = invert(picture, resolution=32, maps=3, iterations=4, starts=1, trajectories=50, length=30, on_step=told.append)
+    small = {"resolution": 32, "maps": 3, "iterations": 4, "starts": 1, "trajectories": 50, "length": 30}
+    code = invert(picture, **small, on_step=told.append)
     assert len(code) == 3 and len(told) == 4
-    again = invert(np.asarray(Image.open(picture)), resolution=32, maps=3, iterations=4, starts=1, trajectories=50, length=30)
+    again = invert(np.asarray(Image.open(picture)), **small)
     assert torch.equal(code.linear, again.linear)
     with pytest.raises(InputError, match="there is no method 'magic'; choose one of chaotic"):
         invert(picture, method="magic")

@@ -63,6 +63,10 @@ def resolve(config: DictConfig) -> DictConfig:
     Raises `InputError` naming the key on a missing value, a wrong type, a key that no constructor takes or a class
     that does not exist.
     """
+    for key in PATH_KEYS:
+        value = OmegaConf.select(config, key)
+        if value is not None:
+            OmegaConf.update(config, key, str(Path(value).expanduser().absolute()))
     try:
         OmegaConf.resolve(config)
         missing = OmegaConf.missing_keys(config)
@@ -70,10 +74,6 @@ def resolve(config: DictConfig) -> DictConfig:
         raise InputError(f"the configuration cannot be resolved: {str(error).splitlines()[0]}") from error
     if missing:
         raise InputError(f"no value was given for {', '.join(sorted(missing))}; add KEY=VALUE to the command")
-    for key in PATH_KEYS:
-        value = OmegaConf.select(config, key)
-        if value is not None:
-            OmegaConf.update(config, key, str(Path(value).expanduser().absolute()))
     # The method repeats model, loss and optimizer: it comes last, so that an error names the part itself.
     for key, node in sorted(config.items(), key=lambda item: item[0] == "method"):
         if isinstance(node, DictConfig):
@@ -114,10 +114,16 @@ def _check_against_signature(constructor: Any, given: dict[str, Any], path: str)
     unknown = sorted(set(given) - set(takes))
     if unknown:
         raise InputError(f"unknown key {path}.{unknown[0]}; {constructor.__name__} takes {', '.join(takes)}")
+    variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    needed = [name for name, parameter in takes.items()
+              if parameter.default is inspect.Parameter.empty and parameter.kind not in variadic]
+    absent = sorted(set(needed) - set(given))
+    if absent:
+        raise InputError(f"{path}.{absent[0]} is missing; {constructor.__name__} needs {', '.join(needed)}")
     initializer = constructor.__init__ if inspect.isclass(constructor) else constructor
     hints = typing.get_type_hints(initializer)
     fields = {name: (hints.get(name, Any), ...) for name, value in given.items() if not OmegaConf.is_config(value)}
-    options = pydantic.ConfigDict(arbitrary_types_allowed=True, protected_namespaces=())
+    options = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, protected_namespaces=())
     schema = pydantic.create_model(constructor.__name__, __config__=options, **fields)
     try:
         schema(**{name: given[name] for name in fields})

@@ -56,7 +56,7 @@ class FitFolder:
         differences = compare(record["identity"], json.loads(json.dumps(identity)))
         if differences:
             raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "
-                             "another name=NAME, or replace it with resume=false")
+                             "another name=NAME, or delete the folder (fractal-evaluate scores a finished code anew)")
         return record["scores"]
 
     def finish(self, identity: Mapping[str, Any], scores: Mapping[str, float]) -> None:
@@ -64,8 +64,9 @@ class FitFolder:
         write_atomically(self._finished, json.dumps({"identity": identity, "scores": scores}, indent=1).encode())
         self.checkpoint.unlink(missing_ok=True)
 
-    def begin(self) -> None:
-        """Forget that an earlier fit finished here."""
+    def begin(self, config: str) -> None:
+        """Note the configuration (YAML) of the fit that begins, and forget that an earlier one finished here."""
+        write_atomically(self.path / "config.yaml", config.encode())
         self._finished.unlink(missing_ok=True)
 
     def remember_run(self, uri: str, run_id: str | None) -> None:

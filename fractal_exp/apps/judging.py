@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from torch import Tensor
 
+from ..errors import InputError
 from ..evaluation import Perceptual, metrics, score
 from ..evaluation.pictures import comparison_strip
+from ..evaluation.scoring import ALIGNMENTS
+from ..evaluation.views import evaluation_views
 from ..ifs import View
 from ..methods.base import Reconstruction
 from ..targets import Target
@@ -37,6 +40,21 @@ class Judgement:
         whole = f"F1 {self.per_view['f1'].iloc[0]:.3f} on the whole one"
         views = f"mean of {len(self.per_view)} views, {whole}" if len(self.per_view) > 1 else "against the input"
         return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """Raise `InputError` on evaluation options that `judge` could not use."""
+    known = {"resolution", "points_in_view", "supersample", "views", "align"}
+    if odd := sorted(set(options) ^ known):
+        raise InputError(f"the evaluation options are {', '.join(sorted(known))}; {odd[0]!r} is "
+                         f"{'none of them' if odd[0] in options else 'missing'}")
+    for name, optional in (("resolution", False), ("points_in_view", True), ("supersample", False)):
+        value = options[name]
+        if not (optional and value is None) and (not isinstance(value, int) or value < 1):
+            raise InputError(f"evaluation.{name} must be a whole number of at least 1, got {value!r}")
+    evaluation_views(0, options["views"])
+    if options["align"] not in ALIGNMENTS:
+        raise InputError(f"evaluation.align must be one of {', '.join(ALIGNMENTS)}, got {options['align']!r}")
 
 
 def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], perceptual: Perceptual,

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import signal
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -17,12 +21,12 @@ from ..checkpoint import Checkpoint
 from ..errors import InputError
 from ..evaluation import Perceptual
 from ..images import write_image
-from ..methods.base import CodeReconstruction, FitDiverged, Method, Reconstruction
+from ..methods.base import CodeReconstruction, FitDiverged, Method
 from ..targets import Target
 from ..tracking import Tracker
 from . import configuration
 from .folders import FitFolder
-from .judging import Judgement, judge
+from .judging import Judgement, check_options, judge
 from .progress import Reporter
 from .runs import Runs
 
@@ -35,33 +39,40 @@ def fit(config: DictConfig) -> dict[str, float]:
     Raises `InputError` on anything a user can mend, before any work.
     """
     config = configuration.resolve(config)
+    check_options(config.evaluation)
     threads.use(config.threads)
     settings = OmegaConf.to_container(config)
-    identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
     source = configuration.build(config.target)
-    folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label))
-    if config.resume and (scores := folder.finished_scores(identity)):
-        print(f"{folder.path} holds this fit, finished; resume=false fits it again")
-        return scores
     method: Method = configuration.build(config.method)
+    runs: Runs = configuration.build(config.tracking)
     perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
     target = source.load(config.resolution)
+    method.check(target.image)
+    identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
+    identity["target_image"] = _digest(target.image.numpy().tobytes())
+
+    folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label, identity))
+    scores = folder.finished_scores(identity | {"evaluation": settings["evaluation"]})
+    if config.resume and scores:
+        print(f"{folder.path} holds this fit, finished; resume=false fits it again")
+        return scores
     checkpoint = Checkpoint(folder.checkpoint, config.checkpoint_every, identity, config.resume)
     checkpoint.load()
     if aside := checkpoint.set_aside():
         print(f"an unfinished fit was there; its checkpoint is kept as {aside}")
     _announce(config, source.label, target)
 
-    runs: Runs = configuration.build(config.tracking)
-    with runs.start(folder, settings, source.label) as run:
-        folder.begin()
-        (folder.path / "config.yaml").write_text(OmegaConf.to_yaml(config))
+    with runs.start(folder, settings, identity, source.label) as run:
+        folder.begin(OmegaConf.to_yaml(config))
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:
             reconstruction = method.reconstruct(target.image, on_step=reporter, checkpoint=checkpoint)
-        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, time.perf_counter() - start)
-        _keep(folder, run, reconstruction, judgement)
-        folder.finish(identity, judgement.scores)
+        seconds = time.perf_counter() - start
+        if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
+            run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
+        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds)
+        _keep(folder, run, judgement)
+        folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
     print(f"  {judgement.describe()}")
     print(f"  code       {folder.path / 'code.json'}")
     print(f"  pictures   {folder.views}")
@@ -70,9 +81,15 @@ def fit(config: DictConfig) -> dict[str, float]:
     return judgement.scores
 
 
-def _name(config: DictConfig, label: str) -> str:
+def _name(config: DictConfig, label: str, identity: Mapping[str, Any]) -> str:
+    """What a reader looks for, and a digest of all the rest, so that no fit lands in another one's folder."""
     method = config.method._target_.rsplit(".", 1)[-1].lower()
-    return f"{label}-{method}-{config.variant}-{config.scale}-seed{config.seed}"
+    digest = _digest(json.dumps(identity, sort_keys=True).encode())[:6]
+    return f"{label}-{method}-{config.variant}-{config.scale}-seed{config.seed}-{digest}"
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]
 
 
 def _announce(config: DictConfig, label: str, target: Target) -> None:
@@ -82,11 +99,8 @@ def _announce(config: DictConfig, label: str, target: Target) -> None:
               "with weights to be downloaded once")
 
 
-def _keep(folder: FitFolder, run: Tracker, reconstruction: Reconstruction, judgement: Judgement) -> None:
-    """Put code, pictures and scores into the folder and into the run."""
-    if isinstance(reconstruction, CodeReconstruction):
-        path = reconstruction.code.save(folder.path / "code.json")
-        run.artifact("code.json", path)
+def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
+    """Put pictures and scores into the folder and into the run."""
     for name, image in judgement.pictures.items():
         write_image(folder.views / f"{name}.png", image)
         run.image(name, image)

@@ -58,6 +58,10 @@ class CodeReconstruction(Reconstruction):
 class Method(ABC):
     """How a reconstruction is got from an image. A method knows no tracker, no file names and no configuration."""
 
+    def check(self, target: Tensor) -> None:
+        """Raise the `InputError` that `reconstruct` would raise on this image, without any work."""
+        check_target(target)
+
     @abstractmethod
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> Reconstruction:
@@ -66,6 +70,17 @@ class Method(ABC):
         on_step is called after every step; with a checkpoint the work is saved as it says and can be resumed. Raises
         `InputError` on an unusable image before any work, and `FitDiverged` if the work breaks down.
         """
+
+
+def check_device(device: str) -> str:
+    """The device, or `InputError` if there is none of this name on this machine."""
+    try:
+        kind = torch.device(device).type
+    except RuntimeError as error:
+        raise InputError(f"there is no device {device!r}; take cpu or cuda") from error
+    if kind == "cuda" and not torch.cuda.is_available():
+        raise InputError(f"device={device!r} needs an NVIDIA GPU and its driver, torch finds none; take device=cpu")
+    return device
 
 
 def check_target(target: Tensor, resolution: int | None = None) -> Tensor:

@@ -14,7 +14,7 @@ from ..losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
 from ..model import SVD, ForwardModel, Parameterization, Parameters
 from ..optimizers import Alternating, Annealing, Optimizer, Step
 from ..seeds import derive, generator
-from .base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_target
+from .base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_device, check_target
 from .best_states import BestStates
 
 
@@ -25,7 +25,7 @@ class Chaotic(Method):
     linearly from 1 to 0. With `seconds`, time may end the run first; the schedule then follows whichever of iterations
     and time is further on (and a run can no longer be repeated bit for bit).
 
-    starts: with more than one, each start is first followed for `scouting` iterations (at temperature 0, so without
+    starts: with more than one, each start is first followed for `scouting` iterations (without phases of
     annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most
     single starts end in a poor local minimum, and a hundred iterations show which.
 
@@ -53,7 +53,7 @@ class Chaotic(Method):
         self.iterations, self.seconds, self.seed = iterations, seconds, seed
         self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting
         self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
-        self.match_target, self.device = match_target, device
+        self.match_target, self.device = match_target, check_device(device)
 
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
@@ -71,11 +71,13 @@ class Chaotic(Method):
         while fraction < 1:
             if 0 < iteration <= self.scouted and iteration % self.scouting == 0:
                 scouted = iteration == self.scouted
-                self.optimizer.start(best.states[0] if scouted else self._initial(iteration), self.seed)
+                self.optimizer.start(self._some(best.states)[0] if scouted else self._initial(iteration), self.seed)
             good = Snapshot(iteration, self._tensors(best), {"losses": best.losses, "iterations": best.iterations})
             if checkpoint and iteration > first and iteration % checkpoint.every == 0:
                 checkpoint.save(good)
-            temperature = (1 - fraction) * total / self.iterations if iteration >= self.scouted else 0.0
+            scouting = iteration < self.scouted
+            temperature = (self.optimizer.scouting_temperature if scouting
+                           else (1 - fraction) * total / self.iterations)
             try:
                 step = self.optimizer.step(problem, iteration, temperature)
                 self._check_finite(step, good, checkpoint)
@@ -93,12 +95,20 @@ class Chaotic(Method):
                     checkpoint.save(good)
                 raise
 
-        if not best.states:
-            raise FitDiverged("no contractive state was met, so there is no attractor to return; raise the weight of "
-                              "the regulariser, or take the SVD parameterisation")
+        self._some(best.states)
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive())
+
+    def check(self, target: Tensor) -> None:
+        self.objective.prepare(check_target(target, self.model.resolution).to(self.device))
+
+    @staticmethod
+    def _some(states: list[dict[str, Tensor]]) -> list[dict[str, Tensor]]:
+        if not states:
+            raise FitDiverged("no contractive state was met, so there is no attractor to return; raise the weight of "
+                              "the regulariser, or take the SVD parameterisation")
+        return states
 
     def _start(self, best: BestStates, checkpoint: Checkpoint | None) -> int:
         """Put the optimiser at its first or its saved state and return the iteration to go on with."""

@@ -32,13 +32,18 @@ BACKENDS: dict[str, Backend] = {  # "auto" takes the first that can
 }
 
 
+def check_name(name: str) -> None:
+    """Raise `InputError` unless `name` is "auto" or a backend."""
+    if name != "auto" and name not in BACKENDS:
+        raise InputError(f"backend must be one of {', '.join(['auto', *BACKENDS])}, got {name!r}")
+
+
 def choose(name: str, tensor: Tensor) -> str:
     """The name of the backend that will serve: `name` itself, or for "auto" the first that takes the tensor.
 
     Raises `InputError` if there is no such backend or it cannot take the tensor's device and dtype.
     """
-    if name != "auto" and name not in BACKENDS:
-        raise InputError(f"backend must be one of {', '.join(['auto', *BACKENDS])}, got {name!r}")
+    check_name(name)
     candidates = BACKENDS if name == "auto" else [name]
     for candidate in candidates:
         if BACKENDS[candidate].takes(tensor):

@@ -30,8 +30,10 @@ test: $(READY) ## Run the tests
 dashboard: $(READY) ## Open the MLflow dashboard of what was fitted (PORT=5000)
 	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT)
 
-bench: $(READY) ## Time the operators against their plain-torch twins
+bench: $(READY) ## Time operators, an iteration and the renderer against their twins
 	@$(BIN)/python -m benchmarks.ops
+	@$(BIN)/python -m benchmarks.iteration
+	@$(BIN)/python -m benchmarks.render
 
 lint: $(READY) ## Check the style with ruff
 	@$(BIN)/python -m pip install --quiet ruff && $(BIN)/ruff check .

@@ -6,6 +6,7 @@ import torch
 
 from fractal_exp import IFS, InputError
 from fractal_exp.attractor import bounding_box, bounding_disc, normalize, support_function, visible_box
+from fractal_exp.suite import random_suite
 
 
 def rows(*maps) -> IFS:
@@ -66,6 +67,27 @@ def test_the_box_is_tight_where_points_can_show_it(seed):
     points, box = sample(code), bounding_box(code)
     side = (box[2:] - box[:2]).max()
     np.testing.assert_allclose(np.r_[points.min(0), points.max(0)], box, atol=0.02 * side)
+
+
+def test_the_visible_box_does_not_depend_on_the_order_of_the_maps():
+    for code in random_suite(8):
+        box = visible_box(code)
+        np.testing.assert_allclose(visible_box(IFS(code.linear.flip(0), code.offset.flip(0))), box, atol=1e-5)
+        certain = bounding_box(code)
+        assert (box[:2] >= certain[:2] - 1e-6).all() and (box[2:] <= certain[2:] + 1e-6).all()
+
+
+def test_the_visible_box_is_that_of_a_million_points():
+    for seed in range(5):
+        code = random_code(seed, 0.6)
+        points, box = sample(code, 1_000_000), visible_box(code)
+        np.testing.assert_allclose(np.r_[points.min(0), points.max(0)], box, atol=0.02 * (box[2:] - box[:2]).max())
+
+
+def test_the_visible_box_leaves_out_what_nobody_sees():
+    tail = IFS([[[0.999, 0], [0, 0.01]], [[0.4, 0], [0, 0.4]], [[0.4, 0], [0, 0.4]]], [[0.01, 0], [0, 0], [0.1, 0.1]])
+    assert bounding_box(tail)[2] == pytest.approx(10, rel=1e-3)  # the fixed point of the first map
+    assert visible_box(tail)[2] < 1
 
 
 def test_normalize_centres_and_scales_the_visible_box():

@@ -1,0 +1,55 @@
+"""numba kernel that walks the address tree of an IFS for the word that reaches farthest in a direction."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .jit import kernel
+
+
+@kernel()
+def farthest_word(u, linear, offset, chance, mean, table, least, tolerance):
+    """max u·f_w(mean) over the words w of chance at least `least`, to within `tolerance`: depth first, the most
+    promising map first, leaving out what the half planes of `table` (K,) show to be nearer.
+
+    A word is kept as the row v = u^T M_w, the number s = u·b_w and its chance, since u·f_w(x) = v·x + s.
+    """
+    maps, directions = linear.shape[0], table.shape[0]
+    delta = 2 * math.pi / directions
+    stack = np.empty((256, 4))
+    stack[0] = u[0], u[1], 0.0, 1.0
+    value = np.empty(maps)
+    height, best = 1, -math.inf
+    while height > 0:
+        height -= 1
+        v0, v1, s, p = stack[height]
+        best = max(best, v0 * mean[0] + v1 * mean[1] + s)
+        angle = math.atan2(v1, v0) % (2 * math.pi)
+        k = min(int(angle / delta), directions - 1)
+        phi = angle - k * delta
+        upper = math.sin(delta - phi) * table[k] + math.sin(phi) * table[(k + 1) % directions]
+        if math.hypot(v0, v1) / math.sin(delta) * upper + s <= best + tolerance:
+            continue
+        if height + maps > len(stack):
+            grown = np.empty((2 * len(stack) + maps, 4))
+            grown[:height] = stack[:height]
+            stack = grown
+        first = height
+        for i in range(maps):
+            if p * chance[i] < least:
+                continue
+            r0 = v0 * linear[i, 0, 0] + v1 * linear[i, 1, 0]
+            r1 = v0 * linear[i, 0, 1] + v1 * linear[i, 1, 1]
+            t = s + v0 * offset[i, 0] + v1 * offset[i, 1]
+            x = r0 * mean[0] + r1 * mean[1] + t
+            j = height
+            while j > first and value[j - 1 - first] > x:  # sorted, so that the farthest is taken next
+                stack[j] = stack[j - 1]
+                value[j - first] = value[j - 1 - first]
+                j -= 1
+            stack[j] = r0, r1, t, p * chance[i]
+            value[j - first] = x
+            height += 1
+    return best

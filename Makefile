@@ -21,8 +21,8 @@ $(READY): pyproject.toml
 	@touch $@
 
 run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pictures, dashboard
-	@$(BIN)/fractal-train target=retina model.maps=20
-	@$(BIN)/fractal-train target=known target.name=fern model.maps=4
+	@$(BIN)/fractal-train method=collage target=retina
+	@$(BIN)/fractal-train method=collage target=known target.name=fern
 
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)

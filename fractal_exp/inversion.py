@@ -15,16 +15,17 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "chaotic", resolution: int = 256, seed: int = 0,
+def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", resolution: int = 256, seed: int = 0,
            seconds: float | None = None, on_step: OnStep | None = None, **options: Any) -> IFS:
     """Recover the code of the self-similar shape on a picture.
 
     image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
     white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
     image: the shape's longer side spans [-0.75, 0.75]. seconds: a limit after which the best code so far is returned.
-    on_step is told a `Progress` after every step. options go to the method: for "chaotic" maps (10), starts (10) and
-    scouting (120), iterations (800), trajectories (1000), length (110), match_target (True) and perceptual (None, or
-    lpips_alex, lpips_squeeze, lpips_vgg), see `methods.chaotic.Chaotic`.
+    on_step is told a `Progress` after every step. options go to the method: for "collage" maps (None: found), at_most
+    (None), moves (150), rounds (2), detail_moves (30) and levels ("auto"), see `methods.collage.Collage`; for
+    "chaotic" maps (10), starts (10), scouting (120), iterations (800), trajectories (1000), length (110), match_target
+    (True) and perceptual (None, or lpips_alex, lpips_squeeze, lpips_vgg), see `methods.chaotic.laptop`.
 
     Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before any work.
     """

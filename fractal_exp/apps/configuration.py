@@ -45,6 +45,8 @@ class TrainConfig:
     name: str | None = None
     resume: bool = False
     checkpoint_every: int = 250
+    moves: int = 150
+    detail_moves: int = 30
     scouting: int = 100
     anneal_every: int = 250
     anneal_sharpness: float = 10.0

@@ -7,7 +7,10 @@ from importlib import import_module
 
 from .base import Method
 
-METHODS = {"chaotic": "chaotic.laptop"}  # name -> module.function that builds the method with sensible sizes
+METHODS = {  # name -> module.function that builds the method with sensible sizes
+    "collage": "collage.laptop",
+    "chaotic": "chaotic.laptop",
+}
 
 
 def load(name: str) -> Callable[..., Method]:

@@ -1,0 +1,62 @@
+"""Affine maps as rows a b c d e f of tensors (…,6), (x, y) -> (a x + b y + e, c x + d y + f): their algebra."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ..ifs import IFS, PROBABILITY_FLOOR
+from ..ops.collage import BinnedMeasure
+
+
+def from_code(code: IFS) -> Tensor:
+    """(N,6)."""
+    return torch.cat([code.linear.flatten(1), code.offset], 1)
+
+
+def to_code(maps: Tensor, weights: Tensor | None = None) -> IFS:
+    """The code of maps (N,6), with the chances `weights` / sum, or those of |det| + 0.01."""
+    chances = None if weights is None else weights / weights.sum()
+    return IFS(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], chances)
+
+
+def volumes(maps: Tensor) -> Tensor:
+    """|det| + 0.01, (…): to which the chance of a map is in proportion."""
+    return (maps[..., 0] * maps[..., 3] - maps[..., 1] * maps[..., 2]).abs() + PROBABILITY_FLOOR
+
+
+def largest_singular(maps: Tensor) -> Tensor:
+    """(…)."""
+    a, b, c, d = maps[..., :4].unbind(-1)
+    return torch.hypot((a + d) / 2, (c - b) / 2) + torch.hypot((a - d) / 2, (c + b) / 2)
+
+
+def rotations(count: int, generator: torch.Generator) -> Tensor:
+    """Orthogonal matrices (count,2,2): uniform angles, half of them reflections."""
+    angle = torch.rand(count, generator=generator) * 2 * math.pi
+    flip = (torch.rand(count, generator=generator) < 0.5) * -2.0 + 1
+    cos, sin = angle.cos(), angle.sin()
+    return torch.stack([cos, -sin * flip, sin, cos * flip], -1).view(-1, 2, 2)
+
+
+def random_matrices(count: int, smallest: float, largest: float, generator: torch.Generator) -> Tensor:
+    """Matrices (count,2,2) = U diag(s1, s2) V: s1 log-uniform in [smallest, largest], s2/s1 uniform in [0.05, 1]."""
+    s1 = (torch.rand(count, generator=generator) * math.log(largest / smallest)).exp() * smallest
+    s2 = s1 * (0.05 + 0.95 * torch.rand(count, generator=generator))
+    return (rotations(count, generator) * torch.stack([s1, s2], -1)[:, None]) @ rotations(count, generator)
+
+
+def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
+    """Maps (…,6) of these matrices (…,2,2) that send the point source (…,2) to image (…,2)."""
+    offset = image - (matrices @ source[..., None])[..., 0]
+    return torch.cat([matrices.flatten(-2), offset], -1)
+
+
+def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
+    """Root mean square over the measure of |f(x) - g(x)|, canvas units: maps (n,6) and (m,6) -> (n,m)."""
+    difference = a[:, None] - b[None]
+    linear = difference[..., :4].unflatten(-1, (2, 2))
+    shift = linear @ measure.mean + difference[..., 4:]
+    return (((linear @ measure.covariance) * linear).sum((-2, -1)) + shift.square().sum(-1)).sqrt()

@@ -1,0 +1,132 @@
+"""The measure that a picture shows, as samples and as bins, and its correction by what a code would have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d, max_pool2d
+
+from .. import ops
+from ..ifs import IFS
+from ..ops.collage import BinnedMeasure, pushforward
+
+SUPERSAMPLE = 16                       # of the pictures that carry a density (Section 5 of the paper)
+POINTS_PER_PIXEL = 50_000_000 / 1024**2
+THRESHOLD = 0.25                       # of a binary picture
+INSIDE = 1 / 64                        # a grey level that counts as lit
+DENSITY_SHARE = 0.25                   # of inner pixels that are not white, from which on grey levels mean density
+
+
+@dataclass(frozen=True)
+class Levels:
+    """What the grey levels of a picture say: `measure` turns an image (R,R) into masses (R,R), and `observe` draws a
+    code as such a picture, with a seed."""
+
+    name: str
+    measure: Callable[[Tensor], Tensor]
+    observe: Callable[[IFS, int, int], Tensor]
+
+
+def _poisson_density(image: Tensor) -> Tensor:
+    """-log(1 - I): the points a supersampled pixel whose chance to be hit is I."""
+    return -(1 - image.clamp(max=1 - 0.5 / SUPERSAMPLE**2)).log()
+
+
+def _drawn(code: IFS, resolution: int, seed: int) -> Tensor:
+    from ..evaluation.render import render
+
+    return render(code, resolution=resolution, points_in_view=round(POINTS_PER_PIXEL * resolution**2),
+                  supersample=SUPERSAMPLE, seed=seed)
+
+
+def _drawn_white(code: IFS, resolution: int, seed: int) -> Tensor:
+    return (_drawn(code, resolution, seed) > THRESHOLD).float()
+
+
+LEVELS = {
+    "density": Levels("density", _poisson_density, _drawn),     # the chance that a subpixel is hit by a point
+    "coverage": Levels("coverage", lambda image: image.clone(), _drawn_white),  # the part of a pixel that is covered
+}
+
+
+def guess_levels(image: Tensor) -> str:
+    """"density" if many pixels that are lit all around are not white, as in a picture drawn by the chaos game, else
+    "coverage", as in a binary or anti-aliased one."""
+    inner = -max_pool2d(-image[None, None], 3, 1, 1)[0, 0] > INSIDE
+    inner[[0, -1]] = inner[:, [0, -1]] = False
+    if not bool(inner.any()):
+        return "coverage" if bool(((image == 0) | (image == 1)).all()) else "density"
+    return "density" if float((image[inner] < 0.95).float().mean()) > DENSITY_SHARE else "coverage"
+
+
+def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
+    """The measure of an image's masses (R,R) on a grid of `size` cells a side, its samples the centroids of the lit
+    cells of the same grid, or of the pixels where those are larger."""
+    resolution = masses.shape[0]
+    masses = (masses / masses.sum()).float()
+    row = torch.arange(resolution, device=masses.device)
+    cells = min(size, resolution)
+    cell = row * cells // resolution
+    x = ((2 * row + 1) / resolution - 1).expand(resolution, -1)
+    index = (cell[:, None] * cells + cell).flatten()
+    weight, wx, wy = (torch.zeros(cells * cells, device=masses.device).scatter_add(0, index, values.flatten())
+                      for values in (masses, masses * x, -masses * x.T))
+    lit = weight > 0
+    samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
+    hats = _hats(resolution, size).to(masses.device)
+    return BinnedMeasure(samples, hats.T @ masses @ hats, levels)
+
+
+def _hats(resolution: int, size: int) -> Tensor:
+    """The shares (R,G) of a pixel's mass, spread over the pixel, in the bilinear bins of one axis."""
+    shares = torch.zeros(resolution, size)
+    row = torch.arange(resolution)
+    for shift in (-0.25, 0.25):
+        u = ((row + 0.5 + shift) * size / resolution - 0.5).clamp(0, size - 1.001)
+        low = u.floor().long()
+        shares[row, low] += (1 - (u - low)) / 2
+        shares[row, low + 1] += (u - low) / 2
+    return shares
+
+
+def halve(bins: Tensor, size: int) -> Tensor:
+    """Bins (…,G,G) summed to (…,size,size)."""
+    step = bins.shape[-1] // size
+    return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
+
+
+def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
+    """The measure (G,G) of the attractor of maps (N,6) played with chances in proportion to weights (N,)."""
+    drawn = ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], trajectories=max(1, points // 400),
+                           length=430, warmup=30, probabilities=weights / weights.sum(), seed=seed)
+    samples = torch.cat([drawn, torch.full_like(drawn[:, :1], 1 / len(drawn))], 1)
+    identity = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]], device=maps.device)
+    return pushforward(identity, torch.ones(1, 1, device=maps.device), samples, size)[0]
+
+
+def desaturated(masses: Tensor, code: IFS, levels: Levels, seed: int) -> Tensor:
+    """The masses (R,R) of a picture, corrected by what the levels of a picture of `code` hide of its measure.
+
+    Grey levels saturate: where the attractor is thinner than a subpixel, -log(1 - I) underestimates its measure, and
+    the collage equation sum p_i f_i#mu = mu holds for the estimate no more. A code that is nearly right is drawn as
+    the picture was, and the ratio of its known measure to that drawing's estimate, smoothed over 3 × 3 pixels, is
+    applied to the picture.
+    """
+    resolution = masses.shape[0]
+    bins = torch.zeros_like(masses)
+    points = ops.chaos_game(code.linear, code.offset, trajectories=4000, length=530, warmup=30,
+                            probabilities=code.sampling_probabilities(), seed=seed)
+    inside = (points.abs() < 1).all(1)
+    column, row = (((points[inside] * points.new_tensor([1, -1]) + 1) * (resolution / 2)).long().clamp(
+        0, resolution - 1)).unbind(1)
+    bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
+    estimate = levels.measure(levels.observe(code, resolution, seed).to(masses))
+    usual = 1 / estimate.sum()
+    known, shown = (avg_pool2d(image[None, None], 3, 1, 1)[0, 0] for image in (bins, estimate))
+    weak = 1e-3
+    ratio = torch.where(shown > 1e-9, (known + weak * usual) / (shown + weak), usual)
+    corrected = masses * ratio
+    return corrected / corrected.sum()

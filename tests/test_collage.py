@@ -1,0 +1,178 @@
+import pytest
+import torch
+
+from fractal_exp import InputError, attractor, codes, invert, suite
+from fractal_exp.checkpoint import Checkpoint
+from fractal_exp.collage import maps as affine
+from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
+from fractal_exp.collage.search import Judge, Search
+from fractal_exp.evaluation import evaluate
+from fractal_exp.methods.collage import Collage
+from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+
+IDENTITY = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]])
+
+
+def problem(size=32, levels=3):
+    g = torch.Generator().manual_seed(0)
+    mass = torch.rand(500, 1, generator=g)
+    samples = torch.cat([torch.rand(500, 2, generator=g) - 0.5, mass / mass.sum()], 1)
+    bins = pushforward(IDENTITY, torch.ones(1, 1), samples, size)[0]
+    maps, weights = torch.randn(4, 3, 6, generator=g) * 0.3, torch.rand(4, 3, generator=g)
+    weights[1, 2] = 0  # a set of two maps
+    return BinnedMeasure(samples, bins, levels), maps, weights / weights.sum(1, keepdim=True)
+
+
+def test_the_kernel_pushes_measures_forward_as_its_twin_does():
+    measure, maps, weights = problem()
+    ours, twin = (pushforward(maps, weights, measure.samples, 32, backend=b) for b in ("cpu", "torch"))
+    torch.testing.assert_close(ours, twin, atol=1e-6, rtol=1e-5)
+    torch.testing.assert_close(ours.sum((1, 2)), torch.ones(4))
+
+
+@pytest.mark.parametrize("tied", [False, True])
+@pytest.mark.parametrize("steps", [0, 1, 10])
+def test_the_kernel_descends_as_its_twin_does(tied, steps):
+    measure, maps, weights = problem()
+    how = Descent(steps, rate=0.02, tied=tied)
+    backgrounds, chosen = torch.stack([0.5 * measure.bins, 0 * measure.bins]), torch.tensor([0, 1, 1, 0])
+    ours, twin = (descend(maps, weights, measure, how, backgrounds=backgrounds, chosen=chosen, backend=b)
+                  for b in ("cpu", "torch"))
+    for a, b in zip(ours, twin, strict=True):
+        torch.testing.assert_close(a, b, atol=1e-5, rtol=1e-5)
+    assert bool((ours[0][1, 2] == maps[1, 2]).all()), "a map that is absent does not move"
+
+
+def test_descent_keeps_maps_contractive_and_off_the_identity():
+    measure, _, _ = problem()
+    how = Descent(100, rate=0.02, largest=0.9)
+    maps, weights, _ = descend(IDENTITY.clone() * 0.99, torch.ones(1, 1), measure, how)
+    assert float(affine.largest_singular(maps).max()) <= 0.9 + 1e-5
+
+
+@pytest.fixture(scope="module")
+def triangle():
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    return code, suite.target(code, 128)
+
+
+def test_a_true_code_has_no_collage_error_and_maps_near_it_find_back(triangle):
+    code, image = triangle
+    masses = LEVELS["density"].measure(image)
+    measure = binned(masses, 64)
+    maps = affine.from_code(code)[None]
+    weights = torch.full((1, 3), 1 / 3)
+    _, _, error = descend(maps, weights, measure, Descent(0))
+    assert float(error) < 0.01
+    moved = maps + 0.06 * torch.randn(maps.shape, generator=torch.Generator().manual_seed(1))
+    found, _, better = descend(moved, weights, measure, Descent(300, rate=0.01))
+    assert float(better) < float(error) + 1e-3
+    assert float(affine.distances(found[0], maps[0], measure).diagonal().max()) < 1 / 64
+
+
+def test_desaturation_brings_the_measure_of_a_saturated_picture_back():
+    code = attractor.normalize(suite.random_suite(6, 101)[5])  # nine of ten points fall where one was
+    masses = LEVELS["density"].measure(suite.target(code, 256))
+    maps, weights = affine.from_code(code)[None], affine.volumes(affine.from_code(code))
+    weights = (weights / weights.sum())[None]
+    before, after = (float(descend(maps, weights, binned(m, 64), Descent(0))[2])
+                     for m in (masses, desaturated(masses, code, LEVELS["density"], 3)))
+    assert after < 0.5 * before
+
+
+def test_grey_levels_are_told_apart():
+    code = codes.known("fern")
+    assert guess_levels(suite.target(code, 128)) == "density"
+    assert guess_levels(suite.target(code, 128, "binary")) == "coverage"
+
+
+@pytest.mark.parametrize("kind", ["grey", "binary"])
+def test_the_triangle_is_found_to_the_pixel(triangle, kind):
+    code, _ = triangle
+    image = suite.target(code, 128, kind)
+    found = Collage(moves=40, rounds=1, detail_moves=5).reconstruct(image).code
+    table = evaluate(found, code, resolution=128, align="none")
+    assert table.f1.mean() > 0.9
+
+
+def small(**options):
+    return Collage(**{"moves": 3, "rounds": 1, "detail_moves": 2, "previews": 1} | options)
+
+
+def test_a_seed_repeats_and_another_differs(triangle):
+    _, image = triangle
+    a, b, c = (small(seed=seed).reconstruct(image).code for seed in (0, 0, 1))
+    assert torch.equal(a.linear, b.linear) and torch.equal(a.offset, b.offset)
+    assert len(a) != len(c) or not torch.equal(a.linear, c.linear)
+
+
+@pytest.mark.parametrize("stop", [1, 3, 4])
+def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, stop):
+    _, image = triangle
+    whole = small().reconstruct(image).code
+
+    def interrupt(progress):
+        if progress.step == stop:
+            raise KeyboardInterrupt
+
+    path = tmp_path / "checkpoint.safetensors"
+    with pytest.raises(KeyboardInterrupt):
+        small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
+    resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+    assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+
+
+def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
+    _, image = triangle
+    assert len(small(maps=4, moves=12).reconstruct(image).code) == 4
+    assert len(small(at_most=3, moves=12).reconstruct(image).code) <= 3
+
+
+def test_time_ends_a_search_with_the_best_so_far(triangle):
+    _, image = triangle
+    steps = []
+    small(moves=10_000, seconds=2).reconstruct(image, on_step=lambda p: steps.append(p.fraction))
+    assert len(steps) < 1000 and steps == sorted(steps)
+
+
+def test_a_search_never_returns_a_worse_state(triangle):
+    _, image = triangle
+    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, judge=Judge(), proposals=1)
+    now = search.start(sets=4)
+    for number in range(6):
+        new = search.step(now, number)
+        assert new.score <= now.score
+        now = new
+
+
+def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
+    _, image = triangle
+    assert len(invert(image, resolution=64, moves=2, rounds=0)) >= 2
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"moves": -1}, "moves must be at least 0"), ({"maps": 1}, "maps must be at least 2"),
+    ({"maps": 3, "at_most": 5}, "not both"), ({"levels": "colour"}, "levels must be one of auto"),
+    ({"seconds": 0}, "seconds must be above 0"), ({"finest": 8}, "finest must be at least 64"),
+])
+def test_bad_options_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        Collage(**options)
+
+
+def test_bad_input_is_refused(triangle):
+    with pytest.raises(InputError, match="at least 32"):
+        Collage().reconstruct(torch.eye(16))
+    with pytest.raises(InputError, match="maps must have shape"):
+        pushforward(torch.zeros(3, 6), torch.zeros(3), torch.zeros(1, 3), 8)
+    with pytest.raises(InputError, match="halved"):
+        BinnedMeasure(torch.zeros(1, 3), torch.zeros(10, 10), 3)
+    with pytest.raises(InputError, match="backend must be one of"):
+        pushforward(IDENTITY, torch.ones(1, 1), torch.zeros(1, 3), 8, backend="tpu")
+    with pytest.raises(InputError, match="samples must have shape"):
+        BinnedMeasure(torch.zeros(3), torch.zeros(8, 8), 1)
+
+
+def test_the_error_of_a_measure_with_itself_is_zero():
+    measure, _, _ = problem()
+    assert float(collage_error(measure.bins[None], measure)) == pytest.approx(0, abs=1e-9)

@@ -19,7 +19,7 @@ from .births import LARGE, MEDIUM, SMALL, births
 from .measure import attractor_bins, binned
 
 SLACK = 0.5          # the part of the measure that is there already: see `Search`
-SAME = 3 / 128       # rms distance in canvas units below which two maps are one: 3 pixels of 256
+SAME = 0.9           # Bhattacharyya affinity of two maps' images above which they are one
 LONG, SHORT, POLISH = (Descent(steps=n, rate=r) for n, r in ((150, 0.015), (50, 0.01), (50, 0.004)))
 TEST = Descent(steps=25, rate=0.006)
 
@@ -214,9 +214,12 @@ class Search:
         return self.judged(maps, weights, error)
 
     def unique(self, now: Tiling) -> Tiling:
-        """The set with maps that nearly coincide made one, if that is better: two halves of a map hold each other in
-        place, and no removal of one alone would ever pay."""
-        near = affine.distances(now.maps, now.maps, self.measure) < SAME
+        """The set with maps of nearly the same image made one, if that is better: two halves of a map hold each other
+        in place, as do a map and its composition with a symmetry, and no removal of one alone would ever pay."""
+        one = torch.ones(len(now.maps), 1, device=now.maps.device)
+        images = pushforward(now.maps[:, None].contiguous(), one, self.coarse.samples, self.coarse.size)
+        roots = images.flatten(1).clamp_min(0).sqrt()
+        near = roots @ roots.T > SAME
         leader = near.float().argmax(1)
         leaders = leader.unique()
         if len(leaders) == len(now.maps):

@@ -49,7 +49,8 @@ class Checkpoint:
 
         notes = {"format": FORMAT, "iteration": snapshot.iteration, "numbers": dict(snapshot.numbers),
                  "identity": dict(self.identity)}
-        tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in snapshot.tensors.items()}
+        # Clones, as the file format takes no two tensors that share memory.
+        tensors = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in snapshot.tensors.items()}
         write_atomically(self.path, save(tensors, metadata={"notes": json.dumps(notes)}))
 
     def load(self) -> Snapshot | None:

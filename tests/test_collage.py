@@ -4,8 +4,12 @@ import torch
 from fractal_exp import InputError, attractor, codes, invert, suite
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.collage import maps as affine
+from fractal_exp.collage.births import turned
 from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
-from fractal_exp.collage.search import Judge, Search
+from fractal_exp.collage.picture import Picture
+from fractal_exp.collage.picture_search import PictureSearch
+from fractal_exp.collage.polish import polished
+from fractal_exp.collage.search import Judge, Search, Tiling
 from fractal_exp.evaluation import evaluate
 from fractal_exp.methods.collage import Collage
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
@@ -90,13 +94,14 @@ def test_grey_levels_are_told_apart():
 def test_the_triangle_is_found(triangle, kind, least):
     code, _ = triangle
     image = suite.target(code, 128, kind)
-    found = Collage(moves=40, rounds=1, detail_moves=5).reconstruct(image).code
+    found = Collage(islands=2, moves=20, rounds=1, detail_moves=5, picture_moves=10).reconstruct(image).code
     table = evaluate(found, code, resolution=128, align="none")
     assert table.f1.mean() > least
 
 
 def small(**options):
-    return Collage(**{"moves": 3, "rounds": 1, "detail_moves": 2, "previews": 1} | options)
+    return Collage(**{"islands": 2, "moves": 3, "rounds": 1, "detail_moves": 2, "picture_moves": 2, "previews": 1}
+                   | options)
 
 
 def test_a_seed_repeats_and_another_differs(triangle):
@@ -106,13 +111,13 @@ def test_a_seed_repeats_and_another_differs(triangle):
     assert len(a) != len(c) or not torch.equal(a.linear, c.linear)
 
 
-@pytest.mark.parametrize("stop", [1, 3, 4])
+@pytest.mark.parametrize("stop", [1, 4, 8, 10, 12])  # in each island, the closing moves, the details, the picture
 def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, stop):
     _, image = triangle
     whole = small().reconstruct(image).code
 
     def interrupt(progress):
-        if progress.step == stop:
+        if progress.step >= stop and progress.code is None:
             raise KeyboardInterrupt
 
     path = tmp_path / "checkpoint.safetensors"
@@ -131,7 +136,7 @@ def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
 def test_time_ends_a_search_with_the_best_so_far(triangle):
     _, image = triangle
     steps = []
-    small(moves=10_000, seconds=2).reconstruct(image, on_step=lambda p: steps.append(p.fraction))
+    small(moves=10_000, picture_moves=10_000, seconds=4).reconstruct(image, on_step=lambda p: steps.append(p.fraction))
     assert len(steps) < 1000 and steps == sorted(steps)
 
 
@@ -147,7 +152,77 @@ def test_a_search_never_returns_a_worse_state(triangle):
 
 def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     _, image = triangle
-    assert len(invert(image, resolution=64, moves=2, rounds=0)) >= 2
+    assert len(invert(image, resolution=64, islands=1, moves=2, rounds=0, picture_moves=0)) >= 2
+
+
+def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
+    _, image = triangle
+    told = []
+    found = small().reconstruct(image, on_step=told.append).code
+    ends = [p for p in told if p.code is not None]
+    assert [p.stage for p in ends] == ["search", "search", "search", "detail", "picture"]
+    assert torch.equal(ends[-1].code.linear, found.linear)
+    assert [p.fraction for p in told] == sorted(p.fraction for p in told)
+
+
+def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
+    code, image = triangle
+    picture = Picture(image, LEVELS["density"])
+    maps = affine.from_code(code)
+    true, shifted, fewer = (picture.judge(m).error for m in (maps, maps + 0.002 * torch.eye(3, 6), maps[:2]))
+    assert true < 1.2 * picture.noise(code)
+    assert true < 0.5 * shifted and shifted < fewer
+
+
+@pytest.mark.parametrize("levels", ["density", "coverage"])
+def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangle, levels):
+    code, _ = triangle
+    image = suite.target(code, 128, "grey" if levels == "density" else "binary")
+    picture = Picture(image, LEVELS[levels])
+    maps = affine.from_code(code)
+    off = maps + 0.004 * torch.randn(maps.shape, generator=torch.Generator().manual_seed(0))
+    start = picture.judge(off)
+    found = polished(picture, start, 10)
+    assert found.error < 0.5 * start.error
+    measure = binned(LEVELS["density"].measure(image), 64)
+    away = affine.distances(found.maps, maps, measure).diagonal().max() * 64
+    assert away < (0.06 if levels == "density" else 0.3)
+    assert polished(picture, found, 2).error <= found.error
+
+
+def test_a_faint_map_that_is_missing_is_found_by_its_picture():
+    maps = affine.from_code(codes.known("sierpinski_triangle"))
+    small_one = torch.tensor([[0.08, 0.03, -0.02, 0.1, 0.9, 0.6]])
+    code = attractor.normalize(affine.to_code(torch.cat([maps, small_one])))
+    image, true = suite.target(code, 128), affine.from_code(code)
+    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
+    now = search.resume(Tiling(true[:3], affine.volumes(true[:3]), 0.0))
+    before = now.error
+    for number in range(25):
+        now = search.step(now, number)
+    assert now.error < 0.6 * before and len(now.maps) >= 4
+
+
+def test_a_turned_map_keeps_mean_and_covariance(triangle):
+    code, image = triangle
+    measure = binned(LEVELS["density"].measure(image), 64)
+    old = affine.from_code(code)[0]
+    new = turned(old, measure, 8, torch.Generator().manual_seed(0))
+    linear, was = new[:, :4].unflatten(1, (2, 2)), old[:4].view(2, 2)
+    torch.testing.assert_close(linear @ measure.covariance @ linear.mT,
+                               (was @ measure.covariance @ was.T).expand(8, 2, 2), atol=2e-5, rtol=1e-3)
+    torch.testing.assert_close(linear @ measure.mean + new[:, 4:], (was @ measure.mean + old[4:]).expand(8, 2))
+
+
+def test_mixing_searches_takes_the_right_maps_from_each(triangle):
+    code, image = triangle
+    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, proposals=1)
+    true = affine.from_code(code)
+    wrong = affine.sending(affine.random_matrices(12, 0.2, 0.6, torch.Generator().manual_seed(1)),
+                           torch.zeros(12, 2), torch.zeros(12, 2))
+    mixed = search.mixed(torch.cat([wrong[:6], true[:2], wrong[6:], true[2:]]))
+    near = affine.distances(true, mixed.maps, search.measure).min(1).values * 64
+    assert bool((near < 1).all()) and len(mixed.maps) < 6
 
 
 @pytest.mark.parametrize(("options", "message"), [

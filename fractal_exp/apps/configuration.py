@@ -45,8 +45,10 @@ class TrainConfig:
     name: str | None = None
     resume: bool = False
     checkpoint_every: int = 250
-    moves: int = 150
-    detail_moves: int = 30
+    islands: int = 5
+    moves: int = 50
+    detail_moves: int = 25
+    picture_moves: int = 60
     scouting: int = 100
     anneal_every: int = 250
     anneal_sharpness: float = 10.0

@@ -26,7 +26,8 @@ def births(coarse: BinnedMeasure, fine: BinnedMeasure, backgrounds: Tensor, scal
     """
     sets, device = len(backgrounds), backgrounds.device
     lacking = (fine.bins - backgrounds).clamp_min(0)
-    born = torch.stack([_candidates(lacking[p], fine, sizes[p], count, generator) for p in range(sets)])
+    born = torch.stack([candidates(_wanted(lacking[p], fine), lacking[p], fine, sizes[p], count, count // 3, generator)
+                        for p in range(sets)])
     weights = torch.minimum(scale * affine.volumes(born), lacking.sum((1, 2))[:, None]).clamp_min(1e-6)
     owner = torch.arange(sets, device=device).repeat_interleave(count)
     moved, masses, errors = descend(born.flatten(0, 1)[:, None], weights.flatten()[:, None], coarse, COARSE,
@@ -40,14 +41,19 @@ def births(coarse: BinnedMeasure, fine: BinnedMeasure, backgrounds: Tensor, scal
     return moved.view(sets, kept, 6)[rows, order], masses.view(sets, kept)[rows, order]
 
 
-def _candidates(lacking: Tensor, measure: BinnedMeasure, sizes: tuple[float, float], count: int,
-                generator: torch.Generator) -> Tensor:
-    """Maps (count,6): a third as blobs."""
-    size, device = lacking.shape[0], lacking.device
-    # Half by mass and half by what it costs: thin tips weigh little and are seen well.
+def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:
+    """Where maps are wanted, (G,G): half by mass and half by what it costs, as thin tips weigh little and are seen
+    well."""
     cost = ((measure.bins + 1e-5).sqrt() - (measure.bins - lacking + 1e-5).clamp_min(0).sqrt()).square()
-    chance = lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
-    cell = torch.multinomial(chance.flatten().cpu(), count, replacement=True, generator=generator)
+    return lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
+
+
+def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: tuple[float, float], count: int,
+               blobs: int, generator: torch.Generator) -> Tensor:
+    """Maps (count,6) at places drawn from `wanted` (G,G), their larger singular values in the range `sizes`; the first
+    `blobs` take the shape of the blob of `lacking` (H,H) there, the others are random."""
+    size, device = wanted.shape[0], wanted.device
+    cell = torch.multinomial(wanted.flatten().cpu(), count, replacement=True, generator=generator)
     jitter = torch.rand(2, count, generator=generator)
     place = torch.stack([2 * (cell % size + jitter[0]) / size - 1, 1 - 2 * (cell // size + jitter[1]) / size], 1)
     matrices = affine.random_matrices(count, *sizes, generator)
@@ -56,9 +62,19 @@ def _candidates(lacking: Tensor, measure: BinnedMeasure, sizes: tuple[float, flo
     swap = torch.rand(count, generator=generator) < 0.5
     anchor[swap] = measure.samples[elsewhere[swap], :2].cpu()
     random = affine.sending(matrices, anchor, place)
-    blobs = count // 3
     random[:blobs] = _blobs(lacking.cpu(), place[:blobs], measure, sizes, generator)
     return random.to(device)
+
+
+def turned(old: Tensor, measure: BinnedMeasure, count: int, generator: torch.Generator) -> Tensor:
+    """Maps (count,6) that give the measure the mean and covariance that the map `old` (6,) gives it, turned and
+    mirrored at random: what a search at low resolution cannot tell apart."""
+    linear, covariance = old[:4].view(2, 2).cpu(), measure.covariance.cpu()
+    image = linear @ covariance @ linear.T + 1e-6 * torch.eye(2)
+    mean = linear @ measure.mean.cpu() + old[4:].cpu()
+    source = torch.linalg.cholesky(covariance + 1e-8 * torch.eye(2))
+    matrices = torch.linalg.cholesky(image) @ affine.rotations(count, generator) @ torch.linalg.inv(source)
+    return affine.sending(matrices, measure.mean.cpu(), mean.expand(count, 2)).to(old)
 
 
 def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: tuple[float, float],

@@ -17,17 +17,20 @@ SUPERSAMPLE = 16                       # of the pictures that carry a density (S
 POINTS_PER_PIXEL = 50_000_000 / 1024**2
 THRESHOLD = 0.25                       # of a binary picture
 INSIDE = 1 / 64                        # a grey level that counts as lit
+TRUST = 4                              # power of the agreement with which a correction is trusted
 DENSITY_SHARE = 0.25                   # of inner pixels that are not white, from which on grey levels mean density
 
 
 @dataclass(frozen=True)
 class Levels:
-    """What the grey levels of a picture say: `measure` turns an image (R,R) into masses (R,R), and `observe` draws a
-    code as such a picture, with a seed."""
+    """What the grey levels of a picture say: `measure` turns an image (R,R) into masses (R,R), `observe` draws a code
+    as such a picture, with a seed, and `dark` tells from a pixel's grey level and that around it what part of the
+    pixel more mass can still light up."""
 
     name: str
     measure: Callable[[Tensor], Tensor]
     observe: Callable[[IFS, int, int], Tensor]
+    dark: Callable[[Tensor, Tensor], Tensor]
 
 
 def _poisson_density(image: Tensor) -> Tensor:
@@ -47,8 +50,10 @@ def _drawn_white(code: IFS, resolution: int, seed: int) -> Tensor:
 
 
 LEVELS = {
-    "density": Levels("density", _poisson_density, _drawn),     # the chance that a subpixel is hit by a point
-    "coverage": Levels("coverage", lambda image: image.clone(), _drawn_white),  # the part of a pixel that is covered
+    # the chance that a subpixel is hit by a point
+    "density": Levels("density", _poisson_density, _drawn, lambda grey, around: 1 - grey),
+    # the part of a pixel that is covered
+    "coverage": Levels("coverage", lambda image: image.clone(), _drawn_white, lambda grey, around: 1 - around),
 }
 
 
@@ -113,7 +118,7 @@ def desaturated(masses: Tensor, code: IFS, levels: Levels, seed: int) -> Tensor:
     Grey levels saturate: where the attractor is thinner than a subpixel, -log(1 - I) underestimates its measure, and
     the collage equation sum p_i f_i#mu = mu holds for the estimate no more. A code that is nearly right is drawn as
     the picture was, and the ratio of its known measure to that drawing's estimate, smoothed over 3 × 3 pixels, is
-    applied to the picture.
+    applied to the picture: only where both show about the same, so that what is wrong in the code does not spoil it.
     """
     resolution = masses.shape[0]
     bins = torch.zeros_like(masses)
@@ -125,8 +130,9 @@ def desaturated(masses: Tensor, code: IFS, levels: Levels, seed: int) -> Tensor:
     bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
     estimate = levels.measure(levels.observe(code, resolution, seed).to(masses))
     usual = 1 / estimate.sum()
-    known, shown = (avg_pool2d(image[None, None], 3, 1, 1)[0, 0] for image in (bins, estimate))
+    known, shown, seen = (avg_pool2d(image[None, None], 3, 1, 1)[0, 0] for image in (bins, estimate, masses))
     weak = 1e-3
-    ratio = torch.where(shown > 1e-9, (known + weak * usual) / (shown + weak), usual)
-    corrected = masses * ratio
+    ratio = torch.where(shown > 1e-9, (known / usual + weak) / (shown + weak), 1)
+    trust = (torch.minimum(shown, seen) / torch.maximum(shown, seen).clamp_min(1e-9)) ** TRUST
+    corrected = masses * ratio**trust
     return corrected / corrected.sum()

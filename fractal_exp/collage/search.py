@@ -11,7 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..ops.collage import Descent, collage_error, descend, pushforward
+from ..ifs import IFS
+from ..ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ..ops.reference_collage import displacement_squared
 from ..seeds import derive, generator
 from . import maps as affine
@@ -19,6 +20,7 @@ from .births import LARGE, MEDIUM, SMALL, births
 from .measure import attractor_bins, binned
 
 SLACK = 0.5          # the part of the measure that is there already: see `Search`
+LEAST = 0.002        # weight in a mixture
 SAME = 0.9           # Bhattacharyya affinity of two maps' images above which they are one
 LONG, SHORT, POLISH = (Descent(steps=n, rate=r) for n, r in ((150, 0.015), (50, 0.01), (50, 0.004)))
 TEST = Descent(steps=25, rate=0.006)
@@ -32,6 +34,17 @@ class Tiling:
     weights: Tensor
     error: float
     score: float = float("inf")
+
+    @property
+    def chances(self) -> Tensor | None:
+        """The weights (N,), summing to 1, or None if they are those of |det| + 0.01."""
+        own, tied = self.weights / self.weights.sum(), affine.volumes(self.maps)
+        return None if torch.allclose(own, tied / tied.sum(), rtol=1e-5, atol=1e-7) else own
+
+    @property
+    def code(self) -> IFS:
+        """The code of the maps."""
+        return affine.to_code(self.maps, self.chances)
 
 
 @dataclass(frozen=True)
@@ -104,8 +117,6 @@ class Search:
     def start(self, sets: int = 40, maps: int = 8) -> Tiling:
         """The best mixture of what random sets become on the coarse grid: each is moved, then weights for all their
         maps together are found by non-negative least squares, which leaves most at zero."""
-        from scipy.optimize import nnls
-
         g = generator(self.seed, "start")
         matrices = affine.random_matrices(sets * maps, *MEDIUM, g)
         place = self.coarse.samples.cpu()[torch.multinomial(self.coarse.samples[:, 2].cpu(), sets * maps, True,
@@ -116,16 +127,25 @@ class Search:
         weights = (1 - SLACK) * weights / weights.sum(1, keepdim=True)
         pool, _, _ = descend(some, weights, self.coarse, Descent(steps=150, rate=0.03, largest=0.97),
                              backgrounds=SLACK * self.coarse.bins[None])
-        pool = pool.view(-1, 1, 6)
-        columns = pushforward(pool, torch.ones_like(pool[..., 0]), self.coarse.samples, self.coarse.size)
-        scale = (self.coarse.bins + 1e-4).rsqrt()
+        return self._mixture(pool.view(-1, 6), self.coarse, 14)
+
+    def mixed(self, pool: Tensor) -> Tiling:
+        """The best mixture of maps (M,6) that several searches found: right ones recur, wrong ones differ."""
+        return self._mixture(pool, self.measure, 24)
+
+    def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Tiling:
+        """What becomes of at most so many maps (M,6) with the weights of non-negative least squares."""
+        from scipy.optimize import nnls
+
+        columns = pushforward(pool[:, None].contiguous(), torch.ones_like(pool[:, :1]), grid.samples, grid.size)
+        scale = (grid.bins + 1e-4).rsqrt()
         found, _ = nnls((columns * scale).flatten(1).T.cpu().double().numpy(),
-                        (self.coarse.bins * scale).flatten().cpu().double().numpy())
-        best = np.argsort(-found)[:max(14, self.fixed or 0)]
-        best = torch.from_numpy(best[found[best] > 0.003].copy())
+                        (grid.bins * scale).flatten().cpu().double().numpy())
+        best = np.argsort(-found)[:max(most, self.fixed or 0)]
+        best = torch.from_numpy(best[found[best] > LEAST].copy())
         weights = torch.from_numpy(found).float()[best]
         weights = (1 - SLACK) * (weights / weights.sum()).to(pool)
-        return self.unique(self.pruned(*self.move(pool[best.to(pool.device), 0], weights, LONG)))
+        return self.unique(self.pruned(*self.move(pool[best.to(pool.device)], weights, LONG)))
 
     def resume(self, maps: Tensor, weights: Tensor) -> Tiling:
         """The tiling of maps found elsewhere, moved and pruned by this measure."""

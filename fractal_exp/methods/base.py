@@ -16,13 +16,15 @@ from ..ifs import IFS, View
 
 @dataclass(frozen=True)
 class Progress:
-    """What a method tells while it works: the step, the fraction done in [0,1], named scalars, and now and then a
-    preview image (R,R)."""
+    """What a method tells while it works: the step, the fraction done in [0,1], named scalars, the name of the stage,
+    now and then a preview image (R,R), and at the end of a stage the code that it found."""
 
     step: int
     fraction: float
     scalars: Mapping[str, float] = field(default_factory=dict)
     preview: Tensor | None = None
+    stage: str | None = None
+    code: IFS | None = None
 
 
 OnStep = Callable[[Progress], None]

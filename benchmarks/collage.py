@@ -1,0 +1,100 @@
+"""How well collage search does on fractals of the random suite, by stage: after search, details, and the picture.
+
+    python -m benchmarks.collage                             the hundred fractals of the published suite, grey
+    python -m benchmarks.collage --kind binary --count 20    binary targets
+    python -m benchmarks.collage --seed 7 --only 3 5 8       three fractals of another suite, to tune on
+    python -m benchmarks.collage --options '{"islands": 2}'  another setting of `methods.collage.Collage`
+
+One process and one thread a fractal, so that its seconds are those of a single core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+import pandas as pd
+from tqdm import tqdm
+
+from fractal_exp import suite, threads
+from fractal_exp.evaluation import evaluate
+from fractal_exp.evaluation.code_error import code_error
+from fractal_exp.evaluation.summary import summarize
+from fractal_exp.methods.collage import Collage
+
+RESOLUTION = 256
+METRICS = ["f1", "iou", "psnr", "ssim"]
+
+
+def recover(index: int, seed: int, kind: str, options: dict, folder: Path) -> pd.DataFrame:
+    """Invert one fractal: a row for each stage, alignment and view."""
+    threads.use(1)
+    truth = suite.random_suite(index + 1, seed)[index]
+    image = suite.target(truth, RESOLUTION, kind)
+    start, found = time.perf_counter(), {}
+
+    def keep(progress) -> None:  # noqa: ANN001
+        if progress.code is not None:
+            found[progress.stage] = progress, time.perf_counter() - start
+
+    method = Collage(**{"proposals": 1, "previews": 0} | options)
+    method.reconstruct(image, on_step=keep).code.save(folder / f"{seed}-{kind}-{index:03d}.json")
+    frames = []
+    for stage, (progress, seconds) in found.items():
+        for align in ("bbox", "none"):
+            scores = evaluate(progress.code, truth, resolution=RESOLUTION, align=align)
+            frames.append(scores.drop(columns="lpips").assign(
+                fractal=index, stage=stage, align=align, seconds=seconds, true_maps=len(truth),
+                maps=len(progress.code), score=progress.scalars["score"]))
+    exact = code_error(progress.code, truth, resolution=RESOLUTION, align="none").exact
+    return pd.concat(frames).assign(exact=exact)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--only", type=int, nargs="+", help="these fractals instead")
+    parser.add_argument("--seed", type=int, default=suite.SUITE_SEED, help="of the suite (default: the published one)")
+    parser.add_argument("--kind", choices=["grey", "binary"], default="grey")
+    parser.add_argument("--options", type=json.loads, default={}, help="of methods.collage.Collage, as JSON")
+    parser.add_argument("--workers", type=int, default=threads.available())
+    parser.add_argument("--output", type=Path, default=Path("outputs/collage"))
+    args = parser.parse_args()
+    args.output.mkdir(parents=True, exist_ok=True)
+    frames, start = [], time.perf_counter()
+    with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
+        jobs = [pool.submit(recover, i, args.seed, args.kind, args.options, args.output)
+                for i in args.only or range(args.count)]
+        for job in tqdm(as_completed(jobs), total=len(jobs)):
+            frames.append(job.result())
+            table = pd.concat(frames).sort_values("fractal", kind="stable")
+            table.to_csv(args.output / f"{args.seed}-{args.kind}.csv", index=False)
+    print(f"{len(jobs)} fractals of suite {args.seed}, {args.kind} targets, {time.perf_counter() - start:.0f} s in all")
+    describe(table)
+
+
+def describe(table: pd.DataFrame) -> None:
+    """Print means with 95% intervals over the fractals by stage and alignment, and the last stage of each fractal."""
+    for (align, stage), rows in table.groupby(["align", "stage"], sort=False):
+        summary = summarize(rows[["fractal", "view", "zoom", *METRICS]])
+        means = summary[summary["zoom_class"] == "all"].set_index("metric")
+        scores = "  ".join(f"{name} {means['mean'][name]:.3f} [{means['low'][name]:.3f}, {means['high'][name]:.3f}]"
+                           for name in METRICS)
+        print(f"{align:5s}{stage:8s} {scores}  at the ceiling {summary.attrs['ceiling_fraction']:.0%}  "
+              f"{rows['seconds'].mean():.0f} s (at most {rows['seconds'].max():.0f})")
+    last = table[table["stage"] == table["stage"].iloc[-1]]
+    each = last.groupby(["fractal", "align"])
+    wide = each[["f1"]].mean().unstack().set_axis(["f1 bbox", "f1 none"], axis=1)
+    kept = last[last["align"] == "bbox"].groupby("fractal")
+    numbers = kept[["true_maps", "maps", "score", "exact", "seconds"]].first()
+    numbers = numbers.join(kept[["iou", "psnr", "ssim"]].mean())
+    print(f"recovered exactly: {numbers['exact'].mean():.0%}")
+    print(wide.join(numbers).round(3).to_string())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""A picture as the judge of codes: each code is drawn as the picture was, and both are compared pixel by pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
+
+from ..ifs import IFS
+from ..seeds import derive
+from . import maps as affine
+from .measure import SUPERSAMPLE, Levels
+
+GRIDS = 4          # compared, each half as fine as the one before
+FINEST = 512       # cells a side of the first
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Maps (N,6) with weights (N,), or None for chances in proportion to |det| + 0.01; the code's drawing (R,R), as
+    the picture was drawn, and its error (see `Picture`)."""
+
+    maps: Tensor
+    weights: Tensor | None
+    image: Tensor
+    error: float
+
+    @property
+    def chances(self) -> Tensor:
+        """(N,), summing to 1."""
+        weights = affine.volumes(self.maps) if self.weights is None else self.weights
+        return weights / weights.sum()
+
+    @property
+    def code(self) -> IFS:
+        """The code of the maps."""
+        return affine.to_code(self.maps, self.weights)
+
+
+class Picture:
+    """The target image (R,R) in [0,1], and how far drawings are from it.
+
+    A pixel of which a share I of n subpixels is lit has a counting error that depends on I; arcsin(sqrt(I)) has the
+    variance 1/4n whatever I is (Anscombe 1948), so that faint tips count for what they are worth. The error is
+    mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit pixels of the target), n that of a pixel on every
+    grid: of the order of 0.1 for two drawings of one code, 1 for independent pixels.
+    """
+
+    def __init__(self, image: Tensor, levels: Levels, seed: int = 0):
+        self.image, self.levels, self.seed = image, levels, derive(seed, "picture")
+        self.side = min(image.shape[0], FINEST)
+        self.subpixels = (SUPERSAMPLE * image.shape[0] / self.side) ** 2
+        self.stable = self.stabilized(image)
+        self.lit = [max(1, int((grid > 0).sum())) for grid in self.grids(image)]
+
+    def grids(self, image: Tensor) -> list[Tensor]:
+        """The image (R,R) on grids of `side` and fewer cells a side."""
+        image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
+        grids = [image]
+        while len(grids) < GRIDS and grids[-1].shape[0] >= 8:
+            grids.append(avg_pool2d(grids[-1][None], 2, ceil_mode=True)[0])
+        return grids
+
+    def stabilized(self, image: Tensor) -> list[Tensor]:
+        """The grids of an image, of variance 1 / 4n everywhere."""
+        return [stabilize(grid, self.subpixels * 4**k) for k, grid in enumerate(self.grids(image))]
+
+    def residuals(self, drawn: Tensor) -> list[Tensor]:
+        """Target minus drawing (R,R), of equal variance, on every grid."""
+        return [a - b for a, b in zip(self.stable, self.stabilized(drawn), strict=True)]
+
+    def draw(self, code: IFS, *path: int | str) -> Tensor:
+        """(R,R), as the target was drawn; the same path of a random stream gives the same points."""
+        return self.levels.observe(code, self.image.shape[0], derive(self.seed, *path)).to(self.image)
+
+    def judge(self, maps: Tensor, weights: Tensor | None = None) -> Drawn:
+        """The code of these maps, drawn."""
+        image = self.draw(affine.to_code(maps, weights))
+        return Drawn(maps, weights, image, self.error(image))
+
+    def error(self, drawn: Tensor) -> float:
+        """Of a drawing (R,R); lower is better."""
+        parts = [float(r.square().sum()) / n for r, n in zip(self.residuals(drawn), self.lit, strict=True)]
+        return 2 * self.subpixels * sum(parts) / len(parts)
+
+    def noise(self, code: IFS) -> float:
+        """The error that the true code would have by chance, told from two drawings of this one."""
+        other = Picture(self.draw(code, "again"), self.levels)
+        return other.error(self.draw(code))
+
+
+def stabilize(image: Tensor, subpixels: float) -> Tensor:
+    """arcsin sqrt of grey levels that are shares of so many subpixels (Anscombe 1948)."""
+    return ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1).sqrt().asin()
+
+
+def stabilizing_slope(image: Tensor, subpixels: float) -> Tensor:
+    """The derivative of `stabilize`."""
+    share = ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1)
+    return 0.5 * (share * (1 - share)).clamp_min(1e-4).rsqrt()

@@ -17,6 +17,7 @@ from .rendering import Rendering
 
 Parameters = Mapping[str, Tensor]  # raw, freely optimisable tensors by name, each (…,N,…)
 
+LARGEST_OFFSET = 0.9  # of a code that a fit begins with: tanh never reaches 1
 SMALLEST_SIDE = 1e-4  # an attractor below this is a point: normalising it would divide by zero
 
 
@@ -35,6 +36,10 @@ class Parameterization(ABC):
     @abstractmethod
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Random raw parameters of N = `maps` maps, float32 on the CPU."""
+
+    @abstractmethod
+    def encode(self, linear: Tensor, offset: Tensor) -> dict[str, Tensor]:
+        """Raw parameters of maps (N,2,2), (N,2) with offsets inside (-1, 1)."""
 
     @abstractmethod
     def decode(self, raw: Parameters) -> Maps:
@@ -61,6 +66,11 @@ class SVD(Parameterization):
             "offset": 2 * torch.rand(maps, 2, generator=generator) - 1,
         }
 
+    def encode(self, linear: Tensor, offset: Tensor) -> dict[str, Tensor]:
+        u, singular, vt = torch.linalg.svd(linear)
+        return {"singular": singular.clamp(1e-4, 1 - 1e-4).logit(), "u": u, "v": vt.mT.contiguous(),
+                "offset": offset.atanh()}
+
     def decode(self, raw: Parameters) -> Maps:
         singular = torch.sigmoid(raw["singular"])
         linear = (raw["u"] * singular[..., None, :]) @ raw["v"].mT
@@ -79,6 +89,9 @@ class Naive(Parameterization):
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
         raw = SVD().initial(maps, generator)
         return {"linear": SVD().decode(raw).linear, "offset": raw["offset"]}
+
+    def encode(self, linear: Tensor, offset: Tensor) -> dict[str, Tensor]:
+        return {"linear": linear.clone(), "offset": offset.atanh()}
 
     def decode(self, raw: Parameters) -> Maps:
         return Maps(raw["linear"], torch.tanh(raw["offset"]), torch.linalg.svdvals(raw["linear"]))
@@ -163,6 +176,13 @@ class ForwardModel:
     def is_contractive(self, raw: Parameters) -> bool:
         """Whether all singular values are below 1, so that there is an attractor."""
         return bool((self.parameterization.decode(raw).singular < 1).all())
+
+    def encode(self, code: IFS) -> dict[str, Tensor]:
+        """Raw parameters whose maps are those of the code, scaled where an offset is too large for the model; its
+        images are normalised to the frame, so that the scale has no say."""
+        scale = min(1.0, LARGEST_OFFSET / max(float(code.offset.abs().max()), 1e-6))
+        code = code.similar(scale, (0.0, 0.0))
+        return self.parameterization.encode(code.linear, code.offset)
 
     @torch.no_grad()
     def code(self, raw: Parameters, seed: int = 0) -> IFS:

@@ -3,10 +3,10 @@ import math
 import pytest
 import torch
 
-from fractal_exp import InputError, View
+from fractal_exp import InputError, View, attractor, codes
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
-from fractal_exp.methods.base import FitDiverged, check_target
+from fractal_exp.methods.base import CodeReconstruction, FitDiverged, Method, check_target
 from fractal_exp.methods.best_states import BestStates
 from fractal_exp.methods.chaotic import Chaotic
 from fractal_exp.model import SVD, ForwardModel, Naive
@@ -39,6 +39,29 @@ def test_every_variant_runs_and_repeats_from_its_seed(target, name, parameteriza
 
     assert torch.equal(code(0).linear, code(0).linear)
     assert not torch.equal(code(0).linear, code(1).linear)
+
+
+class Finds(Method):
+    """A method that finds one code."""
+
+    def __init__(self, code):
+        self.code = code
+
+    def reconstruct(self, target, *, on_step=None, checkpoint=None):
+        return CodeReconstruction(self.code)
+
+
+@pytest.mark.parametrize("parameterization", [SVD(), Naive()])
+def test_a_fit_can_begin_with_the_code_of_another_method(target, parameterization):
+    code = attractor.normalize(codes.known("fern"))  # with offsets above 1 in this frame, and four maps for three
+    model = fit(parameterization=parameterization).model
+    back = attractor.normalize(model.code(model.encode(code)))
+    torch.testing.assert_close(back.linear, code.linear, atol=2e-4, rtol=1e-3)
+    near = attractor.normalize(codes.known("sierpinski_triangle"))
+    found = fit(parameterization=parameterization, iterations=1, init=Finds(near)).reconstruct(target).code
+    torch.testing.assert_close(found.linear, near.linear, atol=0.02, rtol=0)
+    with pytest.raises(InputError, match="one start, got starts=3"):
+        fit(init=Finds(near), starts=3)
 
 
 @pytest.mark.parametrize("name", OPTIMIZERS)

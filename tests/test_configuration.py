@@ -39,11 +39,18 @@ def options(group: str) -> list[str]:
         return GlobalHydra.instance().config_loader().get_group_options(group)
 
 
-@pytest.mark.parametrize("group", ["target", "model", "loss", "optimizer", "scale", "tracking", "ablation"])
+@pytest.mark.parametrize("group", ["target", "model", "loss", "optimizer", "scale", "tracking", "ablation", "init"])
 def test_every_choice_composes_and_passes_its_schema(group):
     for choice in options(group):
         extra = ["target.path=leaf.png"] if (group, choice) == ("target", "image") else []
         plain(f"{group}={choice}", *extra)
+
+
+def test_a_fit_that_begins_with_collage_search_has_one_start_and_a_name_of_its_own():
+    config = plain("init=collage", "scale=smoke")
+    assert config["method"]["starts"] == 1 and config["method"]["init"]["moves"] == 8
+    assert configuration.method_name(config["method"]) == "collage-chaotic"
+    assert configuration.method_name(plain()["method"]) == "chaotic"
 
 
 def test_every_ablation_is_listed_here():

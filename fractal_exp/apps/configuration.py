@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import typing
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,7 @@ class TrainConfig:
     moves: int = 50
     detail_moves: int = 25
     picture_moves: int = 60
+    init: Any = None
     scouting: int = 100
     anneal_every: int = 250
     anneal_sharpness: float = 10.0
@@ -83,6 +85,12 @@ def resolve(config: DictConfig) -> DictConfig:
         if isinstance(node, DictConfig):
             check_components(node, str(key))
     return config
+
+
+def method_name(method: Mapping[str, Any]) -> str:
+    """A method's name in folders and tables: that of its class, after that of the method it begins with."""
+    own = method["_target_"].rsplit(".", 1)[-1].lower()
+    return f"{method_name(method['init'])}-{own}" if method.get("init") else own
 
 
 def build(node: DictConfig) -> Any:

@@ -13,6 +13,7 @@ from omegaconf import OmegaConf
 
 from .. import tracking
 from ..ops import backends
+from .configuration import method_name
 from .folders import FitFolder
 
 
@@ -49,9 +50,8 @@ class MlflowRuns(Runs):
         uri = tracking.prepare_store(Path(settings["output"]))
         backend = backends.choose(settings["backend"], torch.empty(0, device=settings["device"]))
         tags = tracking.standard_tags(
-            variant=settings["variant"], method=settings["method"]["_target_"].rsplit(".", 1)[-1].lower(),
-            target=target, scale=settings["scale"], backend=backend, device=settings["device"],
-            perceptual=settings["perceptual"])
+            variant=settings["variant"], method=method_name(settings["method"]), target=target,
+            scale=settings["scale"], backend=backend, device=settings["device"], perceptual=settings["perceptual"])
         resumed = folder.run_to_resume(uri) if settings["resume"] else None
         run = tracking.start_run(uri, settings["study"], folder.path.name, folder=folder.path,
                                  params=_params(identity), tags=tags, resume_run_id=resumed)

@@ -83,7 +83,7 @@ def fit(config: DictConfig) -> dict[str, float]:
 
 def _name(config: DictConfig, label: str, identity: Mapping[str, Any]) -> str:
     """What a reader looks for, and a digest of all the rest, so that no fit lands in another one's folder."""
-    method = config.method._target_.rsplit(".", 1)[-1].lower()
+    method = configuration.method_name(config.method)
     digest = _digest(json.dumps(identity, sort_keys=True).encode())[:6]
     return f"{label}-{method}-{config.variant}-{config.scale}-seed{config.seed}-{digest}"
 
@@ -94,7 +94,7 @@ def _digest(data: bytes) -> str:
 
 def _announce(config: DictConfig, label: str, target: Target) -> None:
     print(f"{label}: {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.notes)}")
-    if config.perceptual == "none" and "perceptual" in config.loss.terms:
+    if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
         print("  no perceptual term in this objective (perceptual=none); perceptual=lpips_squeeze adds one, "
               "with weights to be downloaded once")
 

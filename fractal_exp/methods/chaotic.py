@@ -25,6 +25,9 @@ class Chaotic(Method):
     linearly from 1 to 0. With `seconds`, time may end the run first; the schedule then follows whichever of iterations
     and time is further on (and a run can no longer be repeated bit for bit).
 
+    init: a method whose code, of however many maps, the run begins with instead of random parameters; it is handed the
+    same target, and there is one start.
+
     starts: with more than one, each start is first followed for `scouting` iterations (without phases of
     annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most
     single starts end in a poor local minimum, and a hundred iterations show which.
@@ -39,12 +42,15 @@ class Chaotic(Method):
 
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
                  seconds: float | None = None, seed: int = 0, starts: int = 1, scouting: int = 100, kept: int = 8,
-                 rescoring_draws: int = 4, match_target: bool = False, previews: int = 20, device: str = "cpu"):
+                 rescoring_draws: int = 4, match_target: bool = False, previews: int = 20, device: str = "cpu",
+                 init: Method | None = None):
         counts = {"iterations": iterations, "starts": starts, "scouting": scouting, "kept": kept,
                   "rescoring_draws": rescoring_draws}
         for name, value in counts.items():
             if value < 1:
                 raise InputError(f"{name} must be at least 1, got {value}")
+        if init is not None and starts > 1:
+            raise InputError(f"a fit that begins with the code of another method has one start, got starts={starts}")
         if previews < 0:
             raise InputError(f"previews must be at least 0, got {previews}")
         if seconds is not None and not seconds > 0:
@@ -53,17 +59,17 @@ class Chaotic(Method):
         self.iterations, self.seconds, self.seed = iterations, seconds, seed
         self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting
         self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
-        self.match_target, self.device = match_target, check_device(device)
+        self.match_target, self.device, self.init = match_target, check_device(device), init
 
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
-        target = check_target(target, self.model.resolution).to(self.device)
+        target = image = check_target(target, self.model.resolution).to(self.device)
         if self.match_target:
             target = self.model.match(target, derive(self.seed, "match"))
         problem = Problem(self.model, self.objective, target)
         total = self.scouted + self.iterations
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
-        first = self._start(best, checkpoint)
+        first = self._start(best, checkpoint, image)
         preview_every = math.ceil(total / self.previews) if self.previews else None
         start_time = time.monotonic()
 
@@ -102,6 +108,8 @@ class Chaotic(Method):
 
     def check(self, target: Tensor) -> None:
         self.objective.prepare(check_target(target, self.model.resolution).to(self.device))
+        if self.init is not None:
+            self.init.check(target)
 
     @staticmethod
     def _some(states: list[dict[str, Tensor]]) -> list[dict[str, Tensor]]:
@@ -110,11 +118,11 @@ class Chaotic(Method):
                               "the regulariser, or take the SVD parameterisation")
         return states
 
-    def _start(self, best: BestStates, checkpoint: Checkpoint | None) -> int:
+    def _start(self, best: BestStates, checkpoint: Checkpoint | None, image: Tensor) -> int:
         """Put the optimiser at its first or its saved state and return the iteration to go on with."""
         saved = checkpoint.load() if checkpoint else None
         if saved is None:
-            self.optimizer.start(self._initial(0), self.seed)
+            self.optimizer.start(self._initial(0) if self.init is None else self._handed_on(image), self.seed)
             return 0
         tensors = {name: tensor.to(self.device) for name, tensor in saved.tensors.items()}
         self.optimizer.start(_under("raw/", tensors), self.seed)
@@ -126,6 +134,11 @@ class Chaotic(Method):
     def _initial(self, iteration: int) -> dict[str, Tensor]:
         """Random parameters for the start that begins at this iteration."""
         raw = self.model.parameterization.initial(self.model.maps, generator(self.seed, "initial", iteration))
+        return {name: value.to(self.device) for name, value in raw.items()}
+
+    def _handed_on(self, image: Tensor) -> dict[str, Tensor]:
+        """Parameters of the code that the method `init` finds."""
+        raw = self.model.encode(self.init.reconstruct(image).code)
         return {name: value.to(self.device) for name, value in raw.items()}
 
     def _tensors(self, best: BestStates) -> dict[str, Tensor]:

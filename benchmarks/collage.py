@@ -3,6 +3,7 @@
     python -m benchmarks.collage                             the hundred fractals of the published suite, grey
     python -m benchmarks.collage --kind binary --count 20    binary targets
     python -m benchmarks.collage --seed 7 --only 3 5 8       three fractals of another suite, to tune on
+    python -m benchmarks.collage --classics                  the classic codes
     python -m benchmarks.collage --options '{"islands": 2}'  another setting of `methods.collage.Collage`
 
 One process and one thread a fractal, so that its seconds are those of a single core.
@@ -20,7 +21,7 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
-from fractal_exp import suite, threads
+from fractal_exp import codes, suite, threads
 from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.evaluation.summary import summarize
@@ -30,10 +31,10 @@ RESOLUTION = 256
 METRICS = ["f1", "iou", "psnr", "ssim"]
 
 
-def recover(index: int, seed: int, kind: str, options: dict, folder: Path) -> pd.DataFrame:
-    """Invert one fractal: a row for each stage, alignment and view."""
+def recover(fractal: int | str, seed: int, kind: str, options: dict, folder: Path) -> pd.DataFrame:
+    """Invert a fractal of the suite, or a classic by name: a row for each stage, alignment and view."""
     threads.use(1)
-    truth = suite.random_suite(index + 1, seed)[index]
+    truth = codes.known(fractal) if isinstance(fractal, str) else suite.random_suite(fractal + 1, seed)[fractal]
     image = suite.target(truth, RESOLUTION, kind)
     start, found = time.perf_counter(), {}
 
@@ -42,13 +43,13 @@ def recover(index: int, seed: int, kind: str, options: dict, folder: Path) -> pd
             found[progress.stage] = progress, time.perf_counter() - start
 
     method = Collage(**{"proposals": 1, "previews": 0} | options)
-    method.reconstruct(image, on_step=keep).code.save(folder / f"{seed}-{kind}-{index:03d}.json")
+    method.reconstruct(image, on_step=keep).code.save(folder / f"{seed}-{kind}-{fractal}.json")
     frames = []
     for stage, (progress, seconds) in found.items():
         for align in ("bbox", "none"):
             scores = evaluate(progress.code, truth, resolution=RESOLUTION, align=align)
             frames.append(scores.drop(columns="lpips").assign(
-                fractal=index, stage=stage, align=align, seconds=seconds, true_maps=len(truth),
+                fractal=fractal, stage=stage, align=align, seconds=seconds, true_maps=len(truth),
                 maps=len(progress.code), score=progress.scalars["score"]))
     exact = code_error(progress.code, truth, resolution=RESOLUTION, align="none").exact
     return pd.concat(frames).assign(exact=exact)
@@ -58,6 +59,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--only", type=int, nargs="+", help="these fractals instead")
+    parser.add_argument("--classics", action="store_true", help="the classic codes instead")
     parser.add_argument("--seed", type=int, default=suite.SUITE_SEED, help="of the suite (default: the published one)")
     parser.add_argument("--kind", choices=["grey", "binary"], default="grey")
     parser.add_argument("--options", type=json.loads, default={}, help="of methods.collage.Collage, as JSON")
@@ -67,13 +69,14 @@ def main() -> None:
     args.output.mkdir(parents=True, exist_ok=True)
     frames, start = [], time.perf_counter()
     with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
-        jobs = [pool.submit(recover, i, args.seed, args.kind, args.options, args.output)
-                for i in args.only or range(args.count)]
+        fractals = codes.names() if args.classics else args.only or range(args.count)
+        jobs = [pool.submit(recover, each, args.seed, args.kind, args.options, args.output) for each in fractals]
         for job in tqdm(as_completed(jobs), total=len(jobs)):
             frames.append(job.result())
             table = pd.concat(frames).sort_values("fractal", kind="stable")
-            table.to_csv(args.output / f"{args.seed}-{args.kind}.csv", index=False)
-    print(f"{len(jobs)} fractals of suite {args.seed}, {args.kind} targets, {time.perf_counter() - start:.0f} s in all")
+            table.to_csv(args.output / f"{'classics' if args.classics else args.seed}-{args.kind}.csv", index=False)
+    which = "classics" if args.classics else f"fractals of suite {args.seed}"
+    print(f"{len(jobs)} {which}, {args.kind} targets, {time.perf_counter() - start:.0f} s in all")
     describe(table)
 
 

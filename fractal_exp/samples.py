@@ -1,4 +1,4 @@
-"""A real photograph to try things on, from a file that comes with scikit-image."""
+"""Real pictures to try things on, from files that come with scikit-image and matplotlib."""
 
 from __future__ import annotations
 
@@ -25,6 +25,22 @@ def retina_vessels(resolution: int) -> Tensor:
     """
     check_resolution(resolution)
     return read_target(_vessels(), resolution, invert=False).image
+
+
+def snowflake(resolution: int) -> Tensor:
+    """The snowflake ❄ of the font DejaVu Sans (in matplotlib's wheel) as a target (resolution, resolution) in [0,1].
+
+    Raises the `InputError` of `read_target` on an unusable resolution.
+    """
+    from matplotlib import font_manager
+    from PIL import Image, ImageDraw, ImageFont
+
+    check_resolution(resolution)
+    side = 4 * max(resolution, 256)
+    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), side // 2)
+    glyph = Image.new("L", (side, side))
+    ImageDraw.Draw(glyph).text((side / 2, side / 2), "\N{SNOWFLAKE}", 255, font, anchor="mm")
+    return read_target(np.asarray(glyph), resolution, invert=False).image
 
 
 def _vessels() -> np.ndarray:

@@ -75,3 +75,12 @@ class RetinaVessels(TargetSource):
 
     def load(self, resolution: int) -> Target:
         return Target(samples.retina_vessels(resolution), None, ("blood vessels of skimage.data.retina()",))
+
+
+class Snowflake(TargetSource):
+    """The snowflake of the font DejaVu Sans."""
+
+    label = "snowflake"
+
+    def load(self, resolution: int) -> Target:
+        return Target(samples.snowflake(resolution), None, ("snowflake of the font DejaVu Sans",))

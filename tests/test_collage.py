@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from fractal_exp import InputError, attractor, codes, invert, suite
+from fractal_exp import InputError, attractor, codes, invert, samples, suite
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.collage import maps as affine
 from fractal_exp.collage.births import turned
@@ -87,7 +87,8 @@ def test_desaturation_brings_the_measure_of_a_saturated_picture_back():
 def test_grey_levels_are_told_apart():
     code = codes.known("fern")
     assert guess_levels(suite.target(code, 128)) == "density"
-    assert guess_levels(suite.target(code, 128, "binary")) == "coverage"
+    assert guess_levels(suite.target(code, 128, "binary")) == "binary"
+    assert guess_levels(samples.snowflake(256)) == "coverage"
 
 
 @pytest.mark.parametrize(("kind", "least"), [("grey", 0.9), ("binary", 0.6)])  # a binary picture carries no density
@@ -174,7 +175,7 @@ def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
     assert true < 0.5 * shifted and shifted < fewer
 
 
-@pytest.mark.parametrize("levels", ["density", "coverage"])
+@pytest.mark.parametrize("levels", ["density", "binary"])
 def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangle, levels):
     code, _ = triangle
     image = suite.target(code, 128, "grey" if levels == "density" else "binary")

@@ -1,4 +1,4 @@
-"""The sample photograph."""
+"""The sample pictures."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import torch
 from skimage import measure
 
 from fractal_exp import InputError
-from fractal_exp.samples import retina_vessels
+from fractal_exp.samples import retina_vessels, snowflake
 
 
 def test_retina_vessels_are_a_clean_tree():
@@ -24,3 +24,12 @@ def test_retina_vessels_are_a_clean_tree():
 def test_retina_vessels_refuse_a_bad_resolution():
     with pytest.raises(InputError, match="resolution must be a whole number"):
         retina_vessels(8)
+
+
+def test_the_snowflake_has_six_arms_alike():
+    image = snowflake(128)
+    assert image.shape == (128, 128) and 0.03 < float(image.mean()) < 0.5
+    mirrored = [float((image - other).abs().sum() / image.sum()) for other in (image.flip(0), image.flip(1))]
+    assert max(mirrored) < 0.2
+    with pytest.raises(InputError, match="resolution must be a whole number"):
+        snowflake(8)

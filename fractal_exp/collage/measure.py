@@ -52,18 +52,22 @@ def _drawn_white(code: IFS, resolution: int, seed: int) -> Tensor:
 LEVELS = {
     # the chance that a subpixel is hit by a point
     "density": Levels("density", _poisson_density, _drawn, lambda grey, around: 1 - grey),
-    # the part of a pixel that is covered
-    "coverage": Levels("coverage", lambda image: image.clone(), _drawn_white, lambda grey, around: 1 - around),
+    # the part of a pixel that is covered, as in an anti-aliased picture
+    "coverage": Levels("coverage", torch.clone, _drawn, lambda grey, around: 1 - around),
+    # whether a quarter of a pixel is covered
+    "binary": Levels("binary", torch.clone, _drawn_white, lambda grey, around: 1 - around),
 }
 
 
 def guess_levels(image: Tensor) -> str:
-    """"density" if many pixels that are lit all around are not white, as in a picture drawn by the chaos game, else
-    "coverage", as in a binary or anti-aliased one."""
+    """"binary" if there are no greys; "density" if many pixels that are lit all around are not white, as in a picture
+    drawn by the chaos game; else "coverage", as in an anti-aliased one."""
+    if bool(((image == 0) | (image == 1)).all()):
+        return "binary"
     inner = -max_pool2d(-image[None, None], 3, 1, 1)[0, 0] > INSIDE
     inner[[0, -1]] = inner[:, [0, -1]] = False
     if not bool(inner.any()):
-        return "coverage" if bool(((image == 0) | (image == 1)).all()) else "density"
+        return "density"
     return "density" if float((image[inner] < 0.95).float().mean()) > DENSITY_SHARE else "coverage"
 
 

@@ -30,16 +30,17 @@ class Collage(Method):
     single maps where the picture asks for it.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
-    points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at once, by as
-    many threads. seconds: a limit after which what is left of each stage is skipped (and a run can no longer be
-    repeated bit for bit). previews: how many preview images are reported. device: where tensors live. Raises
-    `InputError` on values out of range.
+    points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at
+    once, by as many threads. seconds: a limit after which what is left of each stage is skipped (and a run can no
+    longer be repeated bit for bit). previews: how many preview images are reported. device: where tensors live.
+    Raises `InputError` on values out of range.
     """
 
     def __init__(self, *, islands: int = 5, moves: int = 50, rounds: int = 1, detail_moves: int = 25,
                  picture_moves: int = 60, maps: int | None = None, at_most: int | None = None,
                  levels: Literal["auto", "density", "coverage", "binary"] = "auto", finest: int = 256,
-                 proposals: int = 2, seconds: float | None = None, seed: int = 0, previews: int = 10, device: str = "cpu"):
+                 proposals: int = 2, seconds: float | None = None, seed: int = 0, previews: int = 10,
+                 device: str = "cpu"):
         for name, value, least in (("islands", islands, 1), ("moves", moves, 0), ("rounds", rounds, 0),
                                    ("detail_moves", detail_moves, 0), ("picture_moves", picture_moves, 0),
                                    ("maps", maps, 2), ("at_most", at_most, 2), ("finest", finest, 64),

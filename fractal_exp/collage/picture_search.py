@@ -26,6 +26,7 @@ SIZES = (0.02, 0.6)            # of the larger singular values at birth
 ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
 SETTLED = 1.05                 # times the noise of a drawing: an error that the true code may have
+OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
 PROMISING = 1.25               # times the score before: what is worth a polish
 BIRTHS, TURNS, REPLACEMENTS = 0.5, 0.25, 0.2   # the chances of a move; the rest are removals
 POLISH = 8                     # steps of all maps at the start and the end
@@ -46,10 +47,9 @@ class PictureSearch:
 
     def resume(self, tiling: Tiling) -> Tiling:
         """The best drawing of the tiling and its refinements, with its own weights or those of |det| + 0.01."""
-        shown = [refined(self.picture, self.masses, tiling.maps, weights, self.finest, self.seed)
-                 for weights in (None, tiling.weights)]
-        best = min(shown, key=lambda drawn: drawn.error)
-        return self._tiling(polished(self.picture, best, POLISH))
+        tied, own = (polished(self.picture, refined(self.picture, self.masses, tiling.maps, weights, self.finest,
+                                                    self.seed), POLISH // 2) for weights in (None, tiling.weights))
+        return self._tiling(polished(self.picture, self._simpler(tied, own), POLISH // 2))
 
     def step(self, now: Tiling, number: int) -> Tiling:
         """`now`, or a better neighbour."""
@@ -71,7 +71,11 @@ class PictureSearch:
 
     def finish(self, now: Tiling) -> Tiling:
         """Polished once more."""
-        return self._tiling(polished(self.picture, self._drawn(now), POLISH))
+        found = polished(self.picture, self._drawn(now), POLISH)
+        if found.weights is not None:
+            tied = polished(self.picture, self.picture.judge(found.maps), POLISH)
+            found = self._simpler(tied, found)
+        return self._tiling(found)
 
     def settled(self, now: Tiling) -> bool:
         """Whether the code draws the picture as well as the true one would."""
@@ -79,6 +83,11 @@ class PictureSearch:
         if self._noise is None or self._noise[0] is not shown.maps:
             self._noise = shown.maps, self.picture.noise(shown.code)
         return shown.error < SETTLED * self._noise[1]
+
+    @staticmethod
+    def _simpler(tied: Drawn, own: Drawn) -> Drawn:
+        """Weights of its own must be worth it: they follow noise, and stay behind where the maps move."""
+        return own if own.error < OWN_WEIGHTS * tied.error else tied
 
     # -- parts of a step ----------------------------------------------------------------------------------------------
 

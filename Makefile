@@ -5,8 +5,12 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST_ARGS ?=
 PORT ?= 5000
+SCALE ?= laptop
+COUNT ?= 4
+WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
+SWEEP_ARGS ?=
 
-.PHONY: help setup run test dashboard bench lint clean
+.PHONY: help setup run ablations test dashboard bench lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -23,6 +27,10 @@ $(READY): pyproject.toml
 run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pictures, dashboard
 	@$(BIN)/fractal-train target=retina model.maps=20
 	@$(BIN)/fractal-train target=known target.name=fern model.maps=4
+
+ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=paper COUNT=50 is the paper's own)
+	@$(BIN)/fractal-sweep ablations scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) \
+	  $(SWEEP_ARGS)
 
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)

@@ -9,11 +9,12 @@ SCALE ?= laptop
 COUNT ?= 4
 WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
 SWEEP_ARGS ?=
+SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run ablations test dashboard bench lint clean
+.PHONY: help setup run ablations test test-launchers dashboard bench lint clean
 
 help: ## List the targets
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
 
 setup: $(READY) ## Create .venv and install everything (about 3 GB, once)
 
@@ -34,6 +35,11 @@ ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=p
 
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for real (root on Debian: installs packages)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,launchers]'
+	@tests/slurm.sh start $(SLURM) && trap 'tests/slurm.sh stop $(SLURM)' EXIT; \
+	  SLURM_CONF=$(SLURM)/slurm.conf $(BIN)/python -m pytest -m optional
 
 dashboard: $(READY) ## Open the MLflow dashboard of what was fitted (PORT=5000)
 	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT)

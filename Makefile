@@ -37,7 +37,7 @@ test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for real (root on Debian: installs packages)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,launchers]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,launchers,server]'
 	@tests/slurm.sh start $(SLURM) && trap 'tests/slurm.sh stop $(SLURM)' EXIT; \
 	  SLURM_CONF=$(SLURM)/slurm.conf $(BIN)/python -m pytest -m optional
 

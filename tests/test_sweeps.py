@@ -87,10 +87,10 @@ def test_names_of_jobs_say_what_varies_and_stay_apart():
     assert len({*long, *odd}) == 4 and all(len(name) < 200 and "/" not in name for name in [*long, *odd])
 
 
-def start(output: Path, *words: str) -> subprocess.Popen:
-    environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"}
-    return subprocess.Popen([sys.executable, "-m", "fractal_exp.apps.sweep", *words, *TINY, f"output={output}"],
-                            text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
+def start(output: Path, *words: str, **environment: str) -> subprocess.Popen:
+    environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"} | environment
+    command = [sys.executable, "-m", "fractal_exp.apps.sweep", words[0], *TINY, f"output={output}", *words[1:]]
+    return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
 
 
 def run(output: Path, *words: str) -> tuple[int, str]:
@@ -135,8 +135,8 @@ def wait_for(condition, what: str, process: subprocess.Popen, seconds: float = 1
 
 
 def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
-    words = ["function_count", "sweep.count=2", "model.maps=3,5", "launch=joblib", "iterations=150",
-             "checkpoint_every=10"]
+    words = ["function_count", "sweep.count=2", "model.maps=3,5", "launch=joblib", "iterations=60",
+             "checkpoint_every=5"]
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     status, printed = run(whole, *words)
     assert status == 0 and "4 of 4 jobs finished" in printed

@@ -5,11 +5,16 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST_ARGS ?=
 PORT ?= 5000
+SCALE ?= laptop
+COUNT ?= 4
+WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
+SWEEP_ARGS ?=
+SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run test dashboard bench lint clean
+.PHONY: help setup run ablations test test-launchers dashboard bench lint clean
 
 help: ## List the targets
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
 
 setup: $(READY) ## Create .venv and install everything (about 3 GB, once)
 
@@ -24,8 +29,17 @@ run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pi
 	@$(BIN)/fractal-train method=collage target=retina
 	@$(BIN)/fractal-train method=collage target=known target.name=fern
 
+ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=paper COUNT=50 is the paper's own)
+	@$(BIN)/fractal-sweep ablations scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) \
+	  $(SWEEP_ARGS)
+
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for real (root on Debian: installs packages)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,launchers,server]'
+	@tests/slurm.sh start $(SLURM) && trap 'tests/slurm.sh stop $(SLURM)' EXIT; \
+	  SLURM_CONF=$(SLURM)/slurm.conf $(BIN)/python -m pytest -m optional
 
 dashboard: $(READY) ## Open the MLflow dashboard of what was fitted (PORT=5000)
 	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT)

@@ -43,6 +43,7 @@ class TrainConfig:
     threads: int | None = None
     output: str = "outputs"
     study: str = "fits"
+    sweep: Any = None
     name: str | None = None
     resume: bool = False
     checkpoint_every: int = 250

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from ..errors import InputError
 from ..evaluation import Perceptual, metrics, score
 from ..evaluation.pictures import comparison_strip
-from ..evaluation.scoring import ALIGNMENTS
+from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.views import evaluation_views
 from ..ifs import View
 from ..methods.base import Reconstruction
@@ -26,11 +27,14 @@ NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPI
 
 @dataclass(frozen=True)
 class Judgement:
-    """per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; pictures by name: the input as
-    `target`, its reconstruction as `result`, and `comparison`, target | result | difference of every view."""
+    """per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; trivial: the means that an all
+    white and an all black image get, as white/… and black/…; pictures by name: the input as `target`, its
+    reconstruction as `result`, `comparison`, target | result | difference of every view, and where the truth is known
+    `zoomed_target` and `zoomed`, the view beyond 2x that shows most."""
 
     per_view: pd.DataFrame
     scores: dict[str, float]
+    trivial: dict[str, float]
     pictures: dict[str, Tensor | np.ndarray]
 
     def describe(self) -> str:
@@ -74,8 +78,18 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     means = per_view[[name for name in NAMES if name in per_view]].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
     captions = [f"{row.view}, F1 {row.f1:.3f}" for row in per_view.itertuples()]
-    return Judgement(per_view, scores, {"target": target.image, "result": drawn,
-                                        "comparison": comparison_strip(images, truth, captions)})
+    pictures = {"target": target.image, "result": drawn, "comparison": comparison_strip(images, truth, captions)}
+    if len(per_view) > 1:
+        lit = [float((image > 0).float().mean()) if zoom > 2 else -1.0
+               for image, zoom in zip(truth, per_view["zoom"], strict=True)]
+        k = lit.index(max(lit))
+        pictures |= {"zoomed_target": truth[k], "zoomed": images[k]}
+    return Judgement(per_view, scores, _trivial(truth), pictures)
+
+
+def _trivial(truth: Tensor) -> dict[str, float]:
+    return {f"{name.removeprefix('all ')}/{metric}": float(values.mean()) for name, picture in TRIVIAL.items()
+            for metric, values in metrics.compare(torch.full_like(truth, picture.value), truth).items()}
 
 
 def _against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:

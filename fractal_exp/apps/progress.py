@@ -20,7 +20,8 @@ class Reporter:
         self.run, self.folder = run, folder
 
     def __enter__(self) -> Self:
-        self.bar = tqdm(total=100, unit="%", file=sys.stdout, mininterval=0.5, leave=True,
+        self.bar = tqdm(total=100, unit="%", file=sys.stdout, leave=True,
+                        mininterval=0.5 if sys.stdout.isatty() else 10,
                         bar_format="  {l_bar}{bar}| {elapsed} < {remaining}{postfix}")
         return self
 

@@ -12,9 +12,13 @@ import torch
 from omegaconf import OmegaConf
 
 from .. import tracking
+from ..errors import InputError
 from ..ops import backends
+from ..tracking.store import PARENT
 from .configuration import method_name
 from .folders import FitFolder
+
+SWEEP = "sweep"  # the tag `kind` of a parent run
 
 
 class Runs(ABC):
@@ -29,6 +33,19 @@ class Runs(ABC):
         the run's parameters; target: the name of the target. Raises `InputError` if the store cannot be used.
         """
 
+    @abstractmethod
+    def start_sweep(self, settings: Mapping[str, Any], folder: Path) -> tracking.Tracker:
+        """Begin the parent run of the sweep in `folder`, or go on with it if that sweep was begun before.
+
+        settings: as far as it is common to all jobs. Raises `InputError` if the store cannot be used.
+        """
+
+    def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:  # noqa: B027
+        """Note that the job of a sweep in `folder` failed, even if it failed before it had a run."""
+
+    def check_kept(self, folder: FitFolder, settings: Mapping[str, Any]) -> None:  # noqa: B027
+        """Raise `InputError` if the finished fit in `folder` is a sweep's job whose run this store does not have."""
+
     def where(self, settings: Mapping[str, Any]) -> str | None:
         """How to look at the runs, in words."""
         return None
@@ -36,6 +53,9 @@ class Runs(ABC):
 
 class NoRuns(Runs):
     """tracking=none."""
+
+    def start_sweep(self, settings: Mapping[str, Any], folder: Path) -> tracking.Tracker:
+        return tracking.NoTracker()
 
     def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str
               ) -> tracking.Tracker:
@@ -52,18 +72,59 @@ class MlflowRuns(Runs):
         tags = tracking.standard_tags(
             variant=settings["variant"], method=method_name(settings["method"]), target=target,
             scale=settings["scale"], backend=backend, device=settings["device"], perceptual=settings["perceptual"])
-        resumed = folder.run_to_resume(uri) if settings["resume"] else None
+        resumed = None
+        if settings["sweep"]:
+            tags |= _job_tags(settings["sweep"], folder.path)
+            resumed = _job_run(uri, settings, folder.path)
+        elif settings["resume"]:
+            resumed = folder.run_to_resume(uri)
         run = tracking.start_run(uri, settings["study"], folder.path.name, folder=folder.path,
-                                 params=_params(identity), tags=tags, resume_run_id=resumed)
+                                 params=_params(identity), tags=tags, resume_run_id=resumed,
+                                 parent_run_id=settings["sweep"] and settings["sweep"]["run"])
         folder.remember_run(uri, run.run_id)
         run.artifact("config.yaml", OmegaConf.to_yaml(dict(settings)))
         return run
+
+    def start_sweep(self, settings: Mapping[str, Any], folder: Path) -> tracking.Tracker:
+        uri = tracking.prepare_store(Path(settings["output"]))
+        known = tracking.find_run(uri, settings["study"], {"kind": SWEEP, "sweep": folder.name})
+        return tracking.start_run(uri, settings["study"], folder.name, folder=folder, resume_run_id=known,
+                                  tags={"kind": SWEEP, "sweep": folder.name, "scale": settings["scale"],
+                                        "device": settings["device"], "perceptual": settings["perceptual"]})
+
+    def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:
+        uri, sweep = tracking.prepare_store(Path(settings["output"])), settings["sweep"]
+        # A run that the fit has begun carries the error already; gone on with, it is none the worse.
+        run = tracking.start_run(uri, settings["study"], folder.name, folder=folder, tags=_job_tags(sweep, folder),
+                                 resume_run_id=_job_run(uri, settings, folder), parent_run_id=sweep["run"])
+        run.finish("FAILED", error)
+
+    def check_kept(self, folder: FitFolder, settings: Mapping[str, Any]) -> None:
+        if not settings["sweep"]:
+            return
+        uri = tracking.prepare_store(Path(settings["output"]))
+        if any(folder.path.glob("undelivered-*")):
+            tracking.deliver(folder.path)
+        if _job_run(uri, settings, folder.path) is None:
+            raise InputError(f"{folder.path} holds this fit, finished, but its run is not below this sweep's in the "
+                             "store; use the store that it was tracked in, or delete that folder to fit it again")
 
     def where(self, settings: Mapping[str, Any]) -> str | None:
         if server := os.environ.get("MLFLOW_TRACKING_URI"):
             return server
         return "make dashboard" if Path(settings["output"]) == Path("outputs").absolute() else (
             f"python -m fractal_exp.tracking dashboard {settings['output']}")
+
+
+def _job_tags(sweep: Mapping[str, Any], folder: Path) -> dict[str, str]:
+    """What a report needs to know of a job."""
+    return {"kind": "job", "sweep": sweep["folder"], "job": folder.name, "row": str(sweep["row"]),
+            "sample": str(sweep["sample"])}
+
+
+def _job_run(uri: str, settings: Mapping[str, Any], folder: Path) -> str | None:
+    """The run that this job was given before. The store knows, whatever was killed before it could write a file."""
+    return tracking.find_run(uri, settings["study"], {PARENT: settings["sweep"]["run"], "job": folder.name})
 
 
 def _params(identity: Mapping[str, Any]) -> dict[str, Any]:

@@ -30,7 +30,8 @@ from .judging import Judgement, check_options, judge
 from .progress import Reporter
 from .runs import Runs
 
-NOT_PART_OF_A_FIT = ("output", "study", "name", "resume", "tracking", "threads", "checkpoint_every", "evaluation")
+NOT_PART_OF_A_FIT = ("output", "study", "name", "resume", "tracking", "threads", "checkpoint_every", "evaluation",
+                     "sweep")
 
 
 def fit(config: DictConfig) -> dict[str, float]:
@@ -54,6 +55,7 @@ def fit(config: DictConfig) -> dict[str, float]:
     folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label, identity))
     scores = folder.finished_scores(identity | {"evaluation": settings["evaluation"]})
     if config.resume and scores:
+        runs.check_kept(folder, settings)
         print(f"{folder.path} holds this fit, finished; resume=false fits it again")
         return scores
     checkpoint = Checkpoint(folder.checkpoint, config.checkpoint_every, identity, config.resume)
@@ -72,7 +74,8 @@ def fit(config: DictConfig) -> dict[str, float]:
             run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds)
         _keep(folder, run, judgement)
-        folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
+    # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
+    folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
     print(f"  {judgement.describe()}")
     print(f"  code       {folder.path / 'code.json'}")
     print(f"  pictures   {folder.views}")
@@ -106,7 +109,7 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
         run.image(name, image)
     judgement.per_view.to_csv(folder.path / "per_view.csv", index=False)
     run.table("per_view.json", judgement.per_view)
-    run.log(judgement.scores)
+    run.log(judgement.scores | judgement.trivial)
 
 
 @hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="train")

@@ -64,13 +64,15 @@ def ceiling_fraction(frame: pd.DataFrame) -> float:
 
 def _statistics(values: pd.Series, fractal: pd.Series, seed: int) -> dict[str, float | int]:
     means = values.groupby(fractal.loc[values.index]).mean().to_numpy()
-    low, high = _bootstrap(means, seed)
+    low, high = bootstrap_interval(means, seed)
     spread = float(means.std(ddof=1)) if len(means) > 1 else float("nan")
     return {"mean": float(values.mean()), "std": spread, "low": low, "high": high, "views": len(values),
             "fractals": len(means)}
 
 
-def _bootstrap(means: np.ndarray, seed: int) -> tuple[float, float]:
+def bootstrap_interval(means: np.ndarray, seed: int = 0) -> tuple[float, float]:
+    """Low and high end of the bootstrap 95% interval of the mean of numbers (K,): Efron's percentile interval, 9999
+    resamples; NaN for fewer than two, or where one is not finite."""
     if len(means) < 2 or not np.isfinite(means).all():
         return float("nan"), float("nan")
     if np.ptp(means) == 0:

@@ -5,11 +5,21 @@ log, image, artifact, table; `reading` gets it all back for reports, notebooks a
 """
 
 from .base import NoTracker, Tracker
-from .reading import dashboard_command, read_artifact, read_series, read_table, runs_frame
+from .reading import (
+    comparison_address,
+    dashboard_command,
+    find_run,
+    nested_below,
+    read_artifact,
+    read_series,
+    read_table,
+    runs_frame,
+)
 from .run import MlflowTracker, deliver, start_run
 from .store import mark_killed_runs, prepare_store, standard_tags
 
 __all__ = [
-    "MlflowTracker", "NoTracker", "Tracker", "dashboard_command", "deliver", "mark_killed_runs", "prepare_store",
-    "read_artifact", "read_series", "read_table", "runs_frame", "standard_tags", "start_run",
+    "MlflowTracker", "NoTracker", "Tracker", "comparison_address", "dashboard_command", "deliver", "find_run",
+    "mark_killed_runs", "nested_below", "prepare_store", "read_artifact", "read_series", "read_table", "runs_frame",
+    "standard_tags", "start_run",
 ]

@@ -7,11 +7,13 @@ import os
 import socket
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from ..errors import InputError
-from .store import connect, database_path, pages, shown
+from .store import PARENT, connect, database_path, pages, patiently, shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,6 +43,30 @@ def runs_frame(uri: str, experiment: str, where: str = "") -> pd.DataFrame:
     for column in ("start_time", "end_time"):
         frame[column] = pd.to_datetime(frame[column], unit="ms", utc=True)
     return frame
+
+
+def find_run(uri: str, experiment: str, tags: Mapping[str, str]) -> str | None:
+    """The newest run of a study that has all these tags, or None."""
+    client = connect(uri)
+    found = patiently(uri, client.get_experiment_by_name, experiment)
+    if found is None:
+        return None
+    where = " and ".join(f"tags.`{name}` = '{value}'" for name, value in tags.items())
+    runs = patiently(uri, client.search_runs, [found.experiment_id], filter_string=where, max_results=1)
+    return runs[0].info.run_id if runs else None
+
+
+def nested_below(run_id: str) -> str:
+    """The filter of `runs_frame` for the runs nested below one."""
+    return f"tags.`{PARENT}` = '{run_id}'"
+
+
+def comparison_address(uri: str, experiment: str, parent_run_id: str) -> str:
+    """Where the dashboard compares the runs below a parent: on the server, or on one that `make dashboard` starts."""
+    identifier = connect(uri).get_experiment_by_name(experiment).experiment_id
+    server = "http://127.0.0.1:5000" if database_path(uri) else shown(uri).rstrip("/")
+    query = quote(nested_below(parent_run_id))
+    return f"{server}/#/experiments/{identifier}/runs?searchFilter={query}&compareRunsMode=CHART"
 
 
 def read_series(uri: str, run_id: str, name: str) -> pd.DataFrame:

@@ -18,7 +18,17 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from .base import Tracker
 from .outbox import Outbox, Upload
-from .store import FIRST_PATIENCE, artifact_root, connect, is_written_elsewhere, patiently, process_tags, reason, shown
+from .store import (
+    FIRST_PATIENCE,
+    PARENT,
+    artifact_root,
+    connect,
+    is_written_elsewhere,
+    patiently,
+    process_tags,
+    reason,
+    shown,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,7 +117,7 @@ def start_run(uri: str, experiment: str, name: str, *, folder: str | Path, param
     texts, files = _param_texts(params or {})
     tags = {**(tags or {}), **process_tags()}
     if parent_run_id is not None:
-        tags["mlflow.parentRunId"] = parent_run_id
+        tags[PARENT] = parent_run_id
     known: dict[str, Any] = {}
     if resume_run_id is None:
         experiment_id = patiently(uri, _experiment_id, client, uri, experiment)

@@ -30,6 +30,7 @@ PATIENCE = 60.0                       # seconds that a fit waits to start while 
 FIRST_PATIENCE = 10.0                 # and that the first command waits, when an address may be mistaken
 FIRST_RETRY, LAST_RETRY = 0.5, 5.0    # seconds between attempts, doubling
 PAGE = 1000                           # runs per request
+PARENT = "mlflow.parentRunId"         # the tag by which MLflow nests runs
 
 # Read by MLflow when it is imported or called. Its own retries would hold one call for minutes: ours stand instead.
 ENVIRONMENT = {

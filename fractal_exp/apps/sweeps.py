@@ -1,0 +1,185 @@
+"""A sweep as its parent process sees it: the jobs to be done, a parent run, what comes in, the table at the end."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf, open_dict, read_write
+from omegaconf.errors import OmegaConfBaseException
+
+from ..errors import InputError
+from ..tracking import NoTracker, Tracker, mark_killed_runs, prepare_store
+from . import configuration
+from .commands import make_folder
+from .jobs import FAILED, Outcome, describe_scores, job_name
+from .runs import Runs
+from .tables import write_tables
+from .train import NOT_PART_OF_A_FIT
+
+POLL_SECONDS = 0.5
+JOBS = "jobs.json"  # of the parent run: the names of all jobs
+
+
+class OpenSweep(Callback):
+    """Hydra's call before the first job starts: opens the sweep and tells the jobs where they belong."""
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        try:
+            opened.append(Sweep(config))
+        except InputError as error:  # Hydra would make a mere warning of it
+            print(f"fractal-sweep: error: {error}", file=sys.stderr)
+            raise SystemExit(2) from None
+        except Exception:
+            traceback.print_exc()
+            raise SystemExit(1) from None
+
+
+opened: list[Sweep] = []  # by Hydra's callback, which can return nothing; `fractal-sweep` closes them
+
+
+class Sweep:
+    """One sweep: its jobs, its folder, its parent run."""
+
+    def __init__(self, config: DictConfig) -> None:
+        """Plan the jobs of `config`, start the parent run and write into `config` what the jobs need to know.
+
+        Raises `InputError` if the configuration or the store cannot be used.
+        """
+        overrides, self.keys = _planned(config)
+        self.names = [job_name(job, self.keys) for job in overrides]
+        settings = _common(config)
+        self.settings = settings
+        self.folder = make_folder(Path(settings["output"]) / settings["study"] / _folder_name(settings))
+        for name in self.names:  # what is there from now on is news
+            Outcome.path(self.folder / name).unlink(missing_ok=True)
+        runs: Runs = configuration.build(config.tracking)
+        self.run: Tracker = runs.start_sweep(settings, self.folder)
+        self.run.artifact(JOBS, json.dumps(self.names, indent=1))
+        self.run.artifact("sweep.json", json.dumps(settings["sweep"], indent=1))
+        self.run.artifact("config.yaml", OmegaConf.to_yaml(settings))
+        _tell_jobs(config, {"folder": self.folder.name, "run": self.run.run_id or "null",
+                            "varies": f"[{','.join(json.dumps(key) for key in self.keys)}]"})
+        print(f"{settings['sweep']['title']}: {len(self.names)} jobs, {settings['scale']} scale, "
+              f"{settings['sweep']['workers']} at a time; {self.folder}", flush=True)
+        self.watch = Watch(self.folder, self.names)
+        self.watch.start()
+
+    def close(self, status: int) -> int:
+        """Stop watching, make the tables, end the parent run; the exit status, at least `status`."""
+        self.watch.stop()
+        outcomes = {name: Outcome.read(self.folder / name) for name in self.names}
+        failed = [name for name, outcome in outcomes.items() if outcome and outcome.status == FAILED]
+        absent = [name for name, outcome in outcomes.items() if outcome is None]
+        if not isinstance(self.run, NoTracker):
+            mark_killed_runs(prepare_store(Path(self.settings["output"])))
+            if len(absent) < len(self.names):
+                write_tables(self.run, Path(self.settings["output"]), self.settings["study"], self.folder)
+        print(f"\n{len(self.names) - len(failed) - len(absent)} of {len(self.names)} jobs finished"
+              + "".join(f"; {len(some)} {what}" for some, what in ((failed, "failed"), (absent, "without a result"))
+                        if some))
+        for name in failed:
+            print(f"  failed: {name}: {outcomes[name].reason}\n    {self.folder / name / 'log.txt'}")
+        if absent:
+            print("  the same command again goes on with those that have no result")
+        error = f"{len(failed)} jobs failed, {len(absent)} without a result" if failed or absent else None
+        self.run.finish("KILLED" if status == 130 else "FAILED" if error else "FINISHED", error)
+        return status or int(bool(error))
+
+
+class Watch(threading.Thread):
+    """Prints each outcome as soon as it lies in its job's folder, whatever launcher put it there."""
+
+    def __init__(self, folder: Path, names: Sequence[str]) -> None:
+        super().__init__(name="sweep watch", daemon=True)
+        self.folder, self.waiting, self.total = folder, list(names), len(names)
+        self.out = sys.stdout  # a job in this process sends sys.stdout elsewhere
+        self.began, self.fitted = time.monotonic(), 0  # jobs that took time
+        self._end = threading.Event()
+
+    def run(self) -> None:
+        while not self._end.wait(POLL_SECONDS):
+            self.look()
+
+    def stop(self) -> None:
+        """Look a last time and end."""
+        self._end.set()
+        self.join()
+        self.look()
+
+    def look(self) -> None:
+        """Print what is new."""
+        for name in self.waiting[:]:
+            outcome = Outcome.read(self.folder / name)
+            if outcome is not None:
+                self.waiting.remove(name)
+                self._print(outcome)
+
+    def _print(self, outcome: Outcome) -> None:
+        done = self.total - len(self.waiting)
+        text = f"  {done:{len(str(self.total))}}/{self.total}  {outcome.row}, {outcome.sample}: "
+        if outcome.status == FAILED:
+            text += f"FAILED\n{outcome.traceback}"
+        elif outcome.again:
+            text += f"{describe_scores(outcome)}  (finished before)"
+        else:
+            self.fitted += 1
+            left = (time.monotonic() - self.began) / self.fitted * len(self.waiting)
+            about = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
+            text += f"{describe_scores(outcome)}  ({outcome.seconds:.0f} s{f', about {about} left' if left else ''})"
+        print(text, file=self.out, flush=True)
+
+
+def _planned(config: DictConfig) -> tuple[list[list[str]], list[str]]:
+    """The overrides of every job as Hydra's basic sweeper makes them, and the keys that vary."""
+    try:
+        lines = [f"{key}={value}" for key, value in (config.hydra.sweeper.params or {}).items()]
+    except OmegaConfBaseException as error:
+        raise InputError(f"the sweep cannot be planned: {str(error).splitlines()[0]}") from error
+    parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+    overrides = parser.parse_overrides(lines + list(config.hydra.overrides.task))
+    keys = [*dict.fromkeys([*(line.split("=", 1)[0] for line in lines),
+                            *(override.get_key_element() for override in overrides if override.is_sweep_override())])]
+    if not keys:
+        raise InputError("nothing varies; give a key several values: seed=0,1,2")
+    jobs = [job for batch in BasicSweeper.split_arguments(overrides, None) for job in batch]
+    return jobs, keys
+
+
+def _common(config: DictConfig) -> dict[str, Any]:
+    """What is common to all jobs, as plain data; what is left open in it stays '???'."""
+    with read_write(config):
+        config.output = str(Path(config.output).expanduser().absolute())
+    plain = OmegaConf.masked_copy(config, [key for key in config if key not in ("hydra", "sweep")])
+    try:
+        settings = OmegaConf.to_container(plain, resolve=True)
+        # Rows and samples differ from job to job: here they are patterns.
+        sweep = OmegaConf.to_container(config.sweep, resolve=False)
+        for key in ("title", "baseline", "published", "workers", "count"):
+            sweep[key] = config.sweep[key]
+    except OmegaConfBaseException as error:
+        raise InputError(f"the configuration cannot be resolved: {str(error).splitlines()[0]}") from error
+    return settings | {"sweep": sweep}
+
+
+def _folder_name(settings: dict[str, Any]) -> str:
+    """The same for the same sweep, however many jobs it has and however they are launched."""
+    identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT or key == "evaluation"}
+    return f"{settings['scale']}-{hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:6]}"
+
+
+def _tell_jobs(config: DictConfig, facts: dict[str, str]) -> None:
+    with read_write(config), open_dict(config):
+        config.hydra.overrides.task.extend([f"output={json.dumps(config.output)}",
+                                            *(f"sweep.{key}={value}" for key, value in facts.items())])

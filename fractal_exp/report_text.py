@@ -1,0 +1,120 @@
+"""Tables of `report.summary` as Markdown, LaTeX and CSV."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .published import TABLES
+from .report import MEASURED, PUBLISHED, TRIVIAL, Sweep, same_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TITLES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS"}
+DIGITS = {"psnr": 2}
+
+
+def describe(sweep: Sweep) -> str:
+    """What was measured, in one line: scale, samples, what the brackets mean."""
+    samples = sweep.jobs["sample"].dropna().nunique()
+    return (f"{sweep.title}: measured at {sweep.scale} scale on {samples} samples, mean over views and samples "
+            "[bootstrap 95% interval over samples]"
+            + (f"; LPIPS with the backbone of {sweep.perceptual}" if "lpips" in sweep.metrics else ""))
+
+
+def cells(sweep: Sweep, table: pd.DataFrame, source: str) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of the part of the table from one source, as texts; columns that hold nothing are left out."""
+    part = table[table["source"] == source]
+    names = [name for name in [*sweep.metrics, *(set(TITLES) - set(sweep.metrics))]
+             if name in part and part[name].notna().any()]
+    names = sorted(names, key=lambda name: list(TITLES).index(name) if name in TITLES else len(TITLES))
+    columns = {"": part["row"].astype(str).tolist()}
+    for name in names:
+        columns[TITLES.get(name, name)] = [_score(line, name) for _, line in part.iterrows()]
+    if source == MEASURED:
+        if sweep.baseline:
+            columns[f"F1 above {sweep.baseline}"] = [
+                f"{int(line['wins'])}/{int(line['compared'])}" if line.get("compared", np.nan) > 0 else "–"
+                for _, line in part.iterrows()]
+        columns["jobs"] = [_jobs(line) for _, line in part.iterrows()]
+    if "seconds" in part and part["seconds"].notna().any():
+        columns["time"] = [_time(seconds) for seconds in part["seconds"]]
+    return list(columns), [list(row) for row in zip(*columns.values(), strict=True)]
+
+
+def _score(line: pd.Series, name: str) -> str:
+    if not np.isfinite(line.get(name, np.nan)):
+        return "–"
+    digits = DIGITS.get(name, 3)
+    low, high = line.get(f"{name}_low", np.nan), line.get(f"{name}_high", np.nan)
+    return f"{line[name]:.{digits}f}" + (f" [{low:.{digits}f}, {high:.{digits}f}]" if np.isfinite(low) else "")
+
+
+def _jobs(line: pd.Series) -> str:
+    extra = "".join(f", {int(line[name])} {name}" for name in ("failed", "unfinished") if line[name])
+    return f"{int(line['finished'])}{extra}"
+
+
+def _time(seconds: float) -> str:
+    if not np.isfinite(seconds):
+        return "–"
+    if seconds < 1:
+        return f"{seconds * 1000:.0f} ms"
+    return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min"
+
+
+def _parts(sweep: Sweep, table: pd.DataFrame) -> list[tuple[str, list[str], list[list[str]]]]:
+    captions = {MEASURED: describe(sweep), TRIVIAL: "trivial images on the same views"}
+    if sweep.published:
+        captions[PUBLISHED] = f"published, not measured here ({TABLES[sweep.published].source})"
+    return [(caption, *cells(sweep, table, source)) for source, caption in captions.items()
+            if (table["source"] == source).any()]
+
+
+def failures(sweep: Sweep) -> list[str]:
+    """A line for each job that did not finish, with the reason."""
+    lost = sweep.jobs[sweep.jobs["status"] != "FINISHED"]
+    return [f"{line.job}: {line.status.lower()}{f': {line.reason}' if line.reason else ''}"
+            for line in lost.itertuples()]
+
+
+def markdown(sweep: Sweep, table: pd.DataFrame) -> str:
+    """The whole table as Markdown: measured, trivial and published rows apart, then the jobs that did not finish."""
+    blocks = [f"# {sweep.title}"]
+    for caption, head, rows in _parts(sweep, table):
+        widths = [max(len(text) for text in column) for column in zip(head, *rows, strict=True)]
+        padded = [[text.ljust(width) for text, width in zip(line, widths, strict=True)]
+                  for line in (head, ["-" * width for width in widths], *rows)]
+        blocks += [f"{caption[:1].upper()}{caption[1:]}:", "\n".join(f"| {' | '.join(line)} |" for line in padded)]
+    blocks += [f"The same results, number for number: {', '.join(rows)}." for rows in same_rows(sweep)]
+    if lost := failures(sweep):
+        blocks.append("Not finished:\n\n" + "\n".join(f"- {line}" for line in lost))
+    return "\n\n".join(blocks) + "\n"
+
+
+def latex(sweep: Sweep, table: pd.DataFrame) -> str:
+    """The whole table as LaTeX: a table environment that needs the package booktabs."""
+    parts = _parts(sweep, table)
+    order = ["", *TITLES.values()]  # a score that only the published rows have stands among the scores
+    heads = sorted(dict.fromkeys(title for _, head, _ in parts for title in head),
+                   key=lambda title: order.index(title) if title in order else len(order))
+    lines = [r"\begin{table}", r"\centering", rf"\caption{{{_escape(describe(sweep))}.}}",
+             rf"\label{{tab:{sweep.study}}}", rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}", r"\toprule",
+             " & ".join(_escape(title) for title in heads) + r" \\"]
+    for number, (caption, head, rows) in enumerate(parts):
+        lines.append(r"\midrule")
+        if number:
+            lines.append(rf"\multicolumn{{{len(heads)}}}{{p{{.95\linewidth}}}}{{\footnotesize {_escape(caption)}}} \\")
+        for row in rows:
+            known = dict(zip(head, row, strict=True))
+            lines.append(" & ".join(_escape(known.get(title, "")) for title in heads) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
+
+
+def _escape(text: str) -> str:
+    for plain, escaped in {"\\": r"\textbackslash ", "_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#", "²": r"$^2$",
+                           "–": "--"}.items():
+        text = text.replace(plain, escaped)
+    return text

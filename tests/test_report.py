@@ -1,0 +1,130 @@
+"""Tables from tracked runs: known numbers in, known tables out."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from fractal_exp import InputError, report, report_text, tracking
+from fractal_exp.apps.report import main
+from fractal_exp.published import TABLES
+
+F1 = {"full": [.6, .8, .7], "naive": [.5, .9, None], "no_ssim": [.6, .8, .7]}  # by fractal; None: that job failed
+
+
+@pytest.fixture(scope="module")
+def output(tmp_path_factory):
+    """A store with a sweep of three rows on three fractals, one job failed and one never begun, and an older sweep."""
+    folder = tmp_path_factory.mktemp("store")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        uri = tracking.prepare_store(folder)
+    log(uri, folder, "smoke-old", {"full": [.1]}, None)
+    log(uri, folder, "smoke-new", F1, "ablations")
+    return folder
+
+
+def log(uri, folder, name, scores, published):
+    names = [f"{i},{row}" for i in range(len(scores["full"])) for row in scores] + ["9,full"]
+    tags = {"kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": "none"}
+    with tracking.start_run(uri, "study", name, folder=folder, tags=tags) as parent:
+        parent.artifact("jobs.json", json.dumps(names))
+        parent.artifact("sweep.json", json.dumps({"title": "A study", "baseline": "full", "published": published}))
+        for row, values in scores.items():
+            for i, value in enumerate(values):
+                job = tracking.start_run(uri, "study", f"{i},{row}", folder=folder, parent_run_id=parent.run_id, tags={
+                    "kind": "job", "job": f"{i},{row}", "row": row, "sample": f"fractal {i}"})
+                if value is None:
+                    job.finish("FAILED", ValueError("of 100% & more_"))
+                    continue
+                job.log({"eval/f1": value, "eval/psnr": 10 * value, "white/f1": .4, "black/f1": .1, "train/loss": 1.0,
+                         "time/fit_seconds": 2.0 + i})
+                job.image("result", np.full((8, 8), value, np.float32))
+                job.image("zoomed", np.zeros((8, 8), np.float32))
+                job.finish()
+
+
+@pytest.fixture(scope="module")
+def sweep(output):
+    return report.read_sweep(f"sqlite:///{output / 'mlflow.db'}", "study")
+
+
+def test_a_sweep_is_read_in_the_order_of_its_plan_with_what_never_began(sweep):
+    assert sweep.name == "smoke-new" and sweep.metrics == ["f1", "psnr"]
+    assert list(sweep.jobs["job"][:4]) == ["0,full", "0,naive", "0,no_ssim", "1,full"]
+    assert sweep.jobs["status"].value_counts().to_dict() == {"FINISHED": 8, "FAILED": 1, "ABSENT": 1}
+    assert report_text.failures(sweep) == ["2,naive: failed: ValueError: of 100% & more_", "9,full: absent"]
+
+
+def test_means_spread_wins_and_time_are_those_of_the_jobs(sweep):
+    table = report.summary(sweep).set_index("row")
+    measured = table[table["source"] == "measured"]
+    assert list(measured.index) == ["full", "naive", "no_ssim"]
+    full, naive = measured.loc["full"], measured.loc["naive"]
+    assert full["f1"] == pytest.approx(.7) and full["psnr"] == pytest.approx(7) and full["f1_std"] == pytest.approx(.1)
+    assert .599 < full["f1_low"] < .7 < full["f1_high"] < .801
+    assert full["seconds"] == pytest.approx(3) and naive["seconds"] == pytest.approx(2.5)
+    assert (naive["finished"], naive["failed"], naive["unfinished"]) == (2, 1, 0)
+    assert (naive["wins"], naive["compared"]) == (1, 2), "on the fractals that both have"
+    assert (measured.loc["no_ssim"]["wins"], measured.loc["no_ssim"]["compared"]) == (0, 3), "a tie is no win"
+    assert np.isnan(full["wins"])
+    assert report.same_rows(sweep) == [["full", "no_ssim"]]
+
+
+def test_trivial_and_published_rows_stand_apart_and_are_the_papers(sweep):
+    table = report.summary(sweep)
+    trivial = table[table["source"] == "trivial"].set_index("row")
+    assert trivial.loc["all white", "f1"] == pytest.approx(.4) and trivial.loc["all black", "f1"] == pytest.approx(.1)
+    published = table[table["source"] == "published"].set_index("row")
+    assert list(published.index) == list(TABLES["ablations"].rows)
+    assert published.loc["no_mip", ["f1", "iou", "psnr", "ssim", "lpips"]].tolist() == [.363, .286, 9.08, .525, .512]
+    assert published["finished"].isna().all() and published["f1_low"].isna().all()
+
+
+def test_the_spread_has_a_cell_a_job(sweep):
+    spread = report.spread(sweep)
+    assert spread.shape == (3, 3) and spread.loc["naive", "fractal 1"] == pytest.approx(.9)
+    assert np.isnan(spread.loc["naive", "fractal 2"])
+
+
+def test_the_texts_say_what_was_measured_and_what_was_not(sweep):
+    table = report.summary(sweep)
+    text = report_text.markdown(sweep, table)
+    rows = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
+    assert "measured at smoke scale on 3 samples" in text and "Published, not measured here" in text
+    assert "0.700 [0.6" in text and "2, 1 failed" in text and "1/2" in text and "full, no_ssim" in text
+    assert rows["no_mip"].count("0.363") == 1
+    latex = report_text.latex(sweep, table)
+    assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}") == 1
+    body = [line for line in latex.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
+    assert len({line.count(" & ") for line in body}) == 1, "as many cells in every row"
+    assert "no\\_mip" in latex and "no_mip" not in latex
+
+
+def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    main(["study", "--output", str(output), "--out", str(tmp_path)])
+    assert "| naive" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "report.md", "report.tex", "report.csv", "report.png", "jobs.csv", "spread.csv"}
+    assert len(pd.read_csv(tmp_path / "jobs.csv")) == 10
+    main(["study", "--output", str(output), "--sweep", "smoke-old"])
+    assert "on 1 samples" in (output / "study" / "smoke-old" / "report.md").read_text()
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["nothing"], "has no study 'nothing'"),
+    (["study", "--sweep", "smoke-3"], "the study 'study' has no sweep 'smoke-3'; fractal-sweep study makes one"),
+    (["study", "--output", "/nowhere"], "no runs are kept in /nowhere; name the output folder"),
+])
+def test_what_is_not_there_is_said(output, words, message, capsys, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    with pytest.raises(SystemExit) as end:
+        main(["--output", str(output), *words])
+    assert end.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_an_unknown_store_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no study 'study'"):
+        report.read_sweep(tracking.prepare_store(tmp_path), "study")

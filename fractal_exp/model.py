@@ -160,9 +160,9 @@ class ForwardModel:
         return self._splat(points.view(draws, count, 2).to(target.device)).mean(0)
 
     @torch.no_grad()
-    def is_contractive(self, raw: Parameters) -> bool:
-        """Whether all singular values are below 1, so that there is an attractor."""
-        return bool((self.parameterization.decode(raw).singular < 1).all())
+    def is_contractive(self, raw: Parameters) -> Tensor:
+        """Whether all singular values are below 1, so that there is an attractor: bool (…,)."""
+        return (self.parameterization.decode(raw).singular < 1).all(-1).all(-1)
 
     @torch.no_grad()
     def code(self, raw: Parameters, seed: int = 0) -> IFS:

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 import torch
-from numba import cuda, float32, float64, int32, int64
+from numba import cuda, float32, float64, int32
 from torch import Tensor
 
 from .cpu_splat import pixel

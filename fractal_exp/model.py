@@ -32,6 +32,8 @@ class Maps:
 class Parameterization(ABC):
     """How raw parameters become affine maps. Stateless; a leading batch of codes is allowed throughout."""
 
+    waits = False  # whether decoding waits for a GPU, so that it cannot be recorded in a CUDA graph
+
     @abstractmethod
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Random raw parameters of N = `maps` maps, float32 on the CPU."""
@@ -75,6 +77,8 @@ class Naive(Parameterization):
 
     Initial matrices are those of `SVD`, so that the two start from the same distribution.
     """
+
+    waits = True  # as every singular value decomposition does
 
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
         raw = SVD().initial(maps, generator)
@@ -136,8 +140,9 @@ class ForwardModel:
         self.trajectories, self.length, self.warmup = trajectories, length, warmup
         self.supersample, self.sigma_px = supersample, sigma_px
 
-    def __call__(self, raw: Parameters, seed: int) -> Rendering:
-        """Image (…,R,R) of the attractor with fresh start points and map indices drawn from `seed`."""
+    def __call__(self, raw: Parameters, seed: int | Tensor) -> Rendering:
+        """Image (…,R,R) of the attractor with fresh start points and map indices drawn from `seed`, an int or an int64
+        tensor (…)."""
         maps = self.parameterization.decode(raw)
         points = self._points(maps, seed)
         scale, shift = frame(points)
@@ -175,6 +180,6 @@ class ForwardModel:
         return ops.splat(points, self.resolution, sigma_px=self.sigma_px, supersample=self.supersample,
                          backend=self.backend)
 
-    def _points(self, maps: Maps, seed: int) -> Tensor:
+    def _points(self, maps: Maps, seed: int | Tensor) -> Tensor:
         return ops.chaos_game(maps.linear, maps.offset, trajectories=self.trajectories, length=self.length,
                               warmup=self.warmup, seed=seed, backend=self.backend)

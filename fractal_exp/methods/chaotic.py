@@ -192,7 +192,7 @@ class Problem:
     def parameterization(self) -> Parameterization:
         return self.model.parameterization
 
-    def loss(self, raw: Parameters, seed: int) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         return self.objective(self.model(raw, seed))
 
     @torch.no_grad()

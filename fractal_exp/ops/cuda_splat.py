@@ -118,7 +118,7 @@ def _assign(points, side, across, reach, keys):
 @cuda.jit(fastmath=True)
 def _multiply(seated, starts, across, reach, exponent, transmittance):
     side = transmittance.shape[1]
-    place = cuda.shared.array((BATCH, 2), float32)             # of every point of a batch, in pixels of the tile
+    place = cuda.shared.array((BATCH, 2), float64)             # of every point of a batch, in pixels of the tile
     near = cuda.shared.array(BATCH, int32)                     # whether it reaches the tile
     gauss = cuda.shared.array((BATCH, AXES), float32)          # along x, then along y
     product = cuda.shared.array((SPLITS, TILE, TILE), float32)
@@ -138,14 +138,14 @@ def _multiply(seated, starts, across, reach, exponent, transmittance):
             cuda.syncthreads()
             if thread < count:
                 x, y = pixel(seated[base + thread, 0], seated[base + thread, 1], side)
-                x, y = float32(x - tx * TILE), float32(y - ty * TILE)
+                x, y = x - tx * TILE, y - ty * TILE
                 place[thread, 0], place[thread, 1] = x, y
                 near[thread] = -reach - 1 < x and x < TILE + reach and -reach - 1 < y and y < TILE + reach
             cuda.syncthreads()
             for entry in range(thread, count * AXES, SPLITS * GROUP):
                 k, j = entry // AXES, entry % AXES
                 if near[k]:
-                    d = float32(j % TILE) - place[k, j // TILE]
+                    d = float32(j % TILE - place[k, j // TILE])
                     gauss[k, j] = math.exp(d * d * float32(exponent))
             cuda.syncthreads()
             for k in range(split, count, SPLITS):

@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 PYTEST_ARGS ?=
 PORT ?= 5000
 
-.PHONY: help setup run test dashboard bench lint clean
+.PHONY: help setup run test dashboard bench bench-gpu lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -34,6 +34,10 @@ bench: $(READY) ## Time operators, an iteration and the renderer against their t
 	@$(BIN)/python -m benchmarks.ops
 	@$(BIN)/python -m benchmarks.iteration
 	@$(BIN)/python -m benchmarks.render
+
+bench-gpu: $(READY) ## Check and time everything on an NVIDIA GPU
+	@$(BIN)/python -m pip install --quiet --editable '.[cuda]'
+	@$(BIN)/python -m benchmarks.gpu
 
 lint: $(READY) ## Check the style with ruff
 	@$(BIN)/python -m pip install --quiet ruff && $(BIN)/ruff check .

@@ -121,7 +121,7 @@ class ForwardModel:
     maps: N; trajectories × length points are drawn, the first `warmup` of each trajectory dropped (b, l and m of the
     paper: 2000, 250, 10), every map with probability 1/N. The image has `resolution`² pixels, splatted at `supersample`
     times that with Gaussians of `sigma_px` supersampled pixels (Section 4.2; without multisampling: 1 and 1).
-    backend: auto, cpu or torch, see `fractal_exp.ops`. Raises `InputError` on any value out of range.
+    backend: auto, cpu, cuda or torch, see `fractal_exp.ops`. Raises `InputError` on any value out of range.
     """
 
     def __init__(self, parameterization: Parameterization, *, resolution: int = 256, maps: int = 10,

@@ -16,7 +16,7 @@ from .cuda_launch import blocks_of, launch
 
 WARP = 32
 GUIDE = 1 << GUIDE_BITS
-MAPS = 64  # whose gradients a block keeps in shared memory, a column of its own for every thread: 48 kB at most
+MAPS = 32  # whose gradients a block keeps in shared memory, a column of its own for every thread: 24 kB at most
 
 
 def forward(maps: Tensor, thresholds: Tensor, seeds: Tensor, trajectories: int, length: int,

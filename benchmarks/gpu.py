@@ -184,17 +184,22 @@ def perceptual_term(kind: str, weights: str | None) -> Perceptual | None:
     return term
 
 
-def paper_fit(sizes: Sizes, term: Perceptual | None, iterations: int, cuda_graph: bool) -> tuple[Chaotic, Tensor]:
-    """The paper's method with all losses, and a target of this model's own drawing."""
+def paper_method(sizes: Sizes, term: Perceptual | None, iterations: int, cuda_graph: bool = True,
+                 seed: int = 0) -> Chaotic:
+    """The paper's method with all losses."""
     model = ForwardModel(SVD(), maps=10, resolution=sizes.resolution, trajectories=sizes.trajectories,
                          length=sizes.length)
     objective = WeightedSum({"mse": 10, "ssim": 1, "perceptual": 2, "regularizer": 0.01},
                             {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": term, "regularizer": Regularizer()})
-    method = Chaotic(model, objective, Alternating(cuda_graph=cuda_graph), iterations=iterations, device=sizes.device,
-                     previews=0)
-    raw = {name: value.to(sizes.device) for name, value in SVD().initial(10, torch.Generator().manual_seed(1)).items()}
+    return Chaotic(model, objective, Alternating(cuda_graph=cuda_graph), iterations=iterations, seed=seed,
+                   device=sizes.device, previews=0)
+
+
+def some_target(method: Chaotic) -> Tensor:
+    """An image of this model's own drawing."""
+    raw = {name: value.to(method.device) for name, value in SVD().initial(10, torch.Generator().manual_seed(1)).items()}
     with torch.no_grad():
-        return method, model(raw, 0).image.cpu()
+        return method.model(raw, 0).image.cpu()
 
 
 def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer) -> dict:
@@ -203,8 +208,8 @@ def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer) -> dict:
     if sizes.device == "cuda":
         torch.cuda.reset_peak_memory_stats()
     for name, cuda_graph in (("graph_ms", True), ("plain_ms", False)):
-        method, target = paper_fit(sizes, term, 1, cuda_graph)
-        problem, number = Problem(method.model, method.objective, target.to(sizes.device)), iter(range(10**9))
+        method, number = paper_method(sizes, term, 1, cuda_graph), iter(range(10**9))
+        problem = Problem(method.model, method.objective, some_target(method).to(sizes.device))
         method.optimizer.start({k: v.to(sizes.device) for k, v in SVD().initial(
             10, torch.Generator().manual_seed(0)).items()}, 0)
         for _ in range(5):
@@ -217,7 +222,8 @@ def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer) -> dict:
 
 def time_fit(sizes: Sizes, term: Perceptual | None, iterations: int) -> dict:
     """Wall seconds of a whole fit, phases of annealing and bookkeeping included."""
-    method, target = paper_fit(sizes, term, iterations, True)
+    method = paper_method(sizes, term, iterations)
+    target = some_target(method)
     start = time.perf_counter()
     method.reconstruct(target, on_step=lambda progress: None)
     seconds = time.perf_counter() - start

@@ -1,6 +1,7 @@
 """The CUDA kernels where there is no GPU: run in numba's simulator, compiled for three generations of GPUs, and the
 messages to those who have none. `test_cuda_gpu` has the rest."""
 
+import json
 import logging
 import os
 import subprocess
@@ -105,3 +106,14 @@ def test_auto_takes_the_kernels_and_says_if_it_cannot(monkeypatch, caplog):
 def test_images_are_refused_on_devices_that_cannot_draw(device, message):
     with pytest.raises(InputError, match=message):
         render(IFS(torch.eye(2)[None] / 2, torch.zeros(1, 2)), device=device)
+
+
+def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path):
+    """A lease is too short to find a slip of the script on it."""
+    command = [sys.executable, "-m", "benchmarks.gpu", "--rehearse", "--json", str(tmp_path / "gpu.json")]
+    done = subprocess.run(command, cwd=HERE.parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    report = json.loads((tmp_path / "gpu.json").read_text())
+    assert [case["case"] for case in report["operations"]] == ["chaos game", "splat, paper", "splat, laptop"]
+    assert all(case["plain_ms"] > case["floor_ms"] > 0 for case in report["operations"])
+    assert {"rates", "views", "iteration", "fit", "environment"} <= set(report)

@@ -10,7 +10,7 @@ from ops_helpers import random_code
 
 from fractal_exp import View, attractor, codes
 from fractal_exp.evaluation.render import _address_tree, _window
-from fractal_exp.ops import cuda_histogram, cuda_launch
+from fractal_exp.ops import cuda_histogram, cuda_launch, cuda_splat
 from fractal_exp.ops.histogram import COUNTED, LIT
 
 pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
@@ -57,14 +57,18 @@ def test_splat_agrees_with_the_twin(points, resolution, supersample, sigma_px):
     check_splat(points, resolution, supersample, sigma_px)
 
 
+@pytest.mark.parametrize("chunk", [3, 10])
+def test_a_crowd_shared_out_to_many_blocks_gives_the_same_image(chunk, monkeypatch):
+    monkeypatch.setattr(cuda_splat, "CHUNK", chunk)
+    check_splat(torch.cat([scatter(2, 6, spread=0.4), scatter(2, 14)], 1), 11, 2, 1.2)
+
+
 def test_points_that_are_not_seen_have_no_gradient_and_leave_black():
     image, gradient = draw("cuda", torch.float32, LOST, 4, {"sigma_px": 2.5, "supersample": 2})
     assert (image == 0).all() and (gradient == 0).all()
 
 
 def test_images_without_gradient_are_drawn_in_shares(monkeypatch):
-    from fractal_exp.ops import cuda_splat
-
     grid, points = cuda_splat.grid_of(5, 2, 1.5), scatter(3, 20)
     at_once = cuda_splat.image_of(points, grid)
     monkeypatch.setattr(cuda_splat, "WORKSPACE", 2 * 4 * grid.side**2)

@@ -44,7 +44,10 @@ def kernels():
     yield "chaos_game_backward", game._backward, (floats[3], longs, floats[4], floats[4], array(t.uint16, 3), floats[4],
                                                   array(t.float64, 4))
     yield "assign", cuda_splat._assign, (floats[3], t.int64, t.int64, t.int64, array(t.int32, 1))
-    yield "multiply", cuda_splat._multiply, (floats[2], longs, t.int64, t.int64, t.float64, floats[3])
+    yield "share_out", cuda_splat._share_out, (longs, t.int64, t.int64, t.int64, longs)
+    yield "multiply", cuda_splat._multiply, (floats[2], longs, longs, t.int64, t.int64, t.int64, t.int64, t.float64,
+                                             floats[3], floats[3])
+    yield "combine", cuda_splat._combine, (longs, t.int64, floats[3], floats[3])
     yield "downsample", cuda_splat._downsample, (floats[3], t.int64, floats[3])
     yield "gather", cuda_splat._gather, (floats[2], longs, longs, floats[3], floats[3], t.int64, t.int64, t.float64,
                                          floats[2])

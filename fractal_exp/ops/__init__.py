@@ -80,8 +80,7 @@ def splat(
     beyond the canvas are drawn as far as they reach into it; infinite and NaN points are not, with zero gradient.
 
     The `cpu` backend repeats bit for bit whatever the number of threads, and so does `cuda` on GPUs of one kind, since
-    it has no atomics; `torch` on a GPU adds with atomics and need not. `cuda` sorts the points into tiles of 16 pixels:
-    the time grows where very many of them crowd into one.
+    it has no atomics; `torch` on a GPU adds with atomics and need not.
 
     Raises `InputError` on wrong shapes or dtypes, resolution or supersample below 1, sigma_px that is not a finite
     number above 0, or a backend that cannot take the tensor.

@@ -1,9 +1,9 @@
 """CUDA kernels of the splat: points are sorted into square tiles, and every sum is gathered by its owner.
 
 Forward, a block owns a tile of supersampled pixels and multiplies up their transmittance prod (1 - alpha) over the
-points around it; backward, eight threads own a point and sum over the pixels around it. Nobody adds to another's
-memory, so there are no atomics and results repeat bit for bit. Supersampled pixels are called pixels here, the image's
-own are called cells.
+points around it; where these are many, they are shared out to several blocks, whose products are multiplied in the end.
+Backward, eight threads own a point and sum over the pixels around it. Nobody adds to another's memory, so there are no
+atomics and results repeat bit for bit. Supersampled pixels are called pixels here, the image's own are called cells.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 import torch
-from numba import cuda, float32, float64, int32
+from numba import cuda, float32, float64, int32, int64
 from torch import Tensor
 
 from .cpu_splat import pixel
@@ -26,6 +26,7 @@ SPLITS = 4                # groups of threads that share out a tile's points
 GROUP = TILE * STRIPS     # threads that own a tile
 AXES = 2 * TILE           # the columns and the rows of a tile
 BATCH = 128               # points whose Gaussians a block holds at a time
+CHUNK = 1024              # points that a block goes through, at most, where a splat reaches no further than a tile
 LANES = 8                 # threads of a point
 BLOCK = 128               # threads of the kernels that are free to choose
 WORKSPACE = 1 << 30       # bytes of transmittance at a time, for images without a gradient
@@ -75,10 +76,20 @@ def sort(points: Tensor, grid: Grid) -> tuple[Tensor, Tensor, Tensor]:
 
 def transmittance(seated: Tensor, starts: Tensor, grid: Grid) -> Tensor:
     """prod (1 - alpha) of every pixel (B,S,S), from the points tile by tile."""
-    tiles = grid.across**2
-    codes = (len(starts) - 1) // tiles
-    out = seated.new_empty(codes, grid.side, grid.side)
-    launch(_multiply, codes * tiles, SPLITS * GROUP, seated, starts, grid.across, grid.reach, -0.5 / grid.sigma**2, out)
+    tiles, around = len(starts) - 1, blocks_of(grid.reach, TILE)
+    # A point is looked at by the tiles around it, so the number of blocks has a bound that the host knows.
+    neighbours = min((2 * around + 1) ** 2, grid.across**2)
+    chunk = CHUNK * max(1, neighbours // 9)
+    more = neighbours * len(seated) // chunk
+    shares = starts.new_empty(tiles + 1)
+    launch(_share_out, blocks_of(tiles, BLOCK), BLOCK, starts, grid.across, around, chunk, shares)
+    firsts = shares.cumsum(0)
+    out = seated.new_empty(tiles // grid.across**2, grid.side, grid.side)
+    partial = seated.new_empty(max(more, 1), TILE, TILE)
+    launch(_multiply, tiles + more, SPLITS * GROUP, seated, starts, firsts, grid.across, around, chunk, grid.reach,
+           -0.5 / grid.sigma**2, out, partial)
+    if more:
+        launch(_combine, more, TILE * TILE, firsts, grid.across, partial, out)
     return out
 
 
@@ -115,24 +126,58 @@ def _assign(points, side, across, reach, keys):
         keys[n] = points.shape[0] * across * across
 
 
+@cuda.jit
+def _share_out(starts, across, around, chunk, shares):
+    """Into shares[t + 1], how many blocks go through the points around tile t."""
+    tile = cuda.grid(1)
+    if tile == 0:
+        shares[0] = 0
+    if tile >= shares.size - 1:
+        return
+    ty, tx = tile // across % across, tile % across
+    count = int64(0)
+    for by in range(max(0, ty - around), min(across, ty + around + 1)):
+        line = tile - tx + (by - ty) * across
+        count += starts[line + min(across, tx + around + 1)] - starts[line + max(0, tx - around)]
+    shares[tile + 1] = max(int64(1), (count + chunk - 1) // chunk)
+
+
+@cuda.jit(device=True, inline="always")
+def _last_at_most(firsts, skipped, number):
+    """The last tile t with firsts[t] - skipped · t <= number."""
+    low, high = 0, firsts.size - 2
+    while low < high:
+        middle = (low + high + 1) // 2
+        if firsts[middle] - skipped * middle <= number:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
 @cuda.jit(fastmath=True)
-def _multiply(seated, starts, across, reach, exponent, transmittance):
+def _multiply(seated, starts, firsts, across, around, chunk, reach, exponent, transmittance, partial):
     side = transmittance.shape[1]
     place = cuda.shared.array((BATCH, 2), float64)             # of every point of a batch, in pixels of the tile
     near = cuda.shared.array(BATCH, int32)                     # whether it reaches the tile
     gauss = cuda.shared.array((BATCH, AXES), float32)          # along x, then along y
     product = cuda.shared.array((SPLITS, TILE, TILE), float32)
-    tile = cuda.blockIdx.x
+    share = int64(cuda.blockIdx.x)
+    if share >= firsts[firsts.size - 1]:
+        return
+    tile = _last_at_most(firsts, 0, share)
     code = tile // (across * across)
     ty, tx = tile // across % across, tile % across
+    skip = (share - firsts[tile]) * chunk                      # points around the tile that other blocks go through
     thread = cuda.threadIdx.x
     column, strip, split = thread % TILE, thread // TILE % STRIPS, thread // GROUP
     t0 = t1 = t2 = t3 = float32(1)
-    around = (reach + TILE - 1) // TILE
     for by in range(max(0, ty - around), min(across, ty + around + 1)):
         # The tiles of one row follow each other, and so do their points.
         line = (code * across + by) * across
-        begin, end = starts[line + max(0, tx - around)], starts[line + min(across, tx + around + 1)]
+        run, run_end = starts[line + max(0, tx - around)], starts[line + min(across, tx + around + 1)]
+        begin, end = run + max(skip, 0), min(run + skip + chunk, run_end)
+        skip -= run_end - run
         for base in range(begin, end, BATCH):
             count = min(BATCH, end - base)
             cuda.syncthreads()
@@ -162,11 +207,34 @@ def _multiply(seated, starts, across, reach, exponent, transmittance):
     cuda.syncthreads()
     for p in range(thread, TILE * TILE, SPLITS * GROUP):
         r, c = p // TILE, p % TILE
-        if ty * TILE + r < side and tx * TILE + c < side:
-            total = product[0, r, c]
-            for s in range(1, SPLITS):
-                total *= product[s, r, c]
+        total = product[0, r, c]
+        for s in range(1, SPLITS):
+            total *= product[s, r, c]
+        if share > firsts[tile]:
+            partial[share - tile - 1, r, c] = total
+        elif ty * TILE + r < side and tx * TILE + c < side:
             transmittance[code, ty * TILE + r, tx * TILE + c] = total
+
+
+@cuda.jit
+def _combine(firsts, across, partial, transmittance):
+    """Multiply the products of a tile's further blocks into that of its first, in their order."""
+    number = int64(cuda.blockIdx.x)  # of a further block, counting those of all tiles
+    tiles = firsts.size - 1
+    if number >= firsts[tiles] - tiles:
+        return
+    tile = _last_at_most(firsts, 1, number)
+    if number > firsts[tile] - tile:
+        return
+    side = transmittance.shape[1]
+    code = tile // (across * across)
+    r = tile // across % across * TILE + cuda.threadIdx.x // TILE
+    c = tile % across * TILE + cuda.threadIdx.x % TILE
+    if r < side and c < side:
+        total = transmittance[code, r, c]
+        for k in range(number, firsts[tile + 1] - tile - 1):
+            total *= partial[k, cuda.threadIdx.x // TILE, cuda.threadIdx.x % TILE]
+        transmittance[code, r, c] = total
 
 
 @cuda.jit(device=True, inline="always")

@@ -11,7 +11,7 @@ WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run ablations test test-launchers dashboard bench lint clean
+.PHONY: help setup run ablations test test-launchers dashboard bench bench-gpu lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -48,6 +48,10 @@ bench: $(READY) ## Time operators, an iteration and the renderer against their t
 	@$(BIN)/python -m benchmarks.ops
 	@$(BIN)/python -m benchmarks.iteration
 	@$(BIN)/python -m benchmarks.render
+
+bench-gpu: $(READY) ## Check and time everything on an NVIDIA GPU
+	@$(BIN)/python -m pip install --quiet --editable '.[cuda]'
+	@$(BIN)/python -m benchmarks.gpu
 
 lint: $(READY) ## Check the style with ruff
 	@$(BIN)/python -m pip install --quiet ruff && $(BIN)/ruff check .

@@ -33,6 +33,8 @@ class Maps:
 class Parameterization(ABC):
     """How raw parameters become affine maps. Stateless; a leading batch of codes is allowed throughout."""
 
+    waits = False  # whether decoding waits for a GPU, so that it cannot be recorded in a CUDA graph
+
     @abstractmethod
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
         """Random raw parameters of N = `maps` maps, float32 on the CPU."""
@@ -86,6 +88,8 @@ class Naive(Parameterization):
     Initial matrices are those of `SVD`, so that the two start from the same distribution.
     """
 
+    waits = True  # as every singular value decomposition does
+
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
         raw = SVD().initial(maps, generator)
         return {"linear": SVD().decode(raw).linear, "offset": raw["offset"]}
@@ -130,7 +134,7 @@ class ForwardModel:
     maps: N; trajectories × length points are drawn, the first `warmup` of each trajectory dropped (b, l and m of the
     paper: 2000, 250, 10), every map with probability 1/N. The image has `resolution`² pixels, splatted at `supersample`
     times that with Gaussians of `sigma_px` supersampled pixels (Section 4.2; without multisampling: 1 and 1).
-    backend: auto, cpu or torch, see `fractal_exp.ops`. Raises `InputError` on any value out of range.
+    backend: auto, cpu, cuda or torch, see `fractal_exp.ops`. Raises `InputError` on any value out of range.
     """
 
     def __init__(self, parameterization: Parameterization, *, resolution: int = 256, maps: int = 10,
@@ -149,8 +153,9 @@ class ForwardModel:
         self.trajectories, self.length, self.warmup = trajectories, length, warmup
         self.supersample, self.sigma_px = supersample, sigma_px
 
-    def __call__(self, raw: Parameters, seed: int) -> Rendering:
-        """Image (…,R,R) of the attractor with fresh start points and map indices drawn from `seed`."""
+    def __call__(self, raw: Parameters, seed: int | Tensor) -> Rendering:
+        """Image (…,R,R) of the attractor with fresh start points and map indices drawn from `seed`, an int or an int64
+        tensor (…)."""
         maps = self.parameterization.decode(raw)
         points = self._points(maps, seed)
         scale, shift = frame(points)
@@ -173,9 +178,9 @@ class ForwardModel:
         return self._splat(points.view(draws, count, 2).to(target.device)).mean(0)
 
     @torch.no_grad()
-    def is_contractive(self, raw: Parameters) -> bool:
-        """Whether all singular values are below 1, so that there is an attractor."""
-        return bool((self.parameterization.decode(raw).singular < 1).all())
+    def is_contractive(self, raw: Parameters) -> Tensor:
+        """Whether all singular values are below 1, so that there is an attractor: bool (…,)."""
+        return (self.parameterization.decode(raw).singular < 1).all(-1).all(-1)
 
     def encode(self, code: IFS) -> dict[str, Tensor]:
         """Raw parameters whose maps are those of the code, scaled where an offset is too large for the model; its
@@ -195,6 +200,6 @@ class ForwardModel:
         return ops.splat(points, self.resolution, sigma_px=self.sigma_px, supersample=self.supersample,
                          backend=self.backend)
 
-    def _points(self, maps: Maps, seed: int) -> Tensor:
+    def _points(self, maps: Maps, seed: int | Tensor) -> Tensor:
         return ops.chaos_game(maps.linear, maps.offset, trajectories=self.trajectories, length=self.length,
                               warmup=self.warmup, seed=seed, backend=self.backend)

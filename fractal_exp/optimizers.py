@@ -13,6 +13,7 @@ from torch import Tensor
 
 from .errors import InputError
 from .model import Parameterization, Parameters
+from .recording import Recorded
 from .seeds import derive, generator
 
 
@@ -21,7 +22,7 @@ class Problem(Protocol):
 
     parameterization: Parameterization
 
-    def loss(self, raw: Parameters, seed: int) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         """The differentiable objective (…,) and its named terms."""
 
     def energy(self, raw: Parameters, seed: int) -> Tensor:
@@ -76,30 +77,79 @@ class Optimizer(ABC):
 
 
 class GradientDescent(Optimizer):
-    """Adam at a fixed learning rate with default betas, projected after every step: w/o simulated annealing."""
+    """Adam at a fixed learning rate with default betas, projected after every step: w/o simulated annealing.
 
-    def __init__(self, *, lr: float = 1e-2):
+    cuda_graph: on a GPU, record a step once and replay it, where the parameterization allows it.
+    """
+
+    recordable = True  # whether a step depends on the parameters, Adam's moments and one seed alone
+
+    def __init__(self, *, lr: float = 1e-2, cuda_graph: bool = True):
         if not lr > 0:
             raise InputError(f"the learning rate must be above 0, got {lr}")
-        self.lr = lr
+        self.lr, self.cuda_graph = lr, cuda_graph
 
     def start(self, raw: Parameters, seed: int) -> None:
         super().start(raw, seed)
+        self._recorded: tuple[Problem, Recorded] | None = None
         self.reset_moments()
 
     def reset_moments(self) -> None:
         """Forget Adam's moments."""
-        self.adam = torch.optim.Adam(list(self.raw.values()), lr=self.lr)
+        if self._recorded:  # a recording knows them by their place in memory
+            for moments in self.adam.state.values():
+                for value in moments.values():
+                    value.zero_()
+            return
+        on_gpu = self._device.type == "cuda"
+        self.adam = torch.optim.Adam(list(self.raw.values()), lr=self.lr, capturable=on_gpu)
+        self.adam._warned_capturable_if_run_uncaptured = True  # it is, in the first steps and where nothing is recorded
 
     def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+        seed = derive(self.seed, "gradient", iteration)
+        if self._records(problem):
+            return self._replay(problem, seed)
         scored = self._copy()
-        loss, terms = problem.loss(self.raw, derive(self.seed, "gradient", iteration))
+        loss, terms = self._differentiate(problem, seed)
+        self.change_gradients(iteration)
+        self._descend(problem)
+        return Step(scored, loss.detach(), {name: term.detach() for name, term in terms.items()})
+
+    def _differentiate(self, problem: Problem, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        loss, terms = problem.loss(self.raw, seed)
         self.adam.zero_grad()
         loss.backward()
-        self.change_gradients(iteration)
+        return loss, terms
+
+    def _descend(self, problem: Problem) -> None:
         self.adam.step()
         self._move_to(problem.parameterization.project(self.raw))
-        return Step(scored, loss.detach(), {name: term.detach() for name, term in terms.items()})
+
+    def _records(self, problem: Problem) -> bool:
+        return (self.cuda_graph and self.recordable and self._device.type == "cuda"
+                and not problem.parameterization.waits)
+
+    def _replay(self, problem: Problem, seed: int) -> Step:
+        """A step from the recording, which is made for one problem and the parameters of one start."""
+        if self._recorded is None or self._recorded[0] is not problem:
+            self._recorded = (problem, Recorded(lambda seed: self._recordable_step(problem, seed), self._device))
+        values = self._recorded[1](seed)
+        sizes = [value.numel() for value in self.raw.values()]
+        *scored, scores = values.split([*sizes, len(values) - sum(sizes)])
+        raw = {name: part.view_as(value) for (name, value), part in zip(self.raw.items(), scored, strict=True)}
+        return Step(raw, scores[0], dict(zip(self._term_names, scores[1:].unbind(), strict=True)))
+
+    def _recordable_step(self, problem: Problem, seed: Tensor) -> Tensor:
+        """One step; the parameters scored, their loss and its terms in one tensor."""
+        scored = torch.cat([value.detach().flatten() for value in self.raw.values()])  # a copy, before they move
+        loss, terms = self._differentiate(problem, seed)
+        self._descend(problem)
+        self._term_names = list(terms)
+        return torch.cat([scored, torch.stack([loss, *terms.values()]).detach()])
+
+    @property
+    def _device(self) -> torch.device:
+        return next(iter(self.raw.values())).device
 
     def change_gradients(self, iteration: int) -> None:
         """A hook between the backward pass and Adam."""
@@ -117,6 +167,8 @@ class GradientDescent(Optimizer):
 
 class NoisyGradientDescent(GradientDescent):
     """Gradient descent with N(0, noise²) added to every gradient at every step: noisy gradients."""
+
+    recordable = False  # the noise comes from the CPU
 
     def __init__(self, *, lr: float = 1e-2, noise: float = 0.1):
         super().__init__(lr=lr)
@@ -192,8 +244,8 @@ class Alternating(GradientDescent):
     """
 
     def __init__(self, *, lr: float = 1e-2, every: int = 250, candidates: int = 10, until: float = 0.5,
-                 annealing: Annealing | None = None, common_random_numbers: bool = True):
-        super().__init__(lr=lr)
+                 annealing: Annealing | None = None, common_random_numbers: bool = True, cuda_graph: bool = True):
+        super().__init__(lr=lr, cuda_graph=cuda_graph)
         if every < 1 or candidates < 1 or not 0 <= until <= 1:
             raise InputError("expected every >= 1, candidates >= 1 and until in [0, 1], got "
                              f"{every}, {candidates} and {until}")

@@ -6,6 +6,7 @@ import torch
 from fractal_exp import InputError, View, attractor, codes
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
+from fractal_exp.methods import readback
 from fractal_exp.methods.base import CodeReconstruction, FitDiverged, Method, check_target
 from fractal_exp.methods.best_states import BestStates
 from fractal_exp.methods.chaotic import Chaotic
@@ -163,6 +164,38 @@ def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
     snapshot = checkpoint.load()
     assert snapshot.iteration == 5
     assert all(bool(tensor.isfinite().all()) for tensor in snapshot.tensors.values())
+
+
+@pytest.mark.parametrize("together", [2, 5, 32])
+@pytest.mark.parametrize("name", ["alternating", "annealing"])
+def test_fetching_numbers_together_changes_nothing(target, monkeypatch, name, together):
+    """As on a GPU, where a wait for every step's numbers would cost more than the step."""
+    def run():
+        told = []
+        options = {"iterations": 11, "starts": 2, "scouting": 6, "previews": 2}
+        code = fit(OPTIMIZERS[name](), **options).reconstruct(target, on_step=told.append).code
+        return code, [(p.step, p.fraction, p.scalars, p.preview is None) for p in told]
+
+    (alone, told_alone) = run()
+    monkeypatch.setattr(readback, "STEPS", {"cpu": together})
+    (code, told) = run()
+    assert torch.equal(code.linear, alone.linear) and torch.equal(code.offset, alone.offset)
+    assert told == told_alone
+
+
+def test_a_nan_among_steps_fetched_together_is_found_and_the_state_before_them_kept(target, tmp_path, monkeypatch):
+    monkeypatch.setattr(readback, "STEPS", {"cpu": 4})
+
+    class Breaking(GradientDescent):
+        def change_gradients(self, iteration):
+            if iteration == 5:
+                self.raw["offset"].grad += math.nan
+
+    told, checkpoint = [], Checkpoint(tmp_path / "f", resume=True)
+    with pytest.raises(FitDiverged, match="iteration 5 met a NaN .*the state before iteration 4 is in"):
+        fit(Breaking(), previews=0).reconstruct(target, checkpoint=checkpoint, on_step=told.append)
+    assert [p.step for p in told] == [1, 2, 3, 4, 5]
+    assert checkpoint.load().iteration == 4
 
 
 def test_a_fit_without_any_contractive_state_says_so(target):

@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from fractal_exp import InputError
+from fractal_exp import InputError, optimizers
 from fractal_exp.model import SVD, Parameterization
 from fractal_exp.optimizers import Alternating, Annealing, AnnealingOnly, GradientDescent, NoisyGradientDescent
 
@@ -120,6 +120,30 @@ def test_proposals_have_the_stated_spread_and_are_projected():
     candidate = Annealing(spread=0.2).propose(raw, SVD(), 0.5, torch.Generator().manual_seed(1))
     assert float((candidate["offset"] - raw["offset"]).std()) == pytest.approx(0.1, rel=0.1)
     torch.testing.assert_close(candidate["u"].mT @ candidate["u"], torch.eye(2).expand(500, 2, 2))
+
+
+@pytest.mark.parametrize("build", [GradientDescent, lambda: Alternating(every=5, candidates=3)])
+def test_a_step_is_the_same_in_the_form_that_is_recorded(build, monkeypatch):
+    """With a stand-in that runs what a CUDA graph would replay."""
+    class Plainly:
+        def __init__(self, work, device):
+            self.work = work
+
+        def __call__(self, seed):
+            return self.work(torch.tensor(seed)).clone()
+
+    class Seeded(Bowl):
+        def loss(self, raw, seed):
+            return super().loss(raw, int(seed))
+
+    plain, recorded = build(), build()
+    expected = run(plain, Seeded())
+    monkeypatch.setattr(optimizers, "Recorded", Plainly)
+    monkeypatch.setattr(recorded, "_records", lambda problem: True)
+    for step, other in zip(run(recorded, Seeded()), expected, strict=True):
+        assert torch.equal(step.raw["x"], other.raw["x"]) and torch.equal(step.loss, other.loss)
+        assert step.terms == other.terms and step.accepted == other.accepted
+    assert torch.equal(recorded.raw["x"], plain.raw["x"])
 
 
 def test_noise_is_added_to_every_gradient():

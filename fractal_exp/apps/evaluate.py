@@ -66,6 +66,7 @@ def main(arguments: list[str] | None = None) -> None:
                         help="a perceptual distance to add")
     parser.add_argument("--perceptual-weights", metavar="FILE", help="weights of its backbone (default: torch's cache, "
                                                                      "else a download)")
+    parser.add_argument("--device", default="cpu", help="where codes are drawn: cpu, or cuda with an NVIDIA GPU")
     parser.add_argument("--cache", metavar="FOLDER", help="keep the truths' images here, for the next evaluation")
     parser.add_argument("--track", metavar="STUDY", help="log to this study of the MLflow store in --output")
     parser.add_argument("--output", default="outputs", help="folder of the MLflow store")
@@ -94,7 +95,8 @@ def _judge_all(candidates: list[Candidate], options: argparse.Namespace, distanc
 
     tables, codes = [], []
     protocol = {"resolution": options.resolution, "points_in_view": options.points, "views": options.views,
-                "align": options.align, "cache": cache, "perceptual": distance}
+                "align": options.align, "cache": cache, "perceptual": distance,
+                "device": options.device}
     for candidate in tqdm(candidates, "judging", unit="code", disable=len(candidates) == 1):
         scored = score(candidate.code, candidate.truth, **protocol)
         others = {CEILING: score(candidate.truth, candidate.truth, **protocol | {"align": "bbox"})}

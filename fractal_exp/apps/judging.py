@@ -13,6 +13,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..evaluation import Perceptual, metrics, score
 from ..evaluation.pictures import comparison_strip
+from ..evaluation.render import check_device
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.views import evaluation_views
 from ..ifs import View
@@ -48,7 +49,7 @@ class Judgement:
 
 def check_options(options: Mapping[str, Any]) -> None:
     """Raise `InputError` on evaluation options that `judge` could not use."""
-    known = {"resolution", "points_in_view", "supersample", "views", "align"}
+    known = {"resolution", "points_in_view", "supersample", "views", "align", "device"}
     if odd := sorted(set(options) ^ known):
         raise InputError(f"the evaluation options are {', '.join(sorted(known))}; {odd[0]!r} is "
                          f"{'none of them' if odd[0] in options else 'missing'}")
@@ -59,6 +60,7 @@ def check_options(options: Mapping[str, Any]) -> None:
     evaluation_views(0, options["views"])
     if options["align"] not in ALIGNMENTS:
         raise InputError(f"evaluation.align must be one of {', '.join(ALIGNMENTS)}, got {options['align']!r}")
+    check_device(options["device"])
 
 
 def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], perceptual: Perceptual,

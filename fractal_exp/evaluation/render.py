@@ -16,7 +16,7 @@ from torch import Tensor
 from .. import attractor
 from ..errors import InputError
 from ..ifs import IFS, View
-from ..ops import histogram
+from ..ops import cuda_launch, histogram
 from ..ops.histogram import COUNTED, LIT, AddressTree, Window
 
 log = logging.getLogger(__name__)
@@ -75,7 +75,7 @@ def points_per_view(resolution: int) -> int:
 
 
 def render(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-           supersample: int = 8, seed: int = 0, mode: str = "occupancy") -> Tensor:
+           supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Tensor:
     """Draw a view (default: the whole canvas) of a code's attractor: an image (resolution, resolution), float32.
 
     `points_in_view` points of the chaos game land in the window (None: 50 million · (resolution / 1024)²); how rare
@@ -83,28 +83,32 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
     - `occupancy`: a pixel is the share, in [0,1], of its supersample² parts that any point has hit;
     - `density`: the points in a pixel over the mean of the window, so the invariant measure's density relative to a
       uniform one, in [0, resolution²]. `tone_map` makes a picture of it. `supersample` has no say.
+    device: "cpu", or "cuda" to throw the points on an NVIDIA GPU, other ones of the same distribution; views that
+    have to be searched for points are drawn by the CPU all the same. The image is on the CPU.
     The same seed gives the same image on any number of threads. A view that holds no point of the attractor is black,
     and one whose points cannot be had with reasonable work holds fewer: both are logged as warnings, and
     `render_with_info` returns them as data.
 
-    Raises `InputError` if the code is not contractive, the zoom exceeds 1e12, or a size is below 1 or too large for
-    this machine's memory.
+    Raises `InputError` if the code is not contractive, the zoom exceeds 1e12, a size is below 1 or too large for
+    this machine's memory, or the device is none that can draw.
     """
     image, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view,
-                                   supersample=supersample, seed=seed, mode=mode)
+                                   supersample=supersample, seed=seed, mode=mode, device=device)
     if info.reason is not None:
         log.warning(info.reason)
     return image
 
 
 def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-                     supersample: int = 8, seed: int = 0, mode: str = "occupancy") -> tuple[Tensor, RenderInfo]:
+                     supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu"
+                     ) -> tuple[Tensor, RenderInfo]:
     """`render`, and what it did instead of a warning."""
     _check_memory(resolution)
+    check_device(device)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode)
     image, drawn = np.zeros((resolution, resolution), np.float32), 0
-    for tile in _tiles(plan, view or View(), resolution, wanted, supersample, seed, mode):
+    for tile in _tiles(plan, view or View(), resolution, wanted, supersample, seed, mode, device):
         target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
         target[:] = tile.pixels[:target.shape[0], :target.shape[1]]
         drawn += tile.drawn
@@ -112,17 +116,18 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
 
 
 def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points_in_view: int | None = None,
-                 supersample: int = 8, seed: int = 0, mode: str = "occupancy") -> Iterator[Tile]:
+                 supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Iterator[Tile]:
     """`render` in square tiles, row by row from the top, in memory that does not grow with the resolution.
 
     Tiles overhang the right and the lower edge. Arguments and errors are those of `render`; the points are drawn
     anew for each tile, at one density, so no seam shows.
     """
+    check_device(device)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode)
     if plan.reason is not None:
         log.warning(plan.reason)
-    return _tiles(plan, view or View(), resolution, wanted, supersample, seed, mode)
+    return _tiles(plan, view or View(), resolution, wanted, supersample, seed, mode, device)
 
 
 def tile_side(resolution: int, supersample: int) -> int:
@@ -213,24 +218,63 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int) -> _Plan:
                                            f"{work_per_point:.0f} throws: drew about {fewer} of {points} points")
 
 
-def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str
-           ) -> Iterator[Tile]:
+def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
+           device: str) -> Iterator[Tile]:
     whole, side = _window(view, resolution), tile_side(resolution, supersample)
     factor = supersample if MODES[mode] == LIT else 1
+    scatter = SCATTER[torch.device(device).type]
     for number, (row, column) in enumerate((r, c) for r in range(0, resolution, side)
                                            for c in range(0, resolution, side)):
         pixels, drawn = np.zeros((side, side), np.float32), 0
         if plan.thrown > 0:
             window = Window(whole.left + column / whole.scale, whole.top - row / whole.scale, whole.scale * factor,
                             side * factor)
-            canvas = histogram.planes(window.size, MODES[mode])
-            drawn = plan.tree.scatter(window, plan.thrown, seed=(seed, 0, number), canvas=canvas,
-                                      mode=MODES[mode]).kept
-            if MODES[mode] == LIT:
-                histogram.box_mean(canvas[0], factor, pixels)
-            else:
-                pixels[:] = canvas.sum(0) * (resolution**2 / (plan.thrown * plan.mass))
+            pixels, drawn = scatter(plan, window, factor, (seed, 0, number), MODES[mode], device)
+            if MODES[mode] == COUNTED:
+                pixels = (pixels * (resolution**2 / (plan.thrown * plan.mass))).astype(np.float32)
         yield Tile(row, column, pixels, drawn)
+
+
+def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
+                    ) -> tuple[np.ndarray, int]:
+    """The points' share of the factor² parts of each pixel for LIT, their number for COUNTED, and how many there are
+    in the window."""
+    canvas = histogram.planes(window.size, mode)
+    drawn = plan.tree.scatter(window, plan.thrown, seed=seed, canvas=canvas, mode=mode).kept
+    if mode == COUNTED:
+        return canvas.sum(0), drawn
+    pixels = np.empty((window.size // factor, window.size // factor), np.float32)
+    histogram.box_mean(canvas[0], factor, pixels)
+    return pixels, drawn
+
+
+def _scatter_on_cuda(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
+                     ) -> tuple[np.ndarray, int]:
+    from ..ops import cuda_histogram
+
+    done = cuda_histogram.scatter(plan.tree, window, plan.thrown, seed=seed, mode=mode, device=device,
+                                  wanted=plan.thrown * plan.mass)
+    if done is None:
+        return _scatter_on_cpu(plan, window, factor, seed, mode, device)
+    canvas, drawn = done
+    image = canvas if mode == COUNTED else cuda_histogram.box_mean(canvas, factor)
+    return image.cpu().numpy(), drawn
+
+
+SCATTER = {"cpu": _scatter_on_cpu, "cuda": _scatter_on_cuda}
+
+
+def check_device(device: str) -> None:
+    """Raise `InputError` unless images can be drawn on this device here."""
+    try:
+        kind = torch.device(device).type
+    except RuntimeError:
+        kind = None
+    if kind not in SCATTER:
+        raise InputError(f"images are drawn on {' or '.join(SCATTER)}, got device={device!r}")
+    if kind == "cuda" and not (torch.cuda.is_available() and cuda_launch.INSTALLED):
+        raise InputError(f"device={device!r} needs an NVIDIA GPU with its driver, and numba-cuda (pip install "
+                         "'fractal-exp[cuda]'); take device='cpu'")
 
 
 def _check_memory(resolution: int) -> None:

@@ -120,7 +120,8 @@ class Scored:
 
 def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resolution: int = 1024,
           points_in_view: int | None = None, supersample: int = 8, views: str = "paper", align: str = "bbox",
-          seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None) -> Scored:
+          seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
+          device: str = "cpu") -> Scored:
     """`evaluate`, with the images that were compared."""
     if align not in ALIGNMENTS:
         raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
@@ -131,15 +132,15 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}
     if isinstance(perceptual, str):
         perceptual = Perceptual.load(perceptual)
-    images = _draw(_aligned(reconstruction, align), chosen, RESULT_STREAM, size, ImageCache(None))
-    truths = _draw(_aligned(truth, "bbox"), chosen, TRUTH_STREAM, size, ImageCache(cache))
+    images = _draw(_aligned(reconstruction, align), chosen, RESULT_STREAM, size, ImageCache(None, device))
+    truths = _draw(_aligned(truth, "bbox"), chosen, TRUTH_STREAM, size, ImageCache(cache, device))
     return Scored(chosen, images, truths, perceptual)
 
 
 def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resolution: int = 1024,
              points_in_view: int | None = None, supersample: int = 8, views: str = "paper", align: str = "bbox",
-             seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None
-             ) -> pd.DataFrame:
+             seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
+             device: str = "cpu") -> pd.DataFrame:
     """Compare a reconstruction with its truth on the seven views of the truth: a table of one row a view.
 
     Columns: view (its name), zoom, center_x, center_y, then f1, iou, psnr (dB), ssim and lpips of the inner 75% (see
@@ -151,11 +152,12 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
     says the same of the reconstruction: "bbox" frames its code by the box of its own attractor, as in the paper, "none"
     takes it in the frame of the input. The views' seed is that of the truth alone (`views_seed`) unless given.
     perceptual: a loaded `Perceptual`, or the name of a distance. cache: a folder that keeps the truth's images.
+    device: where codes are drawn, "cpu" or "cuda", see `render`.
 
     Raises `InputError` on an unknown choice, sizes that cannot be drawn, or a code that is not contractive.
     """
     return score(reconstruction, truth, resolution=resolution, points_in_view=points_in_view, supersample=supersample,
-                 views=views, align=align, seed=seed, perceptual=perceptual, cache=cache).frame
+                 views=views, align=align, seed=seed, perceptual=perceptual, cache=cache, device=device).frame
 
 
 def _aligned(thing: IFS | Renderable, align: str) -> IFS | Renderable:

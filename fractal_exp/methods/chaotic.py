@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from functools import partial
+from typing import NoReturn
 
 import torch
 from torch import Tensor
@@ -12,10 +15,11 @@ from ..checkpoint import Checkpoint, Snapshot
 from ..errors import InputError
 from ..losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
 from ..model import SVD, ForwardModel, Parameterization, Parameters
-from ..optimizers import Alternating, Annealing, Optimizer, Step
+from ..optimizers import Alternating, Annealing, Optimizer
 from ..seeds import derive, generator
 from .base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_device, check_target
 from .best_states import BestStates
+from .readback import Numbers, Pending, steps_at_a_time
 
 
 class Chaotic(Method):
@@ -36,8 +40,8 @@ class Chaotic(Method):
     `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well.
 
     match_target: compare with the target as the model itself would draw it (`ForwardModel.match`), which the paper
-    does not. previews: how many preview images a run reports. device: where tensors live. Raises `InputError` on
-    values out of range.
+    does not. previews: how many preview images a run reports. device: where tensors live; on a GPU the numbers of up
+    to 32 steps are fetched together, and so are they told to `on_step`. Raises `InputError` on values out of range.
     """
 
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
@@ -74,11 +78,13 @@ class Chaotic(Method):
         start_time = time.monotonic()
 
         iteration, fraction = first, first / total
+        at_a_time, pending = steps_at_a_time(self.device), Pending()
         while fraction < 1:
             if 0 < iteration <= self.scouted and iteration % self.scouting == 0:
                 scouted = iteration == self.scouted
                 self.optimizer.start(self._some(best.states)[0] if scouted else self._initial(iteration), self.seed)
-            good = Snapshot(iteration, self._tensors(best), {"losses": best.losses, "iterations": best.iterations})
+            if not pending:
+                good = Snapshot(iteration, self._tensors(best), {"losses": best.losses, "iterations": best.iterations})
             if checkpoint and iteration > first and iteration % checkpoint.every == 0:
                 checkpoint.save(good)
             scouting = iteration < self.scouted
@@ -86,16 +92,16 @@ class Chaotic(Method):
                            else (1 - fraction) * total / self.iterations)
             try:
                 step = self.optimizer.step(problem, iteration, temperature)
-                self._check_finite(step, good, checkpoint)
-                if self.model.is_contractive(step.raw):
-                    best.offer(float(step.loss), iteration, step.raw)
                 iteration += 1
                 elapsed = (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0
                 fraction = min(1.0, max(iteration / total, elapsed))
-                if on_step:
-                    wanted = preview_every and (iteration % preview_every == 0 or fraction == 1)
-                    preview = problem.draw(self.optimizer.raw, self.seed) if wanted else None
-                    on_step(Progress(iteration, fraction, _scalars(step, temperature), preview))
+                pending.add(step, iteration - 1, fraction, temperature)
+                wanted = on_step and preview_every and (iteration % preview_every == 0 or fraction == 1)
+                if (len(pending) >= at_a_time or wanted or fraction == 1
+                        or (checkpoint and iteration % checkpoint.every == 0)
+                        or (iteration <= self.scouted and iteration % self.scouting == 0)):
+                    draw = partial(problem.draw, self.optimizer.raw, self.seed) if wanted else None
+                    self._settle(pending, best, good, checkpoint, on_step, draw)
             except KeyboardInterrupt:
                 if checkpoint:
                     checkpoint.save(good)
@@ -148,17 +154,29 @@ class Chaotic(Method):
             tensors |= {f"best/{i}/{name}": value for name, value in state.items()}
         return tensors
 
-    def _check_finite(self, step: Step, good: Snapshot, checkpoint: Checkpoint | None) -> None:
-        finite = bool(torch.isfinite(step.loss)) and all(bool(torch.isfinite(v).all())
-                                                         for v in self.optimizer.raw.values())
-        if finite:
-            return
+    def _settle(self, pending: Pending, best: BestStates, good: Snapshot, checkpoint: Checkpoint | None,
+                on_step: OnStep | None, draw: Callable[[], Tensor] | None) -> None:
+        """Judge the steps that are pending, in their order, and tell of them; what is drawn is the last one's preview.
+        """
+        numbers = pending.fetch(self.model, self.optimizer.raw)
+        for each in numbers:
+            if not each.finite:
+                self._break_off(each, good, checkpoint)
+            if each.contractive:
+                best.offer(each.loss, each.iteration, each.step.raw)
+            if on_step:
+                preview = draw() if draw and each is numbers[-1] else None
+                on_step(Progress(each.iteration + 1, each.fraction, each.scalars(), preview))
+
+    @staticmethod
+    def _break_off(failed: Numbers, good: Snapshot, checkpoint: Checkpoint | None) -> NoReturn:
         where = "no checkpoint was asked for"
         if checkpoint:
             checkpoint.save(good)
-            where = f"the state before it is in {checkpoint.path}"
-        terms = ", ".join(f"{name} {float(value):.4g}" for name, value in step.terms.items())
-        raise FitDiverged(f"iteration {good.iteration} met a NaN or an infinity (loss {float(step.loss):.4g}: {terms});"
+            where = f"the state before {'it' if good.iteration == failed.iteration else f'iteration {good.iteration}'}"
+            where += f" is in {checkpoint.path}"
+        terms = ", ".join(f"{name} {value:.4g}" for name, value in failed.terms.items())
+        raise FitDiverged(f"iteration {failed.iteration} met a NaN or an infinity (loss {failed.loss:.4g}: {terms});"
                           f" {where}. Try a smaller learning rate or a larger weight of the regulariser")
 
 
@@ -187,7 +205,7 @@ class Problem:
     def parameterization(self) -> Parameterization:
         return self.model.parameterization
 
-    def loss(self, raw: Parameters, seed: int) -> tuple[Tensor, dict[str, Tensor]]:
+    def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         return self.objective(self.model(raw, seed))
 
     @torch.no_grad()
@@ -201,14 +219,6 @@ class Problem:
     @torch.no_grad()
     def draw(self, raw: Parameters, seed: int) -> Tensor:
         return self.model(raw, seed).image.cpu()
-
-
-def _scalars(step: Step, temperature: float) -> dict[str, float]:
-    scalars = {"loss": float(step.loss), "temperature": temperature}
-    scalars |= {name: float(value) for name, value in step.terms.items()}
-    if step.accepted is not None:
-        scalars["accepted"] = step.accepted
-    return scalars
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

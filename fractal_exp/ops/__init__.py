@@ -1,7 +1,8 @@
 """The differentiable operations: the chaos game and the splatting of its points.
 
 Each public function checks what it is given, flattens the leading axes and hands over to a backend: `cpu` (numba,
-float32), or `torch`, the twin in `reference` that specifies them all. `auto` takes the fastest that can.
+float32), `cuda` (numba-cuda, float32, on torch's current stream, never waiting for the device), or `torch`, the twin in
+`reference` that specifies them all. `auto` takes the fastest that can.
 """
 
 from __future__ import annotations
@@ -41,8 +42,9 @@ def chaos_game(
 
     A trajectory's random numbers depend on the seed and its number alone, on every backend and device: with an int
     all codes share starts and uniform variates (common random numbers), with a tensor each code has its own seed.
-    The `cpu` backend repeats bit for bit, points and gradients, whatever the number of threads; of `torch` this holds
-    for the points alone.
+    The `cpu` backend repeats bit for bit, points and gradients, whatever the number of threads, and so does `cuda` on
+    GPUs of one kind; of `torch` this holds for the points alone. Given `probabilities` are read on the CPU, which waits
+    for a GPU that they lie on; a seed that is to change in a CUDA graph has to be a tensor.
 
     Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, warmup outside 0 … length - 1,
     probabilities that are negative or do not sum to 1, or a backend that cannot take the tensors.
@@ -77,8 +79,8 @@ def splat(
     of the image. The gradient does not stop where alpha meets 0.99: it is that of the unclamped Gaussian. Points
     beyond the canvas are drawn as far as they reach into it; infinite and NaN points are not, with zero gradient.
 
-    The `cpu` backend repeats bit for bit whatever the number of threads; `torch` on a GPU adds with atomics and need
-    not.
+    The `cpu` backend repeats bit for bit whatever the number of threads, and so does `cuda` on GPUs of one kind, since
+    it has no atomics; `torch` on a GPU adds with atomics and need not.
 
     Raises `InputError` on wrong shapes or dtypes, resolution or supersample below 1, sigma_px that is not a finite
     number above 0, or a backend that cannot take the tensor.

@@ -6,6 +6,8 @@ that nobody waits for a compiler that is not needed.
 
 from __future__ import annotations
 
+import functools
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,6 +17,9 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from . import cuda_launch
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,9 @@ class Backend:
 
 BACKENDS: dict[str, Backend] = {  # "auto" takes the first that can
     "cpu": Backend("cpu", lambda t: t.device.type == "cpu" and t.dtype == torch.float32, "float32 tensors on the CPU"),
+    "cuda": Backend("cuda", lambda t: (t.device.type == cuda_launch.DEVICE and t.dtype == torch.float32
+                                       and cuda_launch.INSTALLED),
+                    "float32 tensors on an NVIDIA GPU, and numba-cuda (pip install 'fractal-exp[cuda]')"),
     "torch": Backend("reference", lambda t: t.dtype in (torch.float32, torch.float64), "float32 or float64 tensors"),
 }
 
@@ -47,10 +55,18 @@ def choose(name: str, tensor: Tensor) -> str:
     candidates = BACKENDS if name == "auto" else [name]
     for candidate in candidates:
         if BACKENDS[candidate].takes(tensor):
+            if name == "auto" and candidate == "torch" and tensor.dtype == torch.float32:
+                _say_that_it_is_slow(tensor.device.type)
             return candidate
     needs = "; or ".join(f"{BACKENDS[candidate].needs} (backend={candidate!r})" for candidate in candidates)
     raise InputError(f"backend={name!r} needs {needs}, got {tensor.dtype} on {tensor.device}; convert with "
                      f"tensor.to(...) or leave backend='auto'")
+
+
+@functools.cache
+def _say_that_it_is_slow(device: str) -> None:
+    log.warning("there are no kernels for tensors on %r here, the operations run as plain torch, which is slow and "
+                "takes much memory; an NVIDIA GPU's need numba-cuda (pip install 'fractal-exp[cuda]')", device)
 
 
 def load(name: str) -> ModuleType:

@@ -52,30 +52,30 @@ def _mix(z):
 
 
 @njit(inline="always")
-def _next(state):
+def next_state(state):
     state ^= state << uint64(13)
     state ^= state >> uint64(7)
     return state ^ (state << uint64(17))
 
 
 @njit(inline="always")
-def _start(seed, trajectory):
+def start(seed, trajectory):
     """The stream's state after the start was drawn, and the start."""
     state = _mix(_mix(uint64(seed) + GOLDEN) + uint64(trajectory + 1) * GOLDEN)
-    state = _next(GOLDEN if state == uint64(0) else state)
+    state = next_state(GOLDEN if state == uint64(0) else state)
     x = float32(state >> uint64(40)) * float32(2.0**-23) - float32(1)
-    state = _next(state)
+    state = next_state(state)
     y = float32(state >> uint64(40)) * float32(2.0**-23) - float32(1)
     return state, x, y
 
 
 @njit(inline="always")
 def _step(m, x, y):
-    return _hold(m[0] * x + (m[1] * y + m[4])), _hold(m[2] * x + (m[3] * y + m[5]))
+    return hold(m[0] * x + (m[1] * y + m[4])), hold(m[2] * x + (m[3] * y + m[5]))
 
 
 @njit(inline="always")
-def _hold(x):
+def hold(x):
     """A point that runs away stays finite, and so does its gradient."""
     return min(max(x, -ESCAPE), ESCAPE)
 
@@ -89,9 +89,9 @@ def _forward(maps, thresholds, guide, seeds, points, indices):
         trajectory = job - code * trajectories
         table, cumulative, first = maps[code], thresholds[code], guide[code]
         drawn, kept = indices[code, trajectory], points[code, trajectory]
-        state, x, y = _start(seeds[code], trajectory)
+        state, x, y = start(seeds[code], trajectory)
         for k in range(length):
-            state = _next(state)
+            state = next_state(state)
             variate = np.int64(state >> uint64(32))
             i = first[variate >> (32 - GUIDE_BITS)]
             while variate >= cumulative[i]:
@@ -115,23 +115,23 @@ def _backward(maps, seeds, points, indices, grad_points, partial):
         path = np.empty((warmup + 1, 2), np.float32)  # from the start to the last point that was dropped
         for trajectory in range(block * BLOCK, min((block + 1) * BLOCK, trajectories)):
             drawn, kept, grad = indices[code, trajectory], points[code, trajectory], grad_points[code, trajectory]
-            _, path[0, 0], path[0, 1] = _start(seeds[code], trajectory)
+            _, path[0, 0], path[0, 1] = start(seeds[code], trajectory)
             for k in range(warmup):
                 path[k + 1, 0], path[k + 1, 1] = _step(table[drawn[k]], path[k, 0], path[k, 1])
             gx = gy = float32(0)
             for k in range(length - 1, warmup, -1):
-                gx = _unless_held(kept[k - warmup, 0], gx + grad[k - warmup, 0])
-                gy = _unless_held(kept[k - warmup, 1], gy + grad[k - warmup, 1])
+                gx = unless_held(kept[k - warmup, 0], gx + grad[k - warmup, 0])
+                gy = unless_held(kept[k - warmup, 1], gy + grad[k - warmup, 1])
                 gx, gy = _pull_back(table, total, drawn[k], kept[k - warmup - 1, 0], kept[k - warmup - 1, 1], gx, gy)
-            gx = _unless_held(kept[0, 0], gx + grad[0, 0])
-            gy = _unless_held(kept[0, 1], gy + grad[0, 1])
+            gx = unless_held(kept[0, 0], gx + grad[0, 0])
+            gy = unless_held(kept[0, 1], gy + grad[0, 1])
             for k in range(warmup, -1, -1):
                 gx, gy = _pull_back(table, total, drawn[k], path[k, 0], path[k, 1], gx, gy)
-                gx, gy = _unless_held(path[k, 0], gx), _unless_held(path[k, 1], gy)
+                gx, gy = unless_held(path[k, 0], gx), unless_held(path[k, 1], gy)
 
 
 @njit(inline="always")
-def _unless_held(x, g):
+def unless_held(x, g):
     return g if abs(x) < ESCAPE else float32(0)
 
 

@@ -75,9 +75,14 @@ def _shares(starts: np.ndarray, grid: Grid, threads: int) -> np.ndarray:
 
 
 @njit(inline="always")
-def _pixel(points, k, side):
+def pixel(x, y, side):
     """A point's column and row as real numbers, in double precision: float32 would lose 1e-4 of a pixel."""
-    return (float(points[k, 0]) + 1) * (0.5 * side) - 0.5, (1 - float(points[k, 1])) * (0.5 * side) - 0.5
+    return (float(x) + 1) * (0.5 * side) - 0.5, (1 - float(y)) * (0.5 * side) - 0.5
+
+
+@njit(inline="always")
+def _pixel(points, k, side):
+    return pixel(points[k, 0], points[k, 1], side)
 
 
 @njit(inline="always")

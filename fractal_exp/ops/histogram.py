@@ -102,11 +102,17 @@ class AddressTree:
         tally = np.zeros((tasks, 4), np.int64)
         each = min(budget / tasks, float(sys.maxsize // 2))
         size = float(window.size)
-        jobs = _cut(self.maps, self.mass, self.hull, size, self._root(window), float(thrown), 8 * tasks)
+        jobs = self.cut(window, thrown, 8 * tasks)
         _scatter(self.maps, self.mass, self.thresholds, self.guide, self.hull, size, jobs, each, seeds, canvas, mode,
                  tally)
         kept, drawn, visited, cut_short = (int(total) for total in tally.sum(0))
         return Tally(kept, drawn, visited, cut_short == 0)
+
+    def cut(self, window: Window, thrown: float, pieces: int) -> np.ndarray:
+        """Words (J,8) that share out the points of the window when `thrown` are thrown at the attractor, and among
+        them all that lie in it: a map to pixels a b c d x y, the depth, the number of points to expect. Large words
+        that are to be drawn whole come in parts, so that there are at least about `pieces`."""
+        return _cut(self.maps, self.mass, self.hull, float(window.size), self._root(window), float(thrown), pieces)
 
     def _root(self, window: Window) -> np.ndarray:
         """The empty word, as a map from points about `center` to pixels (column, row)."""

@@ -1,0 +1,97 @@
+"""The CUDA kernels in numba's simulator, which runs each GPU thread as a thread of Python. `test_cuda` starts these in
+a process of their own, since the simulator takes CUDA's place for good."""
+
+import math
+
+import pytest
+import torch
+from cuda_helpers import check_chaos_game, check_histogram, check_numbers, check_splat, draw, play, scatter
+from ops_helpers import random_code
+
+from fractal_exp import View, attractor, codes
+from fractal_exp.evaluation.render import _address_tree, _window
+from fractal_exp.ops import cuda_histogram, cuda_launch, cuda_splat
+from fractal_exp.ops.histogram import COUNTED, LIT
+
+pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
+
+
+@pytest.mark.parametrize("batch, maps, game", [
+    ((), 1, dict(trajectories=1, length=1, warmup=0, seed=0)),
+    ((), 3, dict(trajectories=33, length=9, warmup=8, seed=-5)),
+    ((), 10, dict(trajectories=3, length=60, warmup=0, seed=2**63 - 1)),
+    ((2, 1), 70, dict(trajectories=40, length=12, warmup=3, seed=1)),  # more maps than a block sums
+])
+def test_chaos_game_agrees_with_the_twin(batch, maps, game):
+    check_chaos_game(batch, maps, game)
+
+
+@pytest.mark.parametrize("maps, given", [(1, False), (7, True), (300, True)])
+def test_chaos_game_draws_exactly_the_twins_numbers(maps, given):
+    check_numbers(maps, given, trajectories=34, length=6)
+
+
+def test_held_points_have_the_twins_gradient():
+    code = [9 * random_code(maps=3)[0].detach(), random_code(maps=3)[1].detach()]
+    game = dict(trajectories=20, length=14, warmup=4, seed=1)
+    ours, twin = (play(*kind, code, game) for kind in (("cuda", torch.float32), ("torch", torch.float32)))
+    assert 0.02 < float((twin[0].abs() == 1e6).float().mean()) < 0.9
+    for a, b in zip(ours, twin, strict=True):
+        assert float((a - b).norm() / b.norm()) < 1e-4
+
+
+LOST = torch.tensor([[math.inf, 0], [0, -math.inf], [math.nan, 0.1], [-3e38, 3e38], [1e20, 0.0]])
+
+
+@pytest.mark.parametrize("points, resolution, supersample, sigma_px", [
+    pytest.param(scatter(40, spread=1.5), 7, 3, 2.5, id="odd, some beyond the frame"),
+    pytest.param(scatter(2, 20), 5, 2, 0.9, id="a batch"),
+    pytest.param(scatter(300, spread=0.3), 16, 1, 1.0, id="more points than fit a batch of the kernel's"),
+    pytest.param(scatter(9, spread=1.6), 10, 2, 6.0, id="splats wider than a tile"),
+    pytest.param(torch.tensor([[0.31, -0.17]]).repeat(20, 1), 3, 5, 2.5, id="all on one spot"),
+    pytest.param(scatter(12), 1, 20, 1.5, id="a cell larger than a tile"),
+    pytest.param(scatter(30), 12, 1, 0.05, id="splats smaller than a pixel"),
+    pytest.param(torch.cat([scatter(6), LOST]), 8, 2, 1.5, id="some infinite or not a number"),
+])
+def test_splat_agrees_with_the_twin(points, resolution, supersample, sigma_px):
+    check_splat(points, resolution, supersample, sigma_px)
+
+
+@pytest.mark.parametrize("chunk", [3, 10])
+def test_a_crowd_shared_out_to_many_blocks_gives_the_same_image(chunk, monkeypatch):
+    monkeypatch.setattr(cuda_splat, "CHUNK", chunk)
+    check_splat(torch.cat([scatter(2, 6, spread=0.4), scatter(2, 14)], 1), 11, 2, 1.2)
+
+
+def test_points_that_are_not_seen_have_no_gradient_and_leave_black():
+    image, gradient = draw("cuda", torch.float32, LOST, 4, {"sigma_px": 2.5, "supersample": 2})
+    assert (image == 0).all() and (gradient == 0).all()
+
+
+def test_images_without_gradient_are_drawn_in_shares(monkeypatch):
+    grid, points = cuda_splat.grid_of(5, 2, 1.5), scatter(3, 20)
+    at_once = cuda_splat.image_of(points, grid)
+    monkeypatch.setattr(cuda_splat, "WORKSPACE", 2 * 4 * grid.side**2)
+    assert torch.equal(cuda_splat.image_of(points, grid), at_once)
+
+
+@pytest.mark.parametrize("view", [View(), View((0.05, -0.1), 4)], ids=["whole", "a frond"])
+def test_histogram_has_the_distribution_of_the_cpus(view, monkeypatch):
+    monkeypatch.setattr(cuda_histogram, "FEWEST", 4)  # points of a thread follow from each other: few are independent
+    check_histogram(view, bins=8, thrown=4000)
+
+
+def test_histogram_lights_the_pixels_that_it_counts():
+    code = attractor.normalize(codes.known("fern"))
+    tree, window = _address_tree(code), _window(View(), 12)
+    lit, counted = (cuda_histogram.scatter(tree, window, 2000, seed=(3,), mode=mode, device="cpu")
+                    for mode in (LIT, COUNTED))
+    assert lit[1] == counted[1] and torch.equal(lit[0] > 0, counted[0] > 0)
+    expected = (counted[0] > 0).float().view(4, 3, 4, 3).mean((1, 3))
+    torch.testing.assert_close(cuda_histogram.box_mean(lit[0], 3), expected)
+
+
+def test_histogram_leaves_to_the_cpu_what_has_to_be_searched():
+    tree = _address_tree(attractor.normalize(codes.known("fern")))
+    assert cuda_histogram.scatter(tree, _window(View((0.05, -0.1), 4), 16), 1e9, seed=(0,), mode=LIT, device="cpu",
+                                  wanted=10) is None

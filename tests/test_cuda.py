@@ -1,0 +1,122 @@
+"""The CUDA kernels where there is no GPU: run in numba's simulator, compiled for three generations of GPUs, and the
+messages to those who have none. `test_cuda_gpu` has the rest."""
+
+import json
+import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from fractal_exp import IFS, InputError
+from fractal_exp.evaluation.render import render
+from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
+
+HERE = Path(__file__).parent
+needs_numba_cuda = pytest.mark.skipif(not cuda_launch.INSTALLED, reason="numba-cuda is not installed "
+                                                                        "(pip install 'fractal-exp[cuda]')")
+
+
+@needs_numba_cuda
+def test_kernels_in_the_simulator():
+    environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "CUDA_VISIBLE_DEVICES": ""}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(HERE / "simulated_cuda.py")]
+    done = subprocess.run(command, env=environment, cwd=HERE.parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    assert "skipped" not in done.stdout
+
+
+def kernels():
+    """(name, kernel, types of its arguments) of every kernel."""
+    from numba import types as t
+
+    from fractal_exp.ops import cuda_chaos_game as game
+    from fractal_exp.ops import cuda_histogram, cuda_splat
+
+    def array(dtype, dimensions):
+        return t.Array(dtype, dimensions, "C")
+
+    floats, longs = {n: array(t.float32, n) for n in (2, 3, 4)}, array(t.int64, 1)
+    yield "chaos_game", game._forward, (floats[3], array(t.int64, 2), longs, floats[4], floats[4], array(t.uint16, 3))
+    yield "chaos_game_backward", game._backward, (floats[3], longs, floats[4], floats[4], array(t.uint16, 3), floats[4],
+                                                  array(t.float64, 4))
+    yield "assign", cuda_splat._assign, (floats[3], t.int64, t.int64, t.int64, array(t.int32, 1))
+    yield "share_out", cuda_splat._share_out, (longs, t.int64, t.int64, t.int64, longs)
+    yield "multiply", cuda_splat._multiply, (floats[2], longs, longs, t.int64, t.int64, t.int64, t.int64, t.float64,
+                                             floats[3], floats[3])
+    yield "combine", cuda_splat._combine, (longs, t.int64, floats[3], floats[3])
+    yield "downsample", cuda_splat._downsample, (floats[3], t.int64, floats[3])
+    yield "gather", cuda_splat._gather, (floats[2], longs, longs, floats[3], floats[3], t.int64, t.int64, t.float64,
+                                         floats[2])
+    for mode, dtype in ((cuda_histogram.LIT, t.uint8), (cuda_histogram.COUNTED, t.int32)):
+        yield f"throw_{mode}", cuda_histogram.KERNELS[mode], (
+            array(t.float64, 2), longs, array(t.float64, 2), longs, array(t.int32, 1), t.int64, t.int64,
+            array(dtype, 2), longs)
+
+
+@needs_numba_cuda
+@pytest.mark.parametrize("capability", [(8, 0), (9, 0), (10, 0)], ids=lambda cc: f"sm_{cc[0]}{cc[1]}")
+def test_kernels_compile_to_machine_code(capability):
+    """To PTX by NVVM, and that to machine code by nvJitLink; neither needs a GPU or a driver."""
+    from cuda.bindings import nvjitlink
+    from numba import cuda
+
+    architecture = f"sm_{capability[0]}{capability[1]}"
+    for name, kernel, signature in kernels():
+        fast = kernel.targetoptions.get("fastmath", False)
+        ptx, _ = cuda.compile_ptx(kernel.py_func, signature, cc=capability, fastmath=fast)
+        assert f".target {architecture}" in ptx
+        linker = nvjitlink.create(2, [f"-arch={architecture}", "-verbose"])
+        nvjitlink.add_data(linker, nvjitlink.InputType.PTX, ptx.encode(), len(ptx.encode()), name)
+        nvjitlink.complete(linker)
+        log = bytearray(nvjitlink.get_info_log_size(linker))
+        nvjitlink.get_info_log(linker, log)
+        assert nvjitlink.get_linked_cubin_size(linker) > 0
+        assert b" 0 bytes spill stores" in log, f"{name} spills its registers: {log.decode()}"
+        nvjitlink.destroy(linker)
+
+
+def test_the_cuda_backend_says_what_it_needs(monkeypatch):
+    code = torch.eye(2)[None] / 2, torch.zeros(1, 2)
+    with pytest.raises(InputError, match=r"backend='cuda' needs float32 tensors on an NVIDIA GPU, and numba-cuda"):
+        chaos_game(*code, backend="cuda")
+    with pytest.raises(InputError, match="got torch.float32 on cpu"):
+        splat(torch.zeros(3, 2), 8, backend="cuda")
+
+
+def test_auto_takes_the_kernels_and_says_if_it_cannot(monkeypatch, caplog):
+    on_gpu = torch.zeros(1, device="meta")  # a tensor of another device than the CPU, as far as a choice goes
+    monkeypatch.setattr(cuda_launch, "DEVICE", "meta")
+    monkeypatch.setattr(cuda_launch, "INSTALLED", True)
+    assert backends.choose("auto", on_gpu) == "cuda"
+    assert backends.choose("auto", on_gpu.double()) == "torch" and not caplog.records
+    monkeypatch.setattr(cuda_launch, "INSTALLED", False)
+    backends._say_that_it_is_slow.cache_clear()
+    with caplog.at_level(logging.WARNING):
+        assert [backends.choose("auto", on_gpu) for _ in range(3)] == ["torch"] * 3
+    assert [record.message for record in caplog.records] == [caplog.messages[0]]
+    assert "pip install 'fractal-exp[cuda]'" in caplog.messages[0]
+
+
+@pytest.mark.parametrize(("device", "message"), [
+    ("gpu", "images are drawn on cpu or cuda, got device='gpu'"), ("meta", "images are drawn on cpu or cuda"),
+    pytest.param("cuda", r"needs an NVIDIA GPU with its driver, and numba-cuda",
+                 marks=pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")),
+])
+def test_images_are_refused_on_devices_that_cannot_draw(device, message):
+    with pytest.raises(InputError, match=message):
+        render(IFS(torch.eye(2)[None] / 2, torch.zeros(1, 2)), device=device)
+
+
+def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path):
+    """A lease is too short to find a slip of the script on it."""
+    command = [sys.executable, "-m", "benchmarks.gpu", "--rehearse", "--json", str(tmp_path / "gpu.json")]
+    done = subprocess.run(command, cwd=HERE.parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    report = json.loads((tmp_path / "gpu.json").read_text())
+    assert [case["case"] for case in report["operations"]] == ["chaos game", "splat, paper", "splat, laptop"]
+    assert all(case["plain_ms"] > case["floor_ms"] > 0 for case in report["operations"])
+    assert {"rates", "views", "iteration", "fit", "environment"} <= set(report)

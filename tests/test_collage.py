@@ -10,6 +10,7 @@ from fractal_exp.collage.picture import Picture
 from fractal_exp.collage.picture_search import PictureSearch
 from fractal_exp.collage.polish import polished
 from fractal_exp.collage.search import Judge, Search, Tiling
+from fractal_exp.collage.stages import Problem, Work, plan
 from fractal_exp.evaluation import evaluate
 from fractal_exp.methods.collage import Collage
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
@@ -213,6 +214,23 @@ def test_a_turned_map_keeps_mean_and_covariance(triangle):
     torch.testing.assert_close(linear @ measure.covariance @ linear.mT,
                                (was @ measure.covariance @ was.T).expand(8, 2, 2), atol=2e-5, rtol=1e-3)
     torch.testing.assert_close(linear @ measure.mean + new[:, 4:], (was @ measure.mean + old[4:]).expand(8, 2))
+
+
+@pytest.mark.parametrize("kind", ["grey", "binary"])
+def test_a_large_picture_is_searched_small_and_polished_whole(kind):
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    image = suite.target(code, 600, kind)
+    problem = Problem(image, LEVELS[guess_levels(image)], 0, 1, 64, None, None)
+    assert problem.image.shape == (300, 300)
+    assert guess_levels(problem.image) == guess_levels(image)
+    maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
+    stage = plan(problem, islands=1, moves=0, rounds=0, detail_moves=0, picture_moves=0)[-1]
+    work = Work(best=Tiling(maps, affine.volumes(maps), 0.0))
+    stage.open(work)
+    away = affine.distances(stage.begin(work).maps, affine.from_code(code), binned(problem.masses, 64))
+    assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3
+    assert plan(Problem(problem.image, problem.levels, 0, 1, 64, None, None), islands=1, moves=0, rounds=0,
+                detail_moves=0, picture_moves=0)[-1].name == "picture"
 
 
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d, max_pool2d
+from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 
 from .. import ops
 from ..ifs import IFS
@@ -24,13 +24,14 @@ DENSITY_SHARE = 0.25                   # of inner pixels that are not white, fro
 @dataclass(frozen=True)
 class Levels:
     """What the grey levels of a picture say: `measure` turns an image (R,R) into masses (R,R), `observe` draws a code
-    as such a picture, with a seed, and `dark` tells from a pixel's grey level and that around it what part of the
-    pixel more mass can still light up."""
+    as such a picture, with a seed, `dark` tells from a pixel's grey level and that around it what part of the pixel
+    more mass can still light up, and `shrunk` makes of an image one of (S,S), as it would have been drawn."""
 
     name: str
     measure: Callable[[Tensor], Tensor]
     observe: Callable[[IFS, int, int], Tensor]
     dark: Callable[[Tensor, Tensor], Tensor]
+    shrunk: Callable[[Tensor, int], Tensor]
 
 
 def _poisson_density(image: Tensor) -> Tensor:
@@ -38,10 +39,14 @@ def _poisson_density(image: Tensor) -> Tensor:
     return -(1 - image.clamp(max=1 - 0.5 / SUPERSAMPLE**2)).log()
 
 
+def _mean(image: Tensor, size: int) -> Tensor:
+    return adaptive_avg_pool2d(image[None], size)[0]
+
+
 def _drawn(code: IFS, resolution: int, seed: int) -> Tensor:
     from ..evaluation.render import render
 
-    return render(code, resolution=resolution, points_in_view=round(POINTS_PER_PIXEL * resolution**2),
+    return render(code.to("cpu"), resolution=resolution, points_in_view=round(POINTS_PER_PIXEL * resolution**2),
                   supersample=SUPERSAMPLE, seed=seed)
 
 
@@ -51,11 +56,13 @@ def _drawn_white(code: IFS, resolution: int, seed: int) -> Tensor:
 
 LEVELS = {
     # the chance that a subpixel is hit by a point
-    "density": Levels("density", _poisson_density, _drawn, lambda grey, around: 1 - grey),
+    "density": Levels("density", _poisson_density, _drawn, lambda grey, around: 1 - grey,
+                      lambda image, size: 1 - (-_mean(_poisson_density(image), size)).exp()),
     # the part of a pixel that is covered, as in an anti-aliased picture
-    "coverage": Levels("coverage", torch.clone, _drawn, lambda grey, around: 1 - around),
+    "coverage": Levels("coverage", torch.clone, _drawn, lambda grey, around: 1 - around, _mean),
     # whether a quarter of a pixel is covered
-    "binary": Levels("binary", torch.clone, _drawn_white, lambda grey, around: 1 - around),
+    "binary": Levels("binary", torch.clone, _drawn_white, lambda grey, around: 1 - around,
+                     lambda image, size: (_mean(image, size) > THRESHOLD).float()),
 }
 
 

@@ -27,7 +27,8 @@ class Collage(Method):
     from nothing, the maps of all mixed, and once from the mixture; then, `rounds` times, `detail_moves` on a 128² grid
     of the picture's measure, corrected for the saturation of its grey levels by what was found so far; refinement on
     grids up to `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove
-    single maps where the picture asks for it.
+    single maps where the picture asks for it. An image beyond 512² is searched at a fraction of its size, and the code
+    polished on the whole.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
     points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at
@@ -71,15 +72,14 @@ class Collage(Method):
         self.check(target)
         image = check_target(target).to(self.device)
         levels = LEVELS[guess_levels(image) if self.levels == "auto" else self.levels]
-        problem = Problem(image, levels.measure(image), levels, self.seed, self.proposals, self.finest, self.maps,
-                          self.at_most)
+        problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most)
         stages = plan(problem, islands=self.islands, moves=self.moves, rounds=self.rounds,
                       detail_moves=self.detail_moves, picture_moves=self.picture_moves)
         snapshot = checkpoint.load() if checkpoint else None
         work = Work.of(snapshot) if snapshot else Work()
         clock = _Clock(self.seconds)
-        tell = _Teller(on_step, stages, clock, self.previews, lambda code: levels.observe(code.to("cpu"),
-                                                                                         image.shape[0], self.seed))
+        size = problem.image.shape[0]
+        tell = _Teller(on_step, stages, clock, self.previews, lambda code: levels.observe(code, size, self.seed))
         while work.stage < len(stages):
             stage = stages[work.stage]
             if work.best is not None and work.tiling is None and clock.part >= stage.ends:

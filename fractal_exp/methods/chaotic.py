@@ -164,16 +164,17 @@ class Chaotic(Method):
 
 def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, starts: int = 10, scouting: int = 120,
            trajectories: int = 1000, length: int = 110, match_target: bool = True, perceptual: str | None = None,
-           seed: int = 0, seconds: float | None = None) -> Chaotic:
-    """The method at the sizes of the configuration scale=laptop: two cores finish in minutes."""
+           seed: int = 0, seconds: float | None = None, init: Method | None = None) -> Chaotic:
+    """The method at the sizes of the configuration scale=laptop: two cores finish in minutes. With `init` there is one
+    start."""
     model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
     objective = WeightedSum(
         {"mse": 10.0, "ssim": 1.0, "perceptual": 2.0, "regularizer": 0.01},
         {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": Perceptual(perceptual) if perceptual else None,
          "regularizer": Regularizer()})
     optimizer = Alternating(every=100, annealing=Annealing(sharpness=1000.0))
-    return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed, starts=starts,
-                   scouting=scouting, match_target=match_target)
+    return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed,
+                   starts=1 if init else starts, scouting=scouting, match_target=match_target, init=init)
 
 
 class Problem:

@@ -32,7 +32,7 @@ def fit_one(index: int, seed: int, kind: str, options: dict, init: str | None, f
     """Fit one fractal; its rows, and those of the trivial images, one a view. Keeps the code and a picture."""
     threads.use(1)
     truth = suite.random_suite(index + 1, seed)[index]
-    method = laptop(**options, init=load(init)() if init else None)
+    method = laptop(**options, init=load(init)(seed=options.get("seed", 0)) if init else None)
     resolution = method.model.resolution
     start = time.perf_counter()
     reconstruction = method.reconstruct(suite.target(truth, resolution, kind))
@@ -59,7 +59,8 @@ def main() -> None:
     args.output.mkdir(parents=True, exist_ok=True)
     frames = []
     with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
-        jobs = [pool.submit(fit_one, i, args.seed, args.kind, args.options, args.init, args.output) for i in range(args.count)]
+        jobs = [pool.submit(fit_one, i, args.seed, args.kind, args.options, args.init, args.output)
+                for i in range(args.count)]
         for job in tqdm(jobs):
             frames.append(job.result())
             pd.concat(frames).to_csv(args.output / "per_view.csv", index=False)

@@ -29,7 +29,7 @@ def read(folder: Path, name: str) -> torch.Tensor:
 
 def fits(folder: Path) -> None:
     """Target, result and difference of both fits of `make run`."""
-    folders = [next(folder.glob(f"{name}-*-laptop-*")) for name in FITS]
+    folders = [next(folder.glob(f"{name}-collage-*-laptop-*")) for name in FITS]
     images, truth = (torch.stack([read(each, name) for each in folders]) for name in ("result", "target"))
     write_image(HERE / "fits.png", comparison_strip(images, truth, list(FITS.values())))
 

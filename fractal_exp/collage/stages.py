@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import torch
@@ -14,7 +15,7 @@ from ..seeds import derive
 from .measure import Levels, desaturated
 from .picture import Picture
 from .picture_search import PictureSearch
-from .polish import polished
+from .polish import never, polished
 from .refine import grid_for
 from .search import Judge, Search, Tiling
 
@@ -53,8 +54,8 @@ class Work:
         return Snapshot(self.step, tensors, {"stage": self.stage, "scores": list(self.scores), **numbers})
 
     @classmethod
-    def of(cls, snapshot: Snapshot) -> Work:
-        tensors, numbers = snapshot.tensors, snapshot.numbers
+    def of(cls, snapshot: Snapshot, device: str) -> Work:
+        tensors, numbers = {name: t.to(device) for name, t in snapshot.tensors.items()}, snapshot.numbers
         tiling, best = (Tiling(tensors[f"{name}/maps"], tensors[f"{name}/weights"], *numbers[name])
                         if name in numbers else None for name in ("tiling", "best"))
         return cls(numbers["stage"], snapshot.iteration, tiling, best, tensors.get("pool"), tuple(numbers["scores"]))
@@ -63,7 +64,7 @@ class Work:
 @dataclass(frozen=True)
 class Problem:
     """What all stages share: the image `full` (R,R), what its grey levels say, and the options of `Collage`. The search
-    is made on an `image` of at most 512², and its `masses`."""
+    is made on an `image` of at most 512², and its `masses`. late: whether time is up."""
 
     full: Tensor
     levels: Levels
@@ -72,6 +73,7 @@ class Problem:
     finest: int
     fixed: int | None
     most: int | None
+    late: Callable[[], bool] = never
     image: Tensor = field(init=False)
     masses: Tensor = field(init=False)
 
@@ -94,6 +96,7 @@ class Stage(ABC):
 
     name: str
     ends: float
+    search: Search | PictureSearch
 
     def __init__(self, problem: Problem, moves: int):
         self.problem, self.moves = problem, moves
@@ -142,7 +145,7 @@ class Island(Stage):
         if work.best is None:
             return work.done(found)
         best = min(work.best, found, self.search.mixed(pool), key=lambda tiling: tiling.score)
-        agreed = scores[1] < (1 + AGREED) * best.score
+        agreed = scores[1] < min(1, (1 + AGREED) * best.score)  # not so with a number of maps that is not allowed
         return work.done(best, 1 + self.others if agreed else 1)
 
 
@@ -186,7 +189,7 @@ class Retouch(Stage):
         problem, seed = self.problem, derive(self.problem.seed, "retouch")
         picture = Picture(problem.image, problem.levels, seed)
         self.search = PictureSearch(picture, problem.masses, noise=picture.noise(work.best.code), seed=seed,
-                                    finest=problem.finest, fixed=problem.fixed, most=problem.most)
+                                    finest=problem.finest, fixed=problem.fixed, most=problem.most, late=problem.late)
 
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best)
@@ -207,7 +210,8 @@ class Full(Stage):
         self.picture = Picture(self.problem.full, self.problem.levels, derive(self.problem.seed, "full"))
 
     def begin(self, work: Work) -> Tiling:
-        drawn = polished(self.picture, self.picture.judge(work.best.maps, work.best.chances), FULL_POLISH)
+        drawn = polished(self.picture, self.picture.judge(work.best.maps, work.best.chances), FULL_POLISH,
+                         late=self.problem.late)
         return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
 
 

@@ -26,7 +26,7 @@ class Chaotic(Method):
     and time is further on (and a run can no longer be repeated bit for bit).
 
     init: a method whose code, of however many maps, the run begins with instead of random parameters; it is handed the
-    same target, and there is one start.
+    same target, and there is one start. The model plays all maps alike, whatever the code's own chances.
 
     starts: with more than one, each start is first followed for `scouting` iterations (without phases of
     annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most
@@ -69,9 +69,9 @@ class Chaotic(Method):
         problem = Problem(self.model, self.objective, target)
         total = self.scouted + self.iterations
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
+        start_time = time.monotonic()
         first = self._start(best, checkpoint, image)
         preview_every = math.ceil(total / self.previews) if self.previews else None
-        start_time = time.monotonic()
 
         iteration, fraction = first, first / total
         while fraction < 1:

@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from fractal_exp.ops import jit
 
 SOURCE = Path(jit.__file__).parents[1]
@@ -13,6 +15,22 @@ def test_kernels_compile_where_nothing_can_be_cached():
     scope = {}
     exec("def twice(x):\n    return 2 * x", scope)  # a function without a file has no place in any cache
     assert jit.kernel()(scope["twice"])(21) == 42
+
+
+def test_an_interrupt_in_a_kernel_stays_an_interrupt(monkeypatch):
+    def interrupted():
+        inner = SystemError("_numba_unpickle returned a result with an exception set")
+        inner.__cause__ = KeyboardInterrupt()
+        raise SystemError("CPUDispatcher returned a result with an exception set") from inner
+
+    def broken():
+        raise SystemError("something else")
+
+    monkeypatch.setattr(jit, "njit", lambda function, **options: function)
+    with pytest.raises(KeyboardInterrupt):
+        jit.kernel()(interrupted)()
+    with pytest.raises(SystemError, match="something else"):
+        jit.kernel()(broken)()
 
 
 def test_kernels_run_from_an_installation_that_cannot_be_written(tmp_path):

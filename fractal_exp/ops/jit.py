@@ -29,7 +29,15 @@ def kernel(**options: Any) -> Callable[[Callable], Callable]:
 
         @functools.wraps(function)
         def call(*arguments: Any) -> Any:
-            with _ONE_AT_A_TIME:
-                return compiled(*arguments)
+            try:
+                with _ONE_AT_A_TIME:
+                    return compiled(*arguments)
+            except SystemError as error:
+                cause: BaseException | None = error
+                while isinstance(cause, SystemError):
+                    cause = cause.__cause__
+                if isinstance(cause, KeyboardInterrupt):  # Ctrl-C in numba's own few lines around a kernel
+                    raise cause from None
+                raise
         return call
     return compile_lazily

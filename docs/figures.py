@@ -18,7 +18,8 @@ from fractal_exp.methods.collage import Collage
 
 HERE = Path(__file__).parent
 FITS = {"retina": "blood vessels, skimage.data.retina()", "fern": "Barnsley's fern"}
-STAGES = {"search": "after the search at 64 x 64", "detail": "after the search at 128 x 128", "picture": "after the picture"}
+STAGES = {"search": "after the search at 64 x 64", "detail": "after the search at 128 x 128",
+          "picture": "after the picture"}
 SUITE_SEED, FRACTAL = 101, 7
 
 

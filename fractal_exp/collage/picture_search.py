@@ -40,8 +40,7 @@ class PictureSearch:
     number of the step."""
 
     def __init__(self, picture: Picture, masses: Tensor, *, noise: float, finest: int = 256, seed: int = 0,
-                 fixed: int | None = None, most: int | None = None,
-                 late: Callable[[], bool] = never):
+                 fixed: int | None = None, most: int | None = None, late: Callable[[], bool] = never):
         self.picture, self.masses, self.finest, self.seed = picture, masses, finest, seed
         self.price, self.late = PRICE * noise, late
         self.fixed, self.most = fixed, most
@@ -51,8 +50,8 @@ class PictureSearch:
 
     def resume(self, tiling: Tiling) -> Tiling:
         """The best drawing of the tiling and its refinements, with its own weights or those of |det| + 0.01."""
-        tied, own = (self._polished(refined(self.picture, self.masses, tiling.maps, weights, self.finest,
-                                                    self.seed), POLISH // 2) for weights in (None, tiling.weights))
+        tied, own = (self._polished(refined(self.picture, self.masses, tiling.maps, weights, self.finest, self.seed),
+                                    POLISH // 2) for weights in (None, tiling.weights))
         return self._tiling(self._polished(self._simpler(tied, own), POLISH // 2))
 
     def step(self, now: Tiling, number: int) -> Tiling:

@@ -1,4 +1,4 @@
-"""Gauss-Newton on the picture itself: maps moved to a hundredth of a pixel.
+"""Gauss-Newton on the picture itself: maps moved by small parts of a pixel.
 
 The collage equation is solved on grids, with pixels for points, which blurs; here the residual is that of real
 drawings, so a true code stays where it is. Only the Jacobian is approximate.

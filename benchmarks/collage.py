@@ -15,6 +15,7 @@ import argparse
 import json
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -35,6 +36,7 @@ def recover(fractal: int | str, seed: int, kind: str, options: dict, folder: Pat
     """Invert a fractal of the suite, or a classic by name: a row for each stage, alignment and view."""
     threads.use(1)
     truth = codes.known(fractal) if isinstance(fractal, str) else suite.random_suite(fractal + 1, seed)[fractal]
+    truth = replace(truth, probabilities=None)  # as targets are drawn
     image = suite.target(truth, RESOLUTION, kind)
     start, found = time.perf_counter(), {}
 

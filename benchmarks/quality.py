@@ -3,6 +3,7 @@
     python -m benchmarks.quality --count 10                  the first ten of the published suite, at laptop scale
     python -m benchmarks.quality --count 20 --seed 7         twenty of another suite, to tune on
     python -m benchmarks.quality --options '{"starts": 1}'   another setting of `methods.chaotic.laptop`
+    python -m benchmarks.quality --init collage              begun with what collage search finds
 """
 
 from __future__ import annotations
@@ -23,14 +24,15 @@ from fractal_exp.evaluation.pictures import comparison_strip
 from fractal_exp.evaluation.scoring import TRIVIAL
 from fractal_exp.evaluation.summary import describe
 from fractal_exp.images import write_image
+from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.chaotic import laptop
 
 
-def fit_one(index: int, seed: int, kind: str, options: dict, folder: Path) -> pd.DataFrame:
+def fit_one(index: int, seed: int, kind: str, options: dict, init: str | None, folder: Path) -> pd.DataFrame:
     """Fit one fractal; its rows, and those of the trivial images, one a view. Keeps the code and a picture."""
     threads.use(1)
     truth = suite.random_suite(index + 1, seed)[index]
-    method = laptop(**options)
+    method = laptop(**options, init=load(init)(seed=options.get("seed", 0)) if init else None)
     resolution = method.model.resolution
     start = time.perf_counter()
     reconstruction = method.reconstruct(suite.target(truth, resolution, kind))
@@ -50,13 +52,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=suite.SUITE_SEED, help="of the suite (default: the published one)")
     parser.add_argument("--kind", choices=["grey", "binary"], default="grey")
     parser.add_argument("--options", type=json.loads, default={}, help="of methods.chaotic.laptop, as JSON")
+    parser.add_argument("--init", choices=sorted(METHODS.keys() - {"chaotic"}), help="a method to begin with")
     parser.add_argument("--workers", type=int, default=threads.available())
     parser.add_argument("--output", type=Path, default=Path("outputs/quality"))
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
     frames = []
     with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
-        jobs = [pool.submit(fit_one, i, args.seed, args.kind, args.options, args.output) for i in range(args.count)]
+        jobs = [pool.submit(fit_one, i, args.seed, args.kind, args.options, args.init, args.output)
+                for i in range(args.count)]
         for job in tqdm(jobs):
             frames.append(job.result())
             pd.concat(frames).to_csv(args.output / "per_view.csv", index=False)

@@ -18,7 +18,8 @@ from fractal_exp.methods.collage import Collage
 
 HERE = Path(__file__).parent
 FITS = {"retina": "blood vessels, skimage.data.retina()", "fern": "Barnsley's fern"}
-STAGES = {"search": "after the search at 64²", "detail": "after the search at 128²", "picture": "after the picture"}
+STAGES = {"search": "after the search at 64 x 64", "detail": "after the search at 128 x 128",
+          "picture": "after the picture"}
 SUITE_SEED, FRACTAL = 101, 7
 
 
@@ -29,7 +30,7 @@ def read(folder: Path, name: str) -> torch.Tensor:
 
 def fits(folder: Path) -> None:
     """Target, result and difference of both fits of `make run`."""
-    folders = [next(folder.glob(f"{name}-*-laptop-*")) for name in FITS]
+    folders = [next(folder.glob(f"{name}-collage-*-laptop-*")) for name in FITS]
     images, truth = (torch.stack([read(each, name) for each in folders]) for name in ("result", "target"))
     write_image(HERE / "fits.png", comparison_strip(images, truth, list(FITS.values())))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -40,7 +40,8 @@ class KnownCode(TargetSource):
         self.code, self.kind, self.label = codes.known(name), kind, name
 
     def load(self, resolution: int) -> Target:
-        return Target(suite.target(self.code, resolution, self.kind), self.code, (self.code.meta["title"],))
+        drawn = replace(self.code, probabilities=None)  # as `suite.target` draws it
+        return Target(suite.target(drawn, resolution, self.kind), drawn, (self.code.meta["title"],))
 
 
 class SuiteFractal(TargetSource):

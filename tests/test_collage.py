@@ -1,3 +1,5 @@
+import time
+
 import pytest
 import torch
 
@@ -6,10 +8,11 @@ from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.collage import maps as affine
 from fractal_exp.collage.births import turned
 from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
-from fractal_exp.collage.picture import Picture
+from fractal_exp.collage.picture import Drawn, Picture
 from fractal_exp.collage.picture_search import PictureSearch
 from fractal_exp.collage.polish import polished
 from fractal_exp.collage.search import Judge, Search, Tiling
+from fractal_exp.collage.stages import Problem, Work, plan
 from fractal_exp.evaluation import evaluate
 from fractal_exp.methods.collage import Collage
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
@@ -112,6 +115,36 @@ def test_a_seed_repeats_and_another_differs(triangle):
     assert len(a) != len(c) or not torch.equal(a.linear, c.linear)
 
 
+def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, tmp_path, monkeypatch):
+    _, image = triangle
+    whole = small().reconstruct(image).code
+    path = tmp_path / "checkpoint.safetensors"
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(PictureSearch, "resume", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            small().reconstruct(image, checkpoint=Checkpoint(path))
+    resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+    assert torch.equal(whole.linear, resumed.linear)
+
+
+def test_weights_of_its_own_come_back_from_a_checkpoint_as_they_were():
+    maps = torch.randn(4, 6, generator=torch.Generator().manual_seed(0)) * 0.3
+    own = Drawn(maps, torch.tensor([0.7, 0.2, 0.07, 0.03]) * 1.7, torch.zeros(8, 8), 0.1)
+    tiling = Tiling(maps, own.chances, 0.1)
+    assert torch.equal(tiling.chances, own.chances)
+    assert Tiling(maps, Drawn(maps, None, torch.zeros(8, 8), 0.1).chances, 0.1).chances is None
+
+
+@pytest.mark.parametrize("size", [32, 33])
+def test_small_and_odd_pictures_are_taken(size):
+    image = suite.target(codes.known("heighway_dragon"), size)  # two maps
+    assert len(small().reconstruct(image).code) >= 2
+
+
 @pytest.mark.parametrize("stop", [1, 4, 8, 10, 12])  # in each island, the closing moves, the details, the picture
 def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, stop):
     _, image = triangle
@@ -130,15 +163,20 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, s
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
     _, image = triangle
+    five = suite.target(codes.known("vicsek"), 128)
     assert len(small(maps=4, moves=12).reconstruct(image).code) == 4
-    assert len(small(at_most=3, moves=12).reconstruct(image).code) <= 3
+    assert len(small(maps=3).reconstruct(five).code) == 3
+    assert len(small(at_most=3).reconstruct(five).code) <= 3
 
 
 def test_time_ends_a_search_with_the_best_so_far(triangle):
     _, image = triangle
     steps = []
-    small(moves=10_000, picture_moves=10_000, seconds=4).reconstruct(image, on_step=lambda p: steps.append(p.fraction))
-    assert len(steps) < 1000 and steps == sorted(steps)
+    start = time.monotonic()
+    code = small(moves=10_000, picture_moves=10_000, seconds=4).reconstruct(image, on_step=steps.append).code
+    assert time.monotonic() - start < 12 and len(steps) < 1000
+    assert [p.fraction for p in steps] == sorted(p.fraction for p in steps)
+    assert torch.equal(code.linear, [p for p in steps if p.code is not None][-1].code.linear)
 
 
 def test_a_search_never_returns_a_worse_state(triangle):
@@ -186,7 +224,7 @@ def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangl
     found = polished(picture, start, 10)
     assert found.error < 0.5 * start.error
     measure = binned(LEVELS["density"].measure(image), 64)
-    away = affine.distances(found.maps, maps, measure).diagonal().max() * 64
+    away = affine.distances(found.maps, maps, measure).diagonal().max() * 64  # pixels of 128
     assert away < (0.06 if levels == "density" else 0.3)
     assert polished(picture, found, 2).error <= found.error
 
@@ -213,6 +251,23 @@ def test_a_turned_map_keeps_mean_and_covariance(triangle):
     torch.testing.assert_close(linear @ measure.covariance @ linear.mT,
                                (was @ measure.covariance @ was.T).expand(8, 2, 2), atol=2e-5, rtol=1e-3)
     torch.testing.assert_close(linear @ measure.mean + new[:, 4:], (was @ measure.mean + old[4:]).expand(8, 2))
+
+
+@pytest.mark.parametrize("kind", ["grey", "binary"])
+def test_a_large_picture_is_searched_small_and_polished_whole(kind):
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    image = suite.target(code, 600, kind)
+    problem = Problem(image, LEVELS[guess_levels(image)], 0, 1, 64, None, None)
+    assert problem.image.shape == (300, 300)
+    assert guess_levels(problem.image) == guess_levels(image)
+    maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
+    stage = plan(problem, islands=1, moves=0, rounds=0, detail_moves=0, picture_moves=0)[-1]
+    work = Work(best=Tiling(maps, affine.volumes(maps), 0.0))
+    stage.open(work)
+    away = affine.distances(stage.begin(work).maps, affine.from_code(code), binned(problem.masses, 64))
+    assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
+    assert plan(Problem(problem.image, problem.levels, 0, 1, 64, None, None), islands=1, moves=0, rounds=0,
+                detail_moves=0, picture_moves=0)[-1].name == "picture"
 
 
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):

@@ -51,6 +51,8 @@ def test_a_fit_that_begins_with_collage_search_has_one_start_and_a_name_of_its_o
     assert config["method"]["starts"] == 1 and config["method"]["init"]["moves"] == 8
     assert configuration.method_name(config["method"]) == "collage-chaotic"
     assert configuration.method_name(plain()["method"]) == "chaotic"
+    with pytest.raises(InputError, match="take method=chaotic"):
+        plain("init=collage", "method=collage")
 
 
 def test_every_ablation_is_listed_here():

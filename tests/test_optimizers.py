@@ -17,6 +17,9 @@ class Plain(Parameterization):
     def initial(self, maps, generator):
         return {"x": torch.randn(maps, 2, generator=generator)}
 
+    def encode(self, linear, offset):
+        raise AssertionError("the toy problem has no maps")
+
     def decode(self, raw):
         raise AssertionError("the toy problem draws nothing")
 

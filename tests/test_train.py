@@ -119,7 +119,7 @@ def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130 and "resume=true goes on" in errors and "Traceback" not in errors
+    assert process.returncode == 130 and "resume=true goes on" in errors and "Traceback" not in errors, errors
     with pytest.raises(InputError, match="another configuration: iterations: 100000 there, 6 now"):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
 

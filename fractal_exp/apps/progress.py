@@ -14,7 +14,7 @@ from .folders import FitFolder
 
 
 class Reporter:
-    """An `on_step` that draws a bar with loss, temperature and time left, and logs every step."""
+    """An `on_step` that draws a bar with stage, loss or score, temperature and time left, and logs every step."""
 
     def __init__(self, run: Tracker, folder: FitFolder):
         self.run, self.folder = run, folder
@@ -30,8 +30,9 @@ class Reporter:
 
     def __call__(self, progress: Progress) -> None:
         self.bar.n = round(100 * progress.fraction, 2)
-        self.bar.set_postfix({name: f"{value:.3g}" for name, value in progress.scalars.items()
-                              if name in ("loss", "temperature", "score")}, refresh=False)
+        stage = {"stage": progress.stage} if progress.stage else {}
+        self.bar.set_postfix(stage | {name: f"{value:.3g}" for name, value in progress.scalars.items()
+                                      if name in ("loss", "temperature", "score")}, refresh=False)
         self.bar.update(0)
         self.run.log({f"train/{name}": value for name, value in progress.scalars.items()}, progress.step)
         if progress.preview is not None:

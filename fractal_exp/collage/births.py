@@ -69,12 +69,15 @@ def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: t
 def turned(old: Tensor, measure: BinnedMeasure, count: int, generator: torch.Generator) -> Tensor:
     """Maps (count,6) that give the measure the mean and covariance that the map `old` (6,) gives it, turned and
     mirrored at random: what a search at low resolution cannot tell apart."""
-    linear, covariance = old[:4].view(2, 2).cpu(), measure.covariance.cpu()
+    linear, covariance = old[:4].view(2, 2).cpu().double(), measure.covariance.cpu().double()
     image = linear @ covariance @ linear.T + 1e-6 * torch.eye(2)
-    mean = linear @ measure.mean.cpu() + old[4:].cpu()
+    center = measure.mean.cpu().double()
+    mean = linear @ center + old[4:].cpu().double()
     source = torch.linalg.cholesky(covariance + 1e-8 * torch.eye(2))
-    matrices = torch.linalg.cholesky(image) @ affine.rotations(count, generator) @ torch.linalg.inv(source)
-    return affine.sending(matrices, measure.mean.cpu(), mean.expand(count, 2)).to(old)
+    matrices = torch.linalg.cholesky(image) @ affine.rotations(count, generator).double() @ torch.linalg.inv(source)
+    largest = torch.linalg.matrix_norm(matrices, 2)[:, None, None]
+    matrices = matrices * (LARGE[1] / largest).clamp_max(1)
+    return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
 
 
 def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: tuple[float, float],

@@ -18,8 +18,14 @@ def from_code(code: IFS) -> Tensor:
 
 def to_code(maps: Tensor, weights: Tensor | None = None) -> IFS:
     """The code of maps (N,6), with the chances `weights` / sum, or those of |det| + 0.01."""
-    chances = None if weights is None else weights / weights.sum()
+    chances = None if weights is None else normalized(weights)
     return IFS(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], chances)
+
+
+def normalized(weights: Tensor) -> Tensor:
+    """Weights (N,) over their sum; what is normalised stays as it is, bit for bit."""
+    total = weights.sum()
+    return weights if abs(float(total) - 1) < 1e-5 else weights / total
 
 
 def volumes(maps: Tensor) -> Tensor:

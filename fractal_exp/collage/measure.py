@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d, max_pool2d
+from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 
 from .. import ops
 from ..ifs import IFS
@@ -23,14 +23,16 @@ DENSITY_SHARE = 0.25                   # of inner pixels that are not white, fro
 
 @dataclass(frozen=True)
 class Levels:
-    """What the grey levels of a picture say: `measure` turns an image (R,R) into masses (R,R), `observe` draws a code
-    as such a picture, with a seed, and `dark` tells from a pixel's grey level and that around it what part of the
-    pixel more mass can still light up."""
+    """What the grey levels of a picture say, shares of `supersample`² subpixels of each pixel: `measure` turns an image
+    (R,R) into masses (R,R), `observe` draws a code as such a picture, with a seed, `dark` tells from a pixel's grey
+    level and that around it what part of the pixel more mass can still light up, and `shrunk` makes of an image one of
+    (S,S), as it would have been drawn were it smooth."""
 
-    name: str
+    supersample: int
     measure: Callable[[Tensor], Tensor]
     observe: Callable[[IFS, int, int], Tensor]
     dark: Callable[[Tensor, Tensor], Tensor]
+    shrunk: Callable[[Tensor, int], Tensor]
 
 
 def _poisson_density(image: Tensor) -> Tensor:
@@ -38,24 +40,41 @@ def _poisson_density(image: Tensor) -> Tensor:
     return -(1 - image.clamp(max=1 - 0.5 / SUPERSAMPLE**2)).log()
 
 
-def _drawn(code: IFS, resolution: int, seed: int) -> Tensor:
-    from ..evaluation.render import render
+def _mean(image: Tensor, size: int) -> Tensor:
+    return adaptive_avg_pool2d(image[None], size)[0]
 
-    return render(code, resolution=resolution, points_in_view=round(POINTS_PER_PIXEL * resolution**2),
-                  supersample=SUPERSAMPLE, seed=seed)
+
+def _observer(supersample: int) -> Callable[[IFS, int, int], Tensor]:
+    def drawn(code: IFS, resolution: int, seed: int) -> Tensor:
+        from ..evaluation.render import render
+
+        return render(code.to("cpu"), resolution=resolution, points_in_view=round(POINTS_PER_PIXEL * resolution**2),
+                      supersample=supersample, seed=seed)
+    return drawn
 
 
 def _drawn_white(code: IFS, resolution: int, seed: int) -> Tensor:
-    return (_drawn(code, resolution, seed) > THRESHOLD).float()
+    return (_observer(SUPERSAMPLE)(code, resolution, seed) > THRESHOLD).float()
+
+
+def _shrunk_density(image: Tensor, size: int) -> Tensor:
+    return 1 - (-_mean(_poisson_density(image), size)).exp()
+
+
+def _shrunk_binary(image: Tensor, size: int) -> Tensor:
+    covered = _mean(image, size)
+    return (covered > (THRESHOLD if bool((covered > THRESHOLD).any()) else 0)).float()
 
 
 LEVELS = {
     # the chance that a subpixel is hit by a point
-    "density": Levels("density", _poisson_density, _drawn, lambda grey, around: 1 - grey),
-    # the part of a pixel that is covered, as in an anti-aliased picture
-    "coverage": Levels("coverage", torch.clone, _drawn, lambda grey, around: 1 - around),
+    "density": Levels(SUPERSAMPLE, _poisson_density, _observer(SUPERSAMPLE), lambda grey, around: 1 - grey,
+                      _shrunk_density),
+    # the part of a pixel that is covered, as in an anti-aliased picture: subpixels so large that points fill them
+    "coverage": Levels(SUPERSAMPLE // 4, torch.clone, _observer(SUPERSAMPLE // 4), lambda grey, around: 1 - around,
+                       _mean),
     # whether a quarter of a pixel is covered
-    "binary": Levels("binary", torch.clone, _drawn_white, lambda grey, around: 1 - around),
+    "binary": Levels(SUPERSAMPLE, torch.clone, _drawn_white, lambda grey, around: 1 - around, _shrunk_binary),
 }
 
 
@@ -111,9 +130,14 @@ def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, see
     """The measure (G,G) of the attractor of maps (N,6) played with chances in proportion to weights (N,)."""
     drawn = ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], trajectories=max(1, points // 400),
                            length=430, warmup=30, probabilities=weights / weights.sum(), seed=seed)
-    samples = torch.cat([drawn, torch.full_like(drawn[:, :1], 1 / len(drawn))], 1)
-    identity = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]], device=maps.device)
-    return pushforward(identity, torch.ones(1, 1, device=maps.device), samples, size)[0]
+    return point_bins(drawn, size)
+
+
+def point_bins(points: Tensor, size: int) -> Tensor:
+    """The measure (G,G) of points (P,2) of equal mass, in bilinear bins."""
+    samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], 1)
+    identity = points.new_tensor([[[1.0, 0, 0, 1, 0, 0]]])
+    return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
 
 
 def desaturated(masses: Tensor, code: IFS, levels: Levels, seed: int) -> Tensor:

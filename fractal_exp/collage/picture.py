@@ -10,10 +10,11 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
 from ..ifs import IFS
 from ..seeds import derive
 from . import maps as affine
-from .measure import SUPERSAMPLE, Levels
+from .measure import Levels
 
 GRIDS = 4          # compared, each half as fine as the one before
 FINEST = 512       # cells a side of the first
+LEAST_NOISE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,7 @@ class Drawn:
     @property
     def chances(self) -> Tensor:
         """(N,), summing to 1."""
-        weights = affine.volumes(self.maps) if self.weights is None else self.weights
-        return weights / weights.sum()
+        return affine.normalized(affine.volumes(self.maps) if self.weights is None else self.weights)
 
     @property
     def code(self) -> IFS:
@@ -43,14 +43,14 @@ class Picture:
 
     A pixel of which a share I of n subpixels is lit has a counting error that depends on I; arcsin(sqrt(I)) has the
     variance 1/4n whatever I is (Anscombe 1948), so that faint tips count for what they are worth. The error is
-    mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit pixels of the target), n that of a pixel on every
-    grid: of the order of 0.1 for two drawings of one code, 1 for independent pixels.
+    mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest
+    grid on all: of the order of 0.1 for two drawings of one code, 0.3 for pixels that only share their brightness.
     """
 
     def __init__(self, image: Tensor, levels: Levels, seed: int = 0):
         self.image, self.levels, self.seed = image, levels, derive(seed, "picture")
         self.side = min(image.shape[0], FINEST)
-        self.subpixels = (SUPERSAMPLE * image.shape[0] / self.side) ** 2
+        self.subpixels = (levels.supersample * image.shape[0] / self.side) ** 2
         self.stable = self.stabilized(image)
         self.lit = [max(1, int((grid > 0).sum())) for grid in self.grids(image)]
 
@@ -87,7 +87,7 @@ class Picture:
     def noise(self, code: IFS) -> float:
         """The error that the true code would have by chance, told from two drawings of this one."""
         other = Picture(self.draw(code, "again"), self.levels)
-        return other.error(self.draw(code))
+        return max(LEAST_NOISE, other.error(self.draw(code)))
 
 
 def stabilize(image: Tensor, subpixels: float) -> Tensor:

@@ -6,6 +6,8 @@ are seen, and small copies that lie the wrong way round. Drawing a code tells at
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
@@ -16,7 +18,7 @@ from . import maps as affine
 from .births import candidates, turned
 from .measure import binned, desaturated, halve
 from .picture import Drawn, Picture
-from .polish import polished
+from .polish import never, polished
 from .refine import grid_for, refined
 from .search import Tiling
 
@@ -27,6 +29,7 @@ ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
 SETTLED = 1.05                 # times the noise of a drawing: an error that the true code may have
 OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
+MISSING = 1e3                  # the price of a map fewer than there must be
 PROMISING = 1.25               # times the score before: what is worth a polish
 BIRTHS, TURNS, REPLACEMENTS = 0.5, 0.25, 0.2   # the chances of a move; the rest are removals
 POLISH = 8                     # steps of all maps at the start and the end
@@ -37,9 +40,9 @@ class PictureSearch:
     number of the step."""
 
     def __init__(self, picture: Picture, masses: Tensor, *, noise: float, finest: int = 256, seed: int = 0,
-                 fixed: int | None = None, most: int | None = None):
+                 fixed: int | None = None, most: int | None = None, late: Callable[[], bool] = never):
         self.picture, self.masses, self.finest, self.seed = picture, masses, finest, seed
-        self.price = PRICE * noise
+        self.price, self.late = PRICE * noise, late
         self.fixed, self.most = fixed, most
         self._shown: Drawn | None = None
         self._measured: tuple[Tensor, tuple[BinnedMeasure, BinnedMeasure]] | None = None
@@ -47,9 +50,9 @@ class PictureSearch:
 
     def resume(self, tiling: Tiling) -> Tiling:
         """The best drawing of the tiling and its refinements, with its own weights or those of |det| + 0.01."""
-        tied, own = (polished(self.picture, refined(self.picture, self.masses, tiling.maps, weights, self.finest,
-                                                    self.seed), POLISH // 2) for weights in (None, tiling.weights))
-        return self._tiling(polished(self.picture, self._simpler(tied, own), POLISH // 2))
+        tied, own = (self._polished(refined(self.picture, self.masses, tiling.maps, weights, self.finest, self.seed),
+                                    POLISH // 2) for weights in (None, tiling.weights))
+        return self._tiling(self._polished(self._simpler(tied, own), POLISH // 2))
 
     def step(self, now: Tiling, number: int) -> Tiling:
         """`now`, or a better neighbour."""
@@ -57,23 +60,23 @@ class PictureSearch:
         shown = self._drawn(now)
         kind, gone = self._move(shown, g)
         keep = [i for i in range(len(shown.maps)) if i != gone]
-        without = self._judge(shown, keep) if gone is not None else shown
+        without = self._judge(shown, keep) if kind in ("replace", "remove") else shown
         if kind == "remove":
             new = without
         else:
             born = self._born(shown, keep, without, None if kind != "turn" else gone, g)
             new = min((self._judge(shown, keep, *pair) for pair in born), key=lambda drawn: drawn.error)
             if new.error < PROMISING * shown.error:
-                new = polished(self.picture, new, 2, [len(new.maps) - 1])
+                new = self._polished(new, 2, [len(new.maps) - 1])
         if self._score(new) >= self._score(shown):
             return now
-        return self._tiling(polished(self.picture, new, 1))
+        return self._tiling(self._polished(new, 1))
 
     def finish(self, now: Tiling) -> Tiling:
         """Polished once more."""
-        found = polished(self.picture, self._drawn(now), POLISH)
+        found = self._polished(self._drawn(now), POLISH)
         if found.weights is not None:
-            tied = polished(self.picture, self.picture.judge(found.maps), POLISH)
+            tied = self._polished(self.picture.judge(found.maps), POLISH)
             found = self._simpler(tied, found)
         return self._tiling(found)
 
@@ -82,7 +85,7 @@ class PictureSearch:
         shown = self._drawn(now)
         if self._noise is None or self._noise[0] is not shown.maps:
             self._noise = shown.maps, self.picture.noise(shown.code)
-        return shown.error < SETTLED * self._noise[1]
+        return shown.error < SETTLED * self._noise[1] and len(shown.maps) >= (self.fixed or 0)
 
     @staticmethod
     def _simpler(tied: Drawn, own: Drawn) -> Drawn:
@@ -96,7 +99,7 @@ class PictureSearch:
         n, roll = len(shown.maps), float(torch.rand((), generator=g))
         small = int(torch.multinomial(1 / affine.volumes(shown.maps).cpu(), 1, generator=g))
         full = n >= (self.fixed or self.most or n + 1)
-        if n < 3 and not full or roll < BIRTHS and not full:
+        if not full and (n < 2 or roll < BIRTHS):
             return "birth", None
         if roll < BIRTHS + TURNS:
             return "turn", small
@@ -139,6 +142,9 @@ class PictureSearch:
 
     # -- codes and drawings -------------------------------------------------------------------------------------------
 
+    def _polished(self, drawn: Drawn, steps: int, moving: list[int] | None = None) -> Drawn:
+        return polished(self.picture, drawn, steps, moving, late=self.late)
+
     def _judge(self, shown: Drawn, keep: list[int], born: Tensor | None = None, weight: Tensor | None = None) -> Drawn:
         maps = shown.maps[keep] if born is None else torch.cat([shown.maps[keep], born[None]])
         weights = None
@@ -147,7 +153,8 @@ class PictureSearch:
         return self.picture.judge(maps, weights)
 
     def _score(self, drawn: Drawn) -> float:
-        return drawn.error + self.price * len(drawn.maps)
+        missing = max(0, (self.fixed or 0) - len(drawn.maps))
+        return drawn.error + self.price * len(drawn.maps) + MISSING * missing
 
     def _tiling(self, drawn: Drawn) -> Tiling:
         self._shown = drawn

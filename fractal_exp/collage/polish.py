@@ -1,4 +1,4 @@
-"""Gauss-Newton on the picture itself: maps moved to a hundredth of a pixel.
+"""Gauss-Newton on the picture itself: maps moved by small parts of a pixel.
 
 The collage equation is solved on grids, with pixels for points, which blurs; here the residual is that of real
 drawings, so a true code stays where it is. Only the Jacobian is approximate.
@@ -6,16 +6,16 @@ drawings, so a true code stays where it is. Only the Jacobian is approximate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
 from .. import ops
-from ..ops.collage import pushforward
 from ..ops.reference_collage import contract
 from ..seeds import derive
+from .measure import point_bins
 from .picture import Drawn, Picture, stabilizing_slope
 
 POINTS_PER_CELL = 6
@@ -25,10 +25,19 @@ LARGEST = 0.9995           # singular value
 LITTLE = 0.005             # relative gain at which to stop
 
 
-def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] | None = None) -> Drawn:
-    """The code after at most so many steps of Levenberg and Marquardt, never worse. moving: the maps that may move."""
+def never() -> bool:
+    """Time is not limited."""
+    return False
+
+
+def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] | None = None, *,
+             late: Callable[[], bool] = never) -> Drawn:
+    """The code after at most so many steps of Levenberg and Marquardt, never worse. moving: the maps that may move;
+    late: whether to stop."""
     damping = 1e-2
     for number in range(steps):
+        if late():
+            break
         jacobian = _Jacobian(picture, drawn, moving if moving is not None else range(len(drawn.maps)), number)
         before = drawn.error
         for _ in range(2):
@@ -113,13 +122,6 @@ class _Jacobian:
 
     def _bins(self, points: Tensor) -> Tensor:
         return point_bins(points, self.side)
-
-
-def point_bins(points: Tensor, size: int) -> Tensor:
-    """The measure (G,G) of points (P,2) of equal mass, in bilinear bins."""
-    samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], 1)
-    identity = points.new_tensor([[[1.0, 0, 0, 1, 0, 0]]])
-    return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
 
 
 def _smooth(image: Tensor) -> Tensor:

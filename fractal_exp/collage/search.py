@@ -38,8 +38,8 @@ class Tiling:
     @property
     def chances(self) -> Tensor | None:
         """The weights (N,), summing to 1, or None if they are those of |det| + 0.01."""
-        own, tied = self.weights / self.weights.sum(), affine.volumes(self.maps)
-        return None if torch.allclose(own, tied / tied.sum(), rtol=1e-5, atol=1e-7) else own
+        own, tied = affine.normalized(self.weights), affine.normalized(affine.volumes(self.maps))
+        return None if torch.allclose(own, tied, rtol=1e-5, atol=1e-7) else own
 
     @property
     def code(self) -> IFS:
@@ -142,7 +142,7 @@ class Search:
         found, _ = nnls((columns * scale).flatten(1).T.cpu().double().numpy(),
                         (grid.bins * scale).flatten().cpu().double().numpy())
         best = np.argsort(-found)[:max(most, self.fixed or 0)]
-        best = torch.from_numpy(best[found[best] > LEAST].copy())
+        best = torch.from_numpy(best[found[best] >= min(LEAST, found.max())].copy())
         weights = torch.from_numpy(found).float()[best]
         weights = (1 - SLACK) * (weights / weights.sum()).to(pool)
         return self.unique(self.pruned(*self.move(pool[best.to(pool.device)], weights, LONG)))
@@ -213,12 +213,14 @@ class Search:
         score = self.cheap_score(maps, weights, error)
         while len(maps) > 2:
             n = len(maps)
+            too_many = n > (self.fixed or self.most or n)
             without = weights.expand(n, n) * (1 - torch.eye(n, device=weights.device))
             without = without * (weights.sum() / without.sum(1, keepdim=True))
             bins = pushforward(maps.expand(n, n, 6), without, self.measure.samples, self.measure.size) + self.slack
             errors = collage_error(bins, self.measure)
             tried = errors.argsort()[:3]
-            tried = tried[errors[tried] <= error + max(8 * self.judge.price, 0.3 * error)]
+            if not too_many:
+                tried = tried[errors[tried] <= error + max(8 * self.judge.price, 0.3 * error)]
             if len(tried) == 0:
                 break
             m, w, e = self.moved(maps.expand(len(tried), n, 6).contiguous(), without[tried].contiguous(), TEST)
@@ -228,7 +230,7 @@ class Search:
                 options.append((self.cheap_score(m[i, keep], w[i, keep], float(e[i])), m[i, keep], w[i, keep],
                                 float(e[i])))
             best = min(options, key=lambda option: option[0])
-            if best[0] >= score:
+            if best[0] >= score and not too_many:
                 break
             score, maps, weights, error = best
         return self.judged(maps, weights, error)

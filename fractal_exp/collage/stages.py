@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -13,10 +15,13 @@ from ..seeds import derive
 from .measure import Levels, desaturated
 from .picture import Picture
 from .picture_search import PictureSearch
+from .polish import never, polished
 from .refine import grid_for
 from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
+LARGEST = 512    # pixels a side of the picture that is searched
+FULL_POLISH = 4  # steps on a larger one
 DETAIL = Judge(price=1e-4, prior=0.03)
 
 
@@ -49,8 +54,8 @@ class Work:
         return Snapshot(self.step, tensors, {"stage": self.stage, "scores": list(self.scores), **numbers})
 
     @classmethod
-    def of(cls, snapshot: Snapshot) -> Work:
-        tensors, numbers = snapshot.tensors, snapshot.numbers
+    def of(cls, snapshot: Snapshot, device: str) -> Work:
+        tensors, numbers = {name: t.to(device) for name, t in snapshot.tensors.items()}, snapshot.numbers
         tiling, best = (Tiling(tensors[f"{name}/maps"], tensors[f"{name}/weights"], *numbers[name])
                         if name in numbers else None for name in ("tiling", "best"))
         return cls(numbers["stage"], snapshot.iteration, tiling, best, tensors.get("pool"), tuple(numbers["scores"]))
@@ -58,16 +63,25 @@ class Work:
 
 @dataclass(frozen=True)
 class Problem:
-    """What all stages share: the image (R,R) and its masses, what grey levels say, and the options of `Collage`."""
+    """What all stages share: the image `full` (R,R), what its grey levels say, and the options of `Collage`. The search
+    is made on an `image` of at most 512², and its `masses`. late: whether time is up."""
 
-    image: Tensor
-    masses: Tensor
+    full: Tensor
     levels: Levels
     seed: int
     proposals: int
     finest: int
     fixed: int | None
     most: int | None
+    late: Callable[[], bool] = never
+    image: Tensor = field(init=False)
+    masses: Tensor = field(init=False)
+
+    def __post_init__(self) -> None:
+        size = self.full.shape[0] // math.ceil(self.full.shape[0] / LARGEST)
+        image = self.full if size == self.full.shape[0] else self.levels.shrunk(self.full, size)
+        object.__setattr__(self, "image", image)
+        object.__setattr__(self, "masses", self.levels.measure(image))
 
     def search(self, masses: Tensor, wanted: int, seed: int, **options: object) -> Search:
         """On a grid of `wanted` cells a side, or what the picture can fill."""
@@ -82,6 +96,7 @@ class Stage(ABC):
 
     name: str
     ends: float
+    search: Search | PictureSearch
 
     def __init__(self, problem: Problem, moves: int):
         self.problem, self.moves = problem, moves
@@ -130,7 +145,7 @@ class Island(Stage):
         if work.best is None:
             return work.done(found)
         best = min(work.best, found, self.search.mixed(pool), key=lambda tiling: tiling.score)
-        agreed = scores[1] < (1 + AGREED) * best.score
+        agreed = scores[1] < min(1, (1 + AGREED) * best.score)  # not so with a number of maps that is not allowed
         return work.done(best, 1 + self.others if agreed else 1)
 
 
@@ -174,7 +189,7 @@ class Retouch(Stage):
         problem, seed = self.problem, derive(self.problem.seed, "retouch")
         picture = Picture(problem.image, problem.levels, seed)
         self.search = PictureSearch(picture, problem.masses, noise=picture.noise(work.best.code), seed=seed,
-                                    finest=problem.finest, fixed=problem.fixed, most=problem.most)
+                                    finest=problem.finest, fixed=problem.fixed, most=problem.most, late=problem.late)
 
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best)
@@ -186,10 +201,25 @@ class Retouch(Stage):
         return work.done(self.search.finish(work.tiling))
 
 
+class Full(Stage):
+    """The code polished on the picture at its full resolution, where the search was made on a smaller one."""
+
+    name, ends = "full size", 0.98
+
+    def open(self, work: Work) -> None:
+        self.picture = Picture(self.problem.full, self.problem.levels, derive(self.problem.seed, "full"))
+
+    def begin(self, work: Work) -> Tiling:
+        drawn = polished(self.picture, self.picture.judge(work.best.maps, work.best.chances), FULL_POLISH,
+                         late=self.problem.late)
+        return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
+
+
 def plan(problem: Problem, *, islands: int, moves: int, rounds: int, detail_moves: int, picture_moves: int
          ) -> list[Stage]:
     """The stages in order."""
     return [*(Island(problem, moves, number, islands - 1 - number) for number in range(islands)),
             Closing(problem, moves if islands > 1 else 0),
             *(Detail(problem, detail_moves, number) for number in range(rounds)),
-            Retouch(problem, picture_moves)]
+            Retouch(problem, picture_moves),
+            *([Full(problem, 0)] if problem.image is not problem.full else [])]

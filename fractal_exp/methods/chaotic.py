@@ -30,7 +30,7 @@ class Chaotic(Method):
     and time is further on (and a run can no longer be repeated bit for bit).
 
     init: a method whose code, of however many maps, the run begins with instead of random parameters; it is handed the
-    same target, and there is one start.
+    same target, and there is one start. The model plays all maps alike, whatever the code's own chances.
 
     starts: with more than one, each start is first followed for `scouting` iterations (without phases of
     annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most
@@ -73,9 +73,9 @@ class Chaotic(Method):
         problem = Problem(self.model, self.objective, target)
         total = self.scouted + self.iterations
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
+        start_time = time.monotonic()
         first = self._start(best, checkpoint, image)
         preview_every = math.ceil(total / self.previews) if self.previews else None
-        start_time = time.monotonic()
 
         iteration, fraction = first, first / total
         at_a_time, pending = steps_at_a_time(self.device), Pending()
@@ -182,16 +182,17 @@ class Chaotic(Method):
 
 def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, starts: int = 10, scouting: int = 120,
            trajectories: int = 1000, length: int = 110, match_target: bool = True, perceptual: str | None = None,
-           seed: int = 0, seconds: float | None = None) -> Chaotic:
-    """The method at the sizes of the configuration scale=laptop: two cores finish in minutes."""
+           seed: int = 0, seconds: float | None = None, init: Method | None = None) -> Chaotic:
+    """The method at the sizes of the configuration scale=laptop: two cores finish in minutes. With `init` there is one
+    start."""
     model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
     objective = WeightedSum(
         {"mse": 10.0, "ssim": 1.0, "perceptual": 2.0, "regularizer": 0.01},
         {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": Perceptual(perceptual) if perceptual else None,
          "regularizer": Regularizer()})
     optimizer = Alternating(every=100, annealing=Annealing(sharpness=1000.0))
-    return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed, starts=starts,
-                   scouting=scouting, match_target=match_target)
+    return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed,
+                   starts=1 if init else starts, scouting=scouting, match_target=match_target, init=init)
 
 
 class Problem:

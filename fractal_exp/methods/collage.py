@@ -23,16 +23,18 @@ SMALLEST_INPUT = 32
 class Collage(Method):
     """Recover a code by the collage theorem (Barnsley 1985): maps are sought that tile the picture with copies of it.
 
-    Four stages (docs/collage.md): a large neighbourhood search of `moves` steps on a 64² grid, up to `islands` times
+    In stages (docs/collage.md): a large neighbourhood search of `moves` steps on a 64² grid, up to `islands` times
     from nothing, the maps of all mixed, and once from the mixture; then, `rounds` times, `detail_moves` on a 128² grid
     of the picture's measure, corrected for the saturation of its grey levels by what was found so far; refinement on
     grids up to `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove
-    single maps where the picture asks for it.
+    single maps where the picture asks for it. An image beyond 512² is searched at a fraction of its size, and the code
+    polished on the whole.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
     points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at
     once, by as many threads. seconds: a limit after which what is left of each stage is skipped (and a run can no
-    longer be repeated bit for bit). previews: how many preview images are reported. device: where tensors live.
+    longer be repeated bit for bit, as on a GPU). A checkpoint is saved after every stage and at an interruption.
+    previews: how many preview images are reported. device: where tensors live.
     Raises `InputError` on values out of range.
     """
 
@@ -71,36 +73,35 @@ class Collage(Method):
         self.check(target)
         image = check_target(target).to(self.device)
         levels = LEVELS[guess_levels(image) if self.levels == "auto" else self.levels]
-        problem = Problem(image, levels.measure(image), levels, self.seed, self.proposals, self.finest, self.maps,
-                          self.at_most)
+        clock = _Clock(self.seconds)
+        problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most, clock.late)
         stages = plan(problem, islands=self.islands, moves=self.moves, rounds=self.rounds,
                       detail_moves=self.detail_moves, picture_moves=self.picture_moves)
         snapshot = checkpoint.load() if checkpoint else None
-        work = Work.of(snapshot) if snapshot else Work()
-        clock = _Clock(self.seconds)
-        tell = _Teller(on_step, stages, clock, self.previews, lambda code: levels.observe(code.to("cpu"),
-                                                                                         image.shape[0], self.seed))
-        while work.stage < len(stages):
-            stage = stages[work.stage]
-            if work.best is not None and work.tiling is None and clock.part >= stage.ends:
-                work = work.done(work.best)
-                continue
-            stage.open(work)
-            if work.tiling is None:
-                work = replace(work, tiling=stage.begin(work))
-            while work.step < stage.moves and clock.part < stage.ends and not stage.settled(work.tiling):
-                try:
+        work = Work.of(snapshot, self.device) if snapshot else Work()
+        size = problem.image.shape[0]
+        tell = _Teller(on_step, stages, clock, self.previews, lambda code: levels.observe(code, size, self.seed))
+        try:
+            while work.stage < len(stages):
+                stage = stages[work.stage]
+                if work.best is not None and work.tiling is None and clock.part >= stage.ends:
+                    work = work.done(work.best)
+                    continue
+                stage.open(work)
+                if work.tiling is None:
+                    work = replace(work, tiling=stage.begin(work))
+                while work.step < stage.moves and clock.part < stage.ends and not stage.settled(work.tiling):
                     work = work.moved(stage.step(work.tiling, work.step))
                     tell(work)
-                    if checkpoint and work.step % checkpoint.every == 0:
-                        checkpoint.save(work.snapshot())
-                except KeyboardInterrupt:
-                    if checkpoint:
-                        checkpoint.save(work.snapshot())
-                    raise
-            work = stage.close(work)
-            tell.end_of(stage, work)
-        return CodeReconstruction(work.best.code.check_contractive())
+                work = stage.close(work)
+                if checkpoint:
+                    checkpoint.save(work.snapshot())
+                tell.end_of(stage, work)
+        except KeyboardInterrupt:
+            if checkpoint:
+                checkpoint.save(work.snapshot())
+            raise
+        return CodeReconstruction(work.best.code.to("cpu").check_contractive())
 
 
 def laptop(*, resolution: int = 256, islands: int = 5, moves: int = 50, rounds: int = 1, detail_moves: int = 25,
@@ -155,3 +156,7 @@ class _Clock:
     @property
     def part(self) -> float:
         return (time.monotonic() - self.start) / self.seconds if self.seconds else 0.0
+
+    def late(self) -> bool:
+        """Whether time is up."""
+        return self.part >= 1

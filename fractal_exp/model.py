@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 
 import torch
@@ -161,6 +162,12 @@ class ForwardModel:
         scale, shift = frame(points)
         points = points * scale[..., None, :] + shift[..., None, :]
         return Rendering(image=self._splat(points), points=points, singular=maps.singular, offset=maps.offset)
+
+    def with_splats(self, factor: float) -> ForwardModel:
+        """This model with splats so many times as wide."""
+        other = copy(self)
+        other.sigma_px = self.sigma_px * factor
+        return other
 
     @torch.no_grad()
     def match(self, target: Tensor, seed: int, draws: int = 4) -> Tensor:

@@ -102,6 +102,41 @@ def test_several_starts_are_scouted_and_the_best_goes_on(target):
     assert told[12].scalars["loss"] == pytest.approx(min(best_of_each), rel=0.1)
 
 
+def test_splats_shrink_in_equal_parts_of_the_run_and_the_best_state_is_of_the_last(target, monkeypatch):
+    drawn, told = [], []
+    splat = ForwardModel._splat
+    monkeypatch.setattr(ForwardModel, "_splat",
+                        lambda model, points: (drawn.append(model.sigma_px), splat(model, points))[1])
+    kept = []
+    monkeypatch.setattr(BestStates, "clear", lambda best: (kept.append(len(best.states)), best.__init__(8))[0])
+    fit(iterations=6, starts=2, scouting=2, radii=(4, 2, 1)).reconstruct(target, on_step=told.append)
+    in_parts = [drawn[0]] + [now for before, now in zip(drawn, drawn[1:], strict=False) if now != before]
+    assert in_parts == [10, 5, 2.5] and len(told) == 2 * 2 + 6
+    assert len(kept) == 2 and min(kept) > 0
+
+
+def test_a_fit_with_shrinking_splats_goes_on_bit_for_bit(target, tmp_path):
+    whole = fit(iterations=9, radii=(3, 1), match_target=True).reconstruct(target).code
+    for stop in (4, 5, 6):
+        def interrupt(progress, stop=stop):
+            if progress.step == stop:
+                raise KeyboardInterrupt
+
+        where = tmp_path / str(stop)
+        with pytest.raises(KeyboardInterrupt):
+            fit(iterations=9, radii=(3, 1), match_target=True).reconstruct(target, on_step=interrupt,
+                                                                           checkpoint=Checkpoint(where))
+        resumed = fit(iterations=9, radii=(3, 1), match_target=True).reconstruct(
+            target, checkpoint=Checkpoint(where, resume=True)).code
+        assert torch.equal(whole.linear, resumed.linear)
+
+
+@pytest.mark.parametrize("radii", [(), (1, 0), (-1,)])
+def test_radii_that_make_no_sense_are_refused(radii):
+    with pytest.raises(InputError, match="radii"):
+        fit(radii=radii)
+
+
 @pytest.mark.parametrize("stop", [3, 4, 5, 8, 9, 14])
 def test_an_interrupted_scouting_goes_on_bit_for_bit(target, tmp_path, stop):
     def interrupt(progress):

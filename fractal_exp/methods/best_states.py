@@ -40,6 +40,10 @@ class BestStates:
         rest = [entry for entry in self._entries if abs(entry[1] - iteration) >= self.spacing]
         self._entries = sorted([*rest, (loss, iteration, dict(state))], key=lambda entry: entry[:2])[: self.capacity]
 
+    def clear(self) -> None:
+        """Forget all."""
+        self._entries = []
+
     def choose(self, score: Callable[[Parameters, int], float], draws: int) -> dict[str, Tensor]:
         """The state with the lowest mean of score(state, draw) over `draws` common draws."""
         return min(self.states, key=lambda state: sum(score(state, draw) for draw in range(draws)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NoReturn
 
@@ -40,14 +40,16 @@ class Chaotic(Method):
     `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well.
 
     match_target: compare with the target as the model itself would draw it (`ForwardModel.match`), which the paper
-    does not. previews: how many preview images a run reports. device: where tensors live; on a GPU the numbers of up
-    to 32 steps are fetched together, and so are they told to `on_step`. Raises `InputError` on values out of range.
+    does not. radii: of the splats, in units of the model's, each for an equal part of the run; with some above 1 a fit
+    goes from coarse to fine, and its best state is one of the last part. previews: how many preview images a run
+    reports. device: where tensors live; on a GPU the numbers of up to 32 steps are fetched together, and so are they
+    told to `on_step`. Raises `InputError` on values out of range.
     """
 
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
                  seconds: float | None = None, seed: int = 0, starts: int = 1, scouting: int = 100, kept: int = 8,
                  rescoring_draws: int = 4, match_target: bool = False, previews: int = 20, device: str = "cpu",
-                 init: Method | None = None):
+                 init: Method | None = None, radii: Sequence[float] = (1.0,)):
         counts = {"iterations": iterations, "starts": starts, "scouting": scouting, "kept": kept,
                   "rescoring_draws": rescoring_draws}
         for name, value in counts.items():
@@ -55,6 +57,8 @@ class Chaotic(Method):
                 raise InputError(f"{name} must be at least 1, got {value}")
         if init is not None and starts > 1:
             raise InputError(f"a fit that begins with the code of another method has one start, got starts={starts}")
+        if not radii or not all(radius > 0 for radius in radii):
+            raise InputError(f"radii must be one or more numbers above 0, got {list(radii)}")
         if previews < 0:
             raise InputError(f"previews must be at least 0, got {previews}")
         if seconds is not None and not seconds > 0:
@@ -64,13 +68,11 @@ class Chaotic(Method):
         self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting
         self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
         self.match_target, self.device, self.init = match_target, check_device(device), init
+        self.radii = tuple(radii)
 
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
-        target = image = check_target(target, self.model.resolution).to(self.device)
-        if self.match_target:
-            target = self.model.match(target, derive(self.seed, "match"))
-        problem = Problem(self.model, self.objective, target)
+        image = check_target(target, self.model.resolution).to(self.device)
         total = self.scouted + self.iterations
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
         start_time = time.monotonic()
@@ -78,11 +80,17 @@ class Chaotic(Method):
         preview_every = math.ceil(total / self.previews) if self.previews else None
 
         iteration, fraction = first, first / total
+        radius = self._radius(fraction * total)
+        problem = self._problem(image, radius)
         at_a_time, pending = steps_at_a_time(self.device), Pending()
         while fraction < 1:
             if 0 < iteration <= self.scouted and iteration % self.scouting == 0:
                 scouted = iteration == self.scouted
                 self.optimizer.start(self._some(best.states)[0] if scouted else self._initial(iteration), self.seed)
+            if radius != self._radius(fraction * total):  # losses with another are no measure of this one's
+                radius = self._radius(fraction * total)
+                problem = self._problem(image, radius)
+                best.clear()
             if not pending:
                 good = Snapshot(iteration, self._tensors(best), {"losses": best.losses, "iterations": best.iterations})
             if checkpoint and iteration > first and iteration % checkpoint.every == 0:
@@ -97,7 +105,7 @@ class Chaotic(Method):
                 fraction = min(1.0, max(iteration / total, elapsed))
                 pending.add(step, iteration - 1, fraction, temperature)
                 wanted = on_step and preview_every and (iteration % preview_every == 0 or fraction == 1)
-                if (len(pending) >= at_a_time or wanted or fraction == 1
+                if (len(pending) >= at_a_time or wanted or fraction == 1 or radius != self._radius(fraction * total)
                         or (checkpoint and iteration % checkpoint.every == 0)
                         or (iteration <= self.scouted and iteration % self.scouting == 0)):
                     draw = partial(problem.draw, self.optimizer.raw, self.seed) if wanted else None
@@ -111,6 +119,16 @@ class Chaotic(Method):
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive())
+
+    def _radius(self, iteration: float) -> float:
+        """Of the splats at this iteration, or where time has come as far as that."""
+        part = max(0.0, iteration - self.scouted) / self.iterations
+        return self.radii[min(int(part * len(self.radii)), len(self.radii) - 1)]
+
+    def _problem(self, image: Tensor, radius: float) -> Problem:
+        model = self.model.with_splats(radius)
+        target = model.match(image, derive(self.seed, "match")) if self.match_target else image
+        return Problem(model, self.objective, target)
 
     def check(self, target: Tensor) -> None:
         self.objective.prepare(check_target(target, self.model.resolution).to(self.device))
@@ -182,7 +200,8 @@ class Chaotic(Method):
 
 def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, starts: int = 10, scouting: int = 120,
            trajectories: int = 1000, length: int = 110, match_target: bool = True, perceptual: str | None = None,
-           seed: int = 0, seconds: float | None = None, init: Method | None = None) -> Chaotic:
+           seed: int = 0, seconds: float | None = None, init: Method | None = None, radii: Sequence[float] = (1.0,)
+           ) -> Chaotic:
     """The method at the sizes of the configuration scale=laptop: two cores finish in minutes. With `init` there is one
     start."""
     model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
@@ -192,7 +211,8 @@ def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, star
          "regularizer": Regularizer()})
     optimizer = Alternating(every=100, annealing=Annealing(sharpness=1000.0))
     return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed,
-                   starts=1 if init else starts, scouting=scouting, match_target=match_target, init=init)
+                   starts=1 if init else starts, scouting=scouting, match_target=match_target, init=init,
+                   radii=radii)
 
 
 class Problem:

@@ -1,4 +1,5 @@
 import time
+from dataclasses import replace
 
 import pytest
 import torch
@@ -6,7 +7,7 @@ import torch
 from fractal_exp import InputError, attractor, codes, invert, samples, suite
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.collage import maps as affine
-from fractal_exp.collage.births import turned
+from fractal_exp.collage.births import flattened, mirrored, turned
 from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
 from fractal_exp.collage.picture import Drawn, Picture
 from fractal_exp.collage.picture_search import PictureSearch
@@ -191,7 +192,7 @@ def test_a_search_never_returns_a_worse_state(triangle):
 
 def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     _, image = triangle
-    assert len(invert(image, resolution=64, islands=1, moves=2, rounds=0, picture_moves=0)) >= 2
+    assert len(invert(image, resolution=64, islands=1, moves=2, rounds=1, picture_moves=0)) >= 2
 
 
 def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
@@ -253,6 +254,86 @@ def test_a_turned_map_keeps_mean_and_covariance(triangle):
     torch.testing.assert_close(linear @ measure.mean + new[:, 4:], (was @ measure.mean + old[4:]).expand(8, 2))
 
 
+def test_a_map_thinner_than_a_subpixel_is_found_by_its_picture():
+    code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
+    image, true = suite.target(code, 128), affine.from_code(code)
+    stem = int(code.linear.det().abs().argmin())
+    rest = true[[i for i in range(4) if i != stem]]
+    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
+    now = search.resume(Tiling(rest, affine.volumes(rest), 0.0))
+    before = now.error
+    for number in range(12):
+        now = search.step(now, number)
+    assert now.error < 0.5 * before and len(now.maps) == 4
+
+
+def test_maps_the_picture_does_not_ask_for_go(triangle):
+    code, image = triangle
+    true = affine.from_code(code)
+    nothing = torch.tensor([[0.98, 0.0, 0.0, 0.98, 0.0, 0.0]])  # explains every measure
+    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
+    found = search.resume(Tiling(torch.cat([true, nothing]), torch.tensor([1.0, 1, 1, 3]), 0.0))
+    assert len(found.maps) == 3
+
+
+def test_the_root_of_a_map_applied_twice_is_the_map():
+    for order in (2, 3):
+        turn = affine.from_code(codes.known("fern"))[1]
+        found, result = affine.root(turn, order), torch.eye(3)
+        step = torch.cat([torch.cat([found[:4].view(2, 2), found[4:, None]], 1), torch.tensor([[0.0, 0, 1]])])
+        for _ in range(order):
+            result = step @ result
+        torch.testing.assert_close(torch.cat([result[:2, :2].flatten(), result[:2, 2]]), turn, atol=1e-5, rtol=1e-5)
+    assert affine.root(torch.tensor([0.5, 0, 0, -0.5, 0.1, 0.1]), 2) is None  # a reflection is no square
+    assert affine.root(torch.tensor([0.4, 0.9, 0, 0.4, 0, 0]), 2) is None  # its root is not contractive
+    affine.root(torch.tensor([0.0, 0, 0, 0.16, 0, 0]), 2)  # singular: whatever comes, no error
+
+
+def test_a_map_found_squared_is_replaced_by_its_root():
+    code = attractor.normalize(replace(codes.known("cyclosorus"), probabilities=None))
+    image, true = suite.target(code, 128), affine.from_code(code)
+    large = int(affine.volumes(true).argmax())
+    linear = true[large, :4].view(2, 2)
+    squared = torch.cat([(linear @ linear).flatten(), linear @ true[large, 4:] + true[large, 4:]])
+    others = torch.cat([true[:large], true[large + 1:]])
+    company = torch.cat([(linear @ others[:, :4].unflatten(1, (2, 2))).flatten(1),
+                         others[:, 4:] @ linear.T + true[large, 4:]], 1)
+    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
+    shown = search.picture.judge(torch.cat([squared[None], others, company]))
+    g = torch.Generator().manual_seed(0)
+    found = min((search._root(shown, g) for _ in range(4)), key=lambda drawn: drawn.error)
+    assert found.error < shown.error and len(found.maps) == 4
+
+
+def test_reflections_and_thinner_images_stay_in_place(triangle):
+    code, image = triangle
+    measure = binned(LEVELS["density"].measure(image), 64)
+    old = torch.tensor([[0.3, 0.1, -0.2, 0.15, 0.1, 0.2]])
+
+    def image_of(maps):
+        linear = maps[:, :4].unflatten(1, (2, 2))
+        return linear @ measure.mean + maps[:, 4:], linear @ measure.covariance @ linear.mT
+
+    mean, covariance = image_of(old)
+    others = mirrored(old[0], measure)
+    for got, wanted in zip(image_of(others), (mean, covariance), strict=True):
+        torch.testing.assert_close(got, wanted.expand_as(got), atol=2e-5, rtol=1e-3)
+    dets = [float(m[:4].view(2, 2).det()) for m in (old[0], *others)]
+    assert [det / dets[0] for det in dets] == pytest.approx([1, -1, -1, 1], rel=1e-3)
+    thin = flattened(old, measure, 0.1)
+    torch.testing.assert_close(image_of(thin)[0], mean)
+    was, new = torch.linalg.eigvalsh(covariance[0]), torch.linalg.eigvalsh(image_of(thin)[1][0])
+    assert float(new[1] / was[1]) == pytest.approx(1, rel=1e-3)
+    assert float(new[0] / was[0]) == pytest.approx(0.01, rel=0.1)
+
+
+def test_the_mean_of_several_drawings_has_less_noise(triangle):
+    code, image = triangle
+    one, four = (Picture(image, LEVELS["density"], drawings=n) for n in (1, 4))
+    maps = affine.from_code(code)
+    assert four.judge(maps).error < 0.75 * one.judge(maps).error
+
+
 @pytest.mark.parametrize("kind", ["grey", "binary"])
 def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     code = attractor.normalize(codes.known("sierpinski_triangle"))
@@ -261,13 +342,33 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     assert problem.image.shape == (300, 300)
     assert guess_levels(problem.image) == guess_levels(image)
     maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
-    stage = plan(problem, islands=1, moves=0, rounds=0, detail_moves=0, picture_moves=0)[-1]
+    stage = plan(problem, islands=1, moves=0, rounds=1, detail_moves=0, picture_moves=0)[-1]
     work = Work(best=Tiling(maps, affine.volumes(maps), 0.0))
     stage.open(work)
     away = affine.distances(stage.begin(work).maps, affine.from_code(code), binned(problem.masses, 64))
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
-    assert plan(Problem(problem.image, problem.levels, 0, 1, 64, None, None), islands=1, moves=0, rounds=0,
+    assert plan(Problem(problem.image, problem.levels, 0, 1, 64, None, None), islands=1, moves=0, rounds=1,
                 detail_moves=0, picture_moves=0)[-1].name == "picture"
+
+
+def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
+    code, image = triangle
+    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
+    stages = plan(problem, rounds=2, islands=3, moves=1, detail_moves=1, picture_moves=0)
+    assert [stage.name for stage in stages] == 4 * ["search"] + ["detail", "picture"] + 3 * ["search"] + ["detail",
+                                                                                                          "picture"]
+    maps = affine.from_code(code)
+    for found, ends_at in ((maps, len(stages)), (maps[:2], 6)):
+        stage, work = stages[5], Work(stage=5, best=Tiling(found, affine.volumes(found), 0.0), pool=found)
+        stage.open(work)
+        after = stage.close(replace(work, tiling=stage.begin(work)))
+        assert after.stage == ends_at and len(after.result.maps) == len(found)
+    assert after.best is None and len(after.pool) == 4
+    again = stages[6]
+    again.open(after)
+    assert again.close(replace(after, tiling=again.begin(after))).best is not None
+    snapshot = Work.of(after.snapshot(), "cpu")
+    assert torch.equal(snapshot.before.maps, after.before.maps) and snapshot.best is None
 
 
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):

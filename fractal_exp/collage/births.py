@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..ops.collage import BinnedMeasure, Descent, descend
+from ..ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from . import maps as affine
 from .measure import halve
 
@@ -13,6 +13,7 @@ LARGE, MEDIUM, SMALL = (0.4, 0.97), (0.1, 0.95), (0.03, 0.7)   # ranges of the l
 COARSE = Descent(steps=40, rate=0.04, prior=0.0, largest=0.98)
 FINE = Descent(steps=15, rate=0.01, prior=0.0, largest=0.98)
 BLOB_GRID = 64
+SHARES = (1, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006)   # of the weight that a map's volume asks for
 
 
 def births(coarse: BinnedMeasure, fine: BinnedMeasure, backgrounds: Tensor, scale: float, sizes: list[tuple], *,
@@ -78,6 +79,37 @@ def turned(old: Tensor, measure: BinnedMeasure, count: int, generator: torch.Gen
     largest = torch.linalg.matrix_norm(matrices, 2)[:, None, None]
     matrices = matrices * (LARGE[1] / largest).clamp_max(1)
     return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
+
+
+def flattened(maps: Tensor, measure: BinnedMeasure, ratio: float) -> Tensor:
+    """Maps (n,6) that give the measure an image so many times as wide, as long and in the same place. On a grid all
+    images narrower than a cell are alike, and the thinnest are seen least."""
+    return _reshaped(maps, measure, torch.tensor([1.0, ratio]))
+
+
+def mirrored(old: Tensor, measure: BinnedMeasure) -> Tensor:
+    """The map `old` (6,) followed by each of the three reflections in the axes of its image, (3,6)."""
+    return torch.cat([_reshaped(old[None], measure, torch.tensor(signs)) for signs in ((1.0, -1), (-1, 1), (-1, -1))])
+
+
+def _reshaped(maps: Tensor, measure: BinnedMeasure, factors: Tensor) -> Tensor:
+    """Maps (n,6) followed by a scaling of their images of the measure along the longer and the shorter axis."""
+    linear, center = maps[:, :4].unflatten(1, (2, 2)).double(), measure.mean.double()
+    source = torch.linalg.cholesky(measure.covariance.double() + 1e-8 * torch.eye(2).to(linear))
+    u, s, v = torch.linalg.svd(linear @ source)
+    matrices = (u * (s * factors.to(s))[:, None]) @ v @ torch.linalg.inv(source)
+    mean = (linear @ center) + maps[:, 4:]
+    return affine.sending(matrices, center.expand_as(mean), mean).to(maps)
+
+
+def visible_weights(maps: Tensor, weights: Tensor, measure: BinnedMeasure, background: Tensor) -> Tensor:
+    """The part of the weights (n,) that fits best beside the background (1,G,G), for each of the maps (n,6) alone: of
+    an image thinner than a subpixel hardly anything is seen."""
+    images = pushforward(maps[:, None].contiguous(), torch.ones_like(maps[:, :1]), measure.samples, measure.size)
+    shares = weights.new_tensor(SHARES)
+    errors = torch.stack([collage_error(background + (share * weights)[:, None, None] * images, measure)
+                          for share in shares])
+    return weights * shares[errors.argmin(0)]
 
 
 def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: tuple[float, float],

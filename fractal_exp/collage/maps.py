@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -58,6 +59,20 @@ def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
     """Maps (…,6) of these matrices (…,2,2) that send the point source (…,2) to image (…,2)."""
     offset = image - (matrices @ source[..., None])[..., 0]
     return torch.cat([matrices.flatten(-2), offset], -1)
+
+
+def root(one: Tensor, order: int) -> Tensor | None:
+    """The map (6,) that does, `order` times in a row, what this one (6,) does; None if it is not real or not
+    contractive."""
+    from scipy.linalg import fractional_matrix_power
+
+    matrix = torch.eye(3, dtype=torch.float64)
+    matrix[:2, :2], matrix[:2, 2] = one[:4].view(2, 2).cpu(), one[4:].cpu()
+    found = torch.from_numpy(np.asarray(fractional_matrix_power(matrix.numpy(), 1 / order), dtype=np.complex128))
+    if not bool(found.isfinite().all()) or float(found.imag.abs().max()) > 1e-6:
+        return None
+    real = torch.cat([found.real[:2, :2].flatten(), found.real[:2, 2]]).to(one)
+    return real if float(largest_singular(real)) < 1 else None
 
 
 def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:

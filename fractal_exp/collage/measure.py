@@ -141,7 +141,13 @@ def point_bins(points: Tensor, size: int) -> Tensor:
 
 
 def desaturated(masses: Tensor, code: IFS, levels: Levels, seed: int) -> Tensor:
-    """The masses (R,R) of a picture, corrected by what the levels of a picture of `code` hide of its measure.
+    """The masses (R,R) of a picture times `correction`, summing to 1."""
+    corrected = masses * correction(masses, code, levels, seed)
+    return corrected / corrected.sum()
+
+
+def correction(masses: Tensor, code: IFS, levels: Levels, seed: int) -> Tensor:
+    """Factors (R,R) that undo what the levels of a picture of `code` hide of its measure.
 
     Grey levels saturate: where the attractor is thinner than a subpixel, -log(1 - I) underestimates its measure, and
     the collage equation sum p_i f_i#mu = mu holds for the estimate no more. A code that is nearly right is drawn as
@@ -157,10 +163,11 @@ def desaturated(masses: Tensor, code: IFS, levels: Levels, seed: int) -> Tensor:
         0, resolution - 1)).unbind(1)
     bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
     estimate = levels.measure(levels.observe(code, resolution, seed).to(masses))
+    if not bool(estimate.any()):  # too thin for a binary picture
+        return torch.ones_like(masses)
     usual = 1 / estimate.sum()
     known, shown, seen = (avg_pool2d(image[None, None], 3, 1, 1)[0, 0] for image in (bins, estimate, masses))
     weak = 1e-3
     ratio = torch.where(shown > 1e-9, (known / usual + weak) / (shown + weak), 1)
     trust = (torch.minimum(shown, seen) / torch.maximum(shown, seen).clamp_min(1e-9)) ** TRUST
-    corrected = masses * ratio**trust
-    return corrected / corrected.sum()
+    return ratio**trust

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
 
@@ -45,10 +46,11 @@ class Picture:
     variance 1/4n whatever I is (Anscombe 1948), so that faint tips count for what they are worth. The error is
     mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest
     grid on all: of the order of 0.1 for two drawings of one code, 0.3 for pixels that only share their brightness.
+    The mean of several drawings has less noise.
     """
 
-    def __init__(self, image: Tensor, levels: Levels, seed: int = 0):
-        self.image, self.levels, self.seed = image, levels, derive(seed, "picture")
+    def __init__(self, image: Tensor, levels: Levels, seed: int = 0, drawings: int = 1):
+        self.image, self.levels, self.seed, self.drawings = image, levels, derive(seed, "picture"), drawings
         self.side = min(image.shape[0], FINEST)
         self.subpixels = (levels.supersample * image.shape[0] / self.side) ** 2
         self.stable = self.stabilized(image)
@@ -72,7 +74,10 @@ class Picture:
 
     def draw(self, code: IFS, *path: int | str) -> Tensor:
         """(R,R), as the target was drawn; the same path of a random stream gives the same points."""
-        return self.levels.observe(code, self.image.shape[0], derive(self.seed, *path)).to(self.image)
+        resolution = self.image.shape[0]
+        images = [self.levels.observe(code, resolution, derive(self.seed, *path, *([n] if n else [])))
+                  for n in range(self.drawings)]
+        return torch.stack(images).mean(0).to(self.image)
 
     def judge(self, maps: Tensor, weights: Tensor | None = None) -> Drawn:
         """The code of these maps, drawn."""

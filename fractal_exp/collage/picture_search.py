@@ -6,17 +6,17 @@ are seen, and small copies that lie the wrong way round. Drawing a code tells at
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
 
 from ..ops.collage import BinnedMeasure, Descent, descend, pushforward
 from ..seeds import derive, generator
 from . import maps as affine
-from .births import candidates, turned
-from .measure import binned, desaturated, halve
+from .births import candidates, flattened, mirrored, turned, visible_weights
+from .measure import binned, correction, halve
 from .picture import Drawn, Picture
 from .polish import never, polished
 from .refine import grid_for, refined
@@ -24,15 +24,26 @@ from .search import Tiling
 
 PRICE = 0.04                   # of a map, in units of a drawing's noise
 CANDIDATES, MOVED, DRAWN = 24, 6, 3   # maps born in a move; those of them that are moved finely, and drawn
-SIZES = (0.02, 0.6)            # of the larger singular values at birth
+WIDTHS = (1, 0.25, 0.03)       # times that of a new image, drawn as well
+SIZES = (0.02, 0.95)           # of the larger singular values at birth
 ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
-SETTLED = 1.05                 # times the noise of a drawing: an error that the true code may have
+SETTLED, LENIENCE = 1.05, 0.005   # times the noise of a drawing, an error that the true code may have; more a move
 OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
 MISSING = 1e3                  # the price of a map fewer than there must be
-PROMISING = 1.25               # times the score before: what is worth a polish
-BIRTHS, TURNS, REPLACEMENTS = 0.5, 0.25, 0.2   # the chances of a move; the rest are removals
-POLISH = 8                     # steps of all maps at the start and the end
+PROMISING, HOPEFUL = 1.25, 4   # times the error before: worth a polish of a new map, and of all where some are gone
+POLISH, DRAWINGS = 8, 4        # steps of all maps at the start and the end, and drawings at the very end
+
+
+class _Measures(NamedTuple):
+    """The picture's measure, corrected by what the code of these maps hides of its own, on a fine grid and a coarse
+    one; the correction (R,R), and the sum of what it was applied to."""
+
+    maps: Tensor
+    fine: BinnedMeasure
+    coarse: BinnedMeasure
+    correction: Tensor
+    total: Tensor
 
 
 class PictureSearch:
@@ -45,47 +56,45 @@ class PictureSearch:
         self.price, self.late = PRICE * noise, late
         self.fixed, self.most = fixed, most
         self._shown: Drawn | None = None
-        self._measured: tuple[Tensor, tuple[BinnedMeasure, BinnedMeasure]] | None = None
+        self._measured: _Measures | None = None
         self._noise: tuple[Tensor, float] | None = None
 
     def resume(self, tiling: Tiling) -> Tiling:
         """The best drawing of the tiling and its refinements, with its own weights or those of |det| + 0.01."""
         tied, own = (self._polished(refined(self.picture, self.masses, tiling.maps, weights, self.finest, self.seed),
                                     POLISH // 2) for weights in (None, tiling.weights))
-        return self._tiling(self._polished(self._simpler(tied, own), POLISH // 2))
+        return self._tiling(self._polished(self._needed(self._simpler(tied, own)), POLISH // 2))
 
     def step(self, now: Tiling, number: int) -> Tiling:
         """`now`, or a better neighbour."""
         g = generator(self.seed, "picture step", number)
         shown = self._drawn(now)
-        kind, gone = self._move(shown, g)
-        keep = [i for i in range(len(shown.maps)) if i != gone]
-        without = self._judge(shown, keep) if kind in ("replace", "remove") else shown
-        if kind == "remove":
-            new = without
-        else:
-            born = self._born(shown, keep, without, None if kind != "turn" else gone, g)
-            new = min((self._judge(shown, keep, *pair) for pair in born), key=lambda drawn: drawn.error)
-            if new.error < PROMISING * shown.error:
-                new = self._polished(new, 2, [len(new.maps) - 1])
+        new = self._move(shown, g)(shown, g)
         if self._score(new) >= self._score(shown):
             return now
         return self._tiling(self._polished(new, 1))
 
     def finish(self, now: Tiling) -> Tiling:
-        """Polished once more."""
-        found = self._polished(self._drawn(now), POLISH)
+        """Polished once more, at last on several drawings at once, whose noise is less."""
+        found = self._polished(self._needed(self._drawn(now)), POLISH)
         if found.weights is not None:
             tied = self._polished(self.picture.judge(found.maps), POLISH)
             found = self._simpler(tied, found)
-        return self._tiling(found)
+        picture = Picture(self.picture.image, self.picture.levels, self.seed, drawings=DRAWINGS)
+        last = polished(picture, picture.judge(found.maps, found.weights), POLISH, patience=2,
+                        late=self.late)
+        return self._tiling(self.picture.judge(last.maps, last.weights))
 
-    def settled(self, now: Tiling) -> bool:
-        """Whether the code draws the picture as well as the true one would."""
+    def settled(self, now: Tiling, moves: int) -> bool:
+        """Whether the code draws the picture as well as the true one would; after many moves, nearly as well."""
+        return self.within(now, SETTLED + LENIENCE * moves)
+
+    def within(self, now: Tiling, noises: float) -> bool:
+        """Whether the error is less than so many times that of another drawing of the same code."""
         shown = self._drawn(now)
         if self._noise is None or self._noise[0] is not shown.maps:
             self._noise = shown.maps, self.picture.noise(shown.code)
-        return shown.error < SETTLED * self._noise[1] and len(shown.maps) >= (self.fixed or 0)
+        return shown.error < noises * self._noise[1] and len(shown.maps) >= (self.fixed or 0)
 
     @staticmethod
     def _simpler(tied: Drawn, own: Drawn) -> Drawn:
@@ -94,63 +103,131 @@ class PictureSearch:
 
     # -- parts of a step ----------------------------------------------------------------------------------------------
 
-    def _move(self, shown: Drawn, g: torch.Generator) -> tuple[str, int | None]:
-        """What to do, and the map that goes for it, small ones more often."""
-        n, roll = len(shown.maps), float(torch.rand((), generator=g))
-        small = int(torch.multinomial(1 / affine.volumes(shown.maps).cpu(), 1, generator=g))
-        full = n >= (self.fixed or self.most or n + 1)
-        if not full and (n < 2 or roll < BIRTHS):
-            return "birth", None
-        if roll < BIRTHS + TURNS:
-            return "turn", small
-        if roll < BIRTHS + TURNS + REPLACEMENTS or self.fixed or n < 3:
-            return "replace", small
-        return "remove", small
+    def _move(self, shown: Drawn, g: torch.Generator) -> Callable[[Drawn, torch.Generator], Drawn]:
+        """What to do, by chance."""
+        n = len(shown.maps)
+        full, fewer = n >= (self.fixed or self.most or n + 1), n > 2 and not self.fixed
+        chances = {self._birth: 0.36 * (not full), self._turned: 0.24 * (n > 1), self._replaced: 0.15 * (n > 1),
+                   self._fewer: 0.17 * fewer, self._root: 0.08 * fewer}
+        return list(chances)[int(torch.multinomial(torch.tensor(list(chances.values())), 1, generator=g))]
 
-    def _born(self, shown: Drawn, keep: list[int], without: Drawn, turning: int | None, g: torch.Generator
-              ) -> list[tuple[Tensor, Tensor]]:
-        """The likeliest of many new maps (6,) beside those kept, with their weights."""
-        measure, coarse = self._measures(shown)
-        background = pushforward(shown.maps[keep][None], shown.chances[keep][None], measure.samples, measure.size)
-        if turning is not None:
-            born = turned(shown.maps[turning], measure, CANDIDATES, g)
+    def _small(self, shown: Drawn, g: torch.Generator, count: int = 1) -> list[int]:
+        """Maps by chance, small ones more often."""
+        return torch.multinomial(1 / affine.volumes(shown.maps).cpu(), count, generator=g).tolist()
+
+    def _birth(self, shown: Drawn, g: torch.Generator) -> Drawn:
+        """A map more."""
+        return self._fitted(self._grown(shown, shown, None, g), shown)
+
+    def _turned(self, shown: Drawn, g: torch.Generator) -> Drawn:
+        """A map turned or mirrored in its place."""
+        gone = self._small(shown, g)
+        return self._fitted(self._grown(self._without(shown, gone), shown, shown.maps[gone[0]], g), shown)
+
+    def _replaced(self, shown: Drawn, g: torch.Generator) -> Drawn:
+        """Another map instead of one."""
+        return self._fitted(self._grown(self._without(shown, self._small(shown, g)), shown, None, g), shown)
+
+    def _fewer(self, shown: Drawn, g: torch.Generator) -> Drawn:
+        """One to three maps gone: small ones that make up for what is wrong in another hold it where it is."""
+        most = min(len(shown.maps) - 2, 3)
+        return self._settled(self._without(shown, self._small(shown, g, 1 + int(torch.randint(most, (), generator=g)))),
+                             shown)
+
+    def _root(self, shown: Drawn, g: torch.Generator) -> Drawn:
+        """The square or cube root of a large map instead of it, and what is then superfluous gone: an attractor is also
+        that of the code in which f stands squared and the other maps g have company, f∘g."""
+        chosen = int(torch.multinomial(affine.volumes(shown.maps).cpu(), 1, generator=g))
+        root = affine.root(shown.maps[chosen], 2 + int(torch.randint(2, (), generator=g)))
+        if root is None:
+            return shown
+        maps = shown.maps.clone()
+        maps[chosen] = root
+        return self._settled(self._needed(self.picture.judge(maps, shown.weights)), shown)
+
+    def _fitted(self, new: Drawn, shown: Drawn) -> Drawn:
+        """With its last map polished, if that is promising."""
+        if new.error > PROMISING * shown.error:
+            return new
+        return self._polished(new, 2, [len(new.maps) - 1])
+
+    def _settled(self, new: Drawn, shown: Drawn) -> Drawn:
+        """With all maps polished, if there is hope."""
+        return self._polished(new, 4) if new.error < HOPEFUL * shown.error else new
+
+    def _grown(self, drawn: Drawn, shown: Drawn, old: Tensor | None, g: torch.Generator) -> Drawn:
+        """A part of the shown code and the likeliest of many maps born where it lacks mass, or, with an old one (6,)
+        that is missing in it, of many turned ones."""
+        measures = self._measures(shown)
+        measure, coarse = measures.fine, measures.coarse
+        volume = affine.volumes(shown.maps).sum()
+        explained = self._explained(drawn, measures, volume)
+        if old is not None:
+            born = turned(old, measure, CANDIDATES, g)
         else:
-            wanted = self._unexplained(without, measure.size)
+            wanted = (measure.bins.clamp_min(0).sqrt() - explained.clamp_min(0).sqrt()).square() + 1e-12
             born = candidates(wanted, wanted, measure, SIZES, CANDIDATES, CANDIDATES // 2, g)
-        lacking = (measure.bins - background[0]).clamp_min(0).sum()
-        weights = (affine.volumes(born) / affine.volumes(shown.maps).sum()).clamp_max(lacking).clamp_min(1e-6)
-        born, weights, errors = descend(born[:, None], weights[:, None], coarse, ROUGHLY,
-                                        backgrounds=halve(background, coarse.size))
+        background, coarsely = explained[None], halve(explained[None], coarse.size)
+        lacking = (measure.bins - explained).clamp_min(0).sum()
+        weights = (affine.volumes(born) / volume).clamp_max(lacking).clamp_min(1e-6)
+        weights = visible_weights(born, weights, coarse, coarsely)
+        born, weights, errors = descend(born[:, None], weights[:, None], coarse, ROUGHLY, backgrounds=coarsely)
         best = errors.argsort()[:MOVED]
         born, weights, errors = descend(born[best], weights[best], measure, FINELY, backgrounds=background)
-        return [(born[i, 0], weights[i]) for i in errors.argsort()[:DRAWN]]
+        best = errors.argsort()[:DRAWN]
+        born, weights = born[best, 0], weights[best, 0]
+        first = torch.cat([flattened(born[:1], measure, width) for width in WIDTHS])
+        drawings = [self._with(drawn, each, weights[0]) for each in first]
+        width = min(range(len(WIDTHS)), key=lambda k: drawings[k].error)
+        drawings += [self._with(drawn, each, weight) for each, weight in
+                     zip(flattened(born[1:], measure, WIDTHS[width]), weights[1:], strict=True)]
+        likeliest = min(drawings, key=_error).maps[-1]
+        for model in (likeliest, old) if old is not None else (likeliest,):
+            drawings += [self._with(drawn, each, weights[0]) for each in mirrored(model, measure)]
+        return min(drawings, key=_error)
 
-    def _unexplained(self, without: Drawn, size: int) -> Tensor:
-        """Where (G,G) the picture is brighter than the drawing, by significance."""
-        residual = self.picture.residuals(without.image)[0]
-        lit = self.picture.grids(self.picture.image)[0] > 0
-        missing = avg_pool2d(residual[None], 3, 1, 1)[0].clamp_min(0).square() * lit
-        return adaptive_avg_pool2d(missing[None], size)[0] + 1e-9
+    def _explained(self, drawn: Drawn, measures: _Measures, volume: Tensor) -> Tensor:
+        """The part (G,G) of the measure that maps of a code of this volume tile or their drawing shows. Where a map is
+        missing, so are its copies in the drawing, which the other maps will show as soon as it is there; and what
+        tiles the measure in another way than the grey levels tell is not to be filled up."""
+        measure = measures.fine
+        shares = affine.volumes(drawn.maps) / volume if drawn.weights is None else drawn.weights
+        tiled = pushforward(drawn.maps[None], shares[None], measure.samples, measure.size)[0]
+        seen = self.picture.levels.measure(drawn.image) * measures.correction
+        if bool(seen.any()):
+            tiled = torch.maximum(tiled, binned(seen, measure.size).bins * (seen.sum() / measures.total))
+        return torch.minimum(tiled, measure.bins)
 
-    def _measures(self, shown: Drawn) -> tuple[BinnedMeasure, BinnedMeasure]:
-        """The picture's measure, corrected by what the code hides of its own, on a fine grid and a coarse one."""
-        if self._measured is None or self._measured[0] is not shown.maps:
-            corrected = desaturated(self.masses, shown.code, self.picture.levels, derive(self.seed, "correct"))
+    def _measures(self, shown: Drawn) -> _Measures:
+        if self._measured is None or self._measured.maps is not shown.maps:
+            factors = correction(self.masses, shown.code, self.picture.levels, derive(self.seed, "correct"))
+            corrected = self.masses * factors
             size = grid_for(self.masses.shape[0], 128)
-            self._measured = shown.maps, (binned(corrected, size), binned(corrected, size // 2))
-        return self._measured[1]
+            self._measured = _Measures(shown.maps, binned(corrected, size), binned(corrected, size // 2), factors,
+                                       corrected.sum())
+        return self._measured
 
     # -- codes and drawings -------------------------------------------------------------------------------------------
 
-    def _polished(self, drawn: Drawn, steps: int, moving: list[int] | None = None) -> Drawn:
+    def _needed(self, drawn: Drawn) -> Drawn:
+        """The code without the maps that the picture does not ask for."""
+        while len(drawn.maps) > max(2, self.fixed or 0):
+            fewer = min((self._without(drawn, [i]) for i in range(len(drawn.maps))), key=_error)
+            if self._score(fewer) >= self._score(drawn):
+                break
+            drawn = fewer
+        return drawn
+
+    def _polished(self, drawn: Drawn, steps: int, moving: Sequence[int] | None = None) -> Drawn:
         return polished(self.picture, drawn, steps, moving, late=self.late)
 
-    def _judge(self, shown: Drawn, keep: list[int], born: Tensor | None = None, weight: Tensor | None = None) -> Drawn:
-        maps = shown.maps[keep] if born is None else torch.cat([shown.maps[keep], born[None]])
-        weights = None
-        if shown.weights is not None:
-            weights = shown.chances[keep] if weight is None else torch.cat([shown.chances[keep], weight])
-        return self.picture.judge(maps, weights)
+    def _without(self, drawn: Drawn, gone: list[int]) -> Drawn:
+        keep = [i for i in range(len(drawn.maps)) if i not in gone]
+        return self.picture.judge(drawn.maps[keep], None if drawn.weights is None else drawn.chances[keep])
+
+    def _with(self, drawn: Drawn, born: Tensor, weight: Tensor) -> Drawn:
+        return self.picture.judge(torch.cat([drawn.maps, born[None]]),
+                                  None if drawn.weights is None else torch.cat([drawn.weights, weight[None]]))
 
     def _score(self, drawn: Drawn) -> float:
         missing = max(0, (self.fixed or 0) - len(drawn.maps))
@@ -164,3 +241,7 @@ class PictureSearch:
         if self._shown is None or self._shown.maps is not now.maps:
             self._shown = self.picture.judge(now.maps, now.chances)
         return self._shown
+
+
+def _error(drawn: Drawn) -> float:
+    return drawn.error

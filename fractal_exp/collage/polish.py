@@ -22,7 +22,7 @@ POINTS_PER_CELL = 6
 STEP_PX = 0.05             # of the finite differences
 LONGEST_PX = 2.0           # step of a parameter
 LARGEST = 0.9995           # singular value
-LITTLE = 0.005             # relative gain at which to stop
+LITTLE = 0.005             # relative gain of a step that was in vain
 
 
 def never() -> bool:
@@ -30,26 +30,23 @@ def never() -> bool:
     return False
 
 
-def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] | None = None, *,
+def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] | None = None, *, patience: int = 1,
              late: Callable[[], bool] = never) -> Drawn:
     """The code after at most so many steps of Levenberg and Marquardt, never worse. moving: the maps that may move;
-    late: whether to stop."""
-    damping = 1e-2
+    patience: after how many steps in vain to stop; late: whether to stop."""
+    damping, idle = 1e-2, 0
     for number in range(steps):
-        if late():
+        if late() or idle == patience:
             break
         jacobian = _Jacobian(picture, drawn, moving if moving is not None else range(len(drawn.maps)), number)
         before = drawn.error
         for _ in range(2):
             better = _stride(picture, drawn, jacobian, jacobian.solve(damping))
             if better:
+                drawn, damping = better, max(damping / 5, 1e-4)
                 break
             damping *= 30
-        if better is None:
-            break
-        drawn, damping = better, max(damping / 5, 1e-4)
-        if before - drawn.error < LITTLE * before:
-            break
+        idle = idle + 1 if before - drawn.error < LITTLE * before else 0
     return drawn
 
 

@@ -20,33 +20,41 @@ from .refine import grid_for
 from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
+WRONG = 3        # times a drawing's noise: the picture error at which another round is worth while
 LARGEST = 512    # pixels a side of the picture that is searched
 FULL_POLISH = 4  # steps on a larger one
+TILINGS = "tiling", "best", "before"   # of `Work`
 DETAIL = Judge(price=1e-4, prior=0.03)
 
 
 @dataclass(frozen=True)
 class Work:
     """How far the search has come: the number of the stage, its step and tiling (None before it begins); the best
-    tiling of the stages before, and of the islands all maps (M,6) and the scores."""
+    tiling of the stages of this round, and of the rounds before; and of the islands all maps (M,6) and the scores."""
 
     stage: int = 0
     step: int = 0
     tiling: Tiling | None = None
     best: Tiling | None = None
+    before: Tiling | None = None
     pool: Tensor | None = None
     scores: tuple[float, ...] = ()
+
+    @property
+    def result(self) -> Tiling | None:
+        """The tiling to return if all ended here."""
+        return self.before or self.best
 
     def moved(self, tiling: Tiling) -> Work:
         """After a step."""
         return replace(self, tiling=tiling, step=self.step + 1)
 
-    def done(self, best: Tiling, stages: int = 1) -> Work:
+    def done(self, best: Tiling | None, stages: int = 1) -> Work:
         """After the stage, so many stages on."""
         return replace(self, stage=self.stage + stages, step=0, tiling=None, best=best)
 
     def snapshot(self) -> Snapshot:
-        kept = {name: t for name, t in (("tiling", self.tiling), ("best", self.best)) if t is not None}
+        kept = {name: t for name in TILINGS if (t := getattr(self, name)) is not None}
         tensors = {f"{name}/{part}": getattr(t, part) for name, t in kept.items() for part in ("maps", "weights")}
         if self.pool is not None:
             tensors["pool"] = self.pool
@@ -56,9 +64,10 @@ class Work:
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> Work:
         tensors, numbers = {name: t.to(device) for name, t in snapshot.tensors.items()}, snapshot.numbers
-        tiling, best = (Tiling(tensors[f"{name}/maps"], tensors[f"{name}/weights"], *numbers[name])
-                        if name in numbers else None for name in ("tiling", "best"))
-        return cls(numbers["stage"], snapshot.iteration, tiling, best, tensors.get("pool"), tuple(numbers["scores"]))
+        tilings = {name: Tiling(tensors[f"{name}/maps"], tensors[f"{name}/weights"], *numbers[name])
+                   for name in TILINGS if name in numbers}
+        return cls(numbers["stage"], snapshot.iteration, **tilings, pool=tensors.get("pool"),
+                   scores=tuple(numbers["scores"]))
 
 
 @dataclass(frozen=True)
@@ -92,14 +101,14 @@ class Problem:
 
 class Stage(ABC):
     """A search of its own. name: as it is reported; moves: its steps; ends: the part of a limited time at which it
-    ends, and before which it must begin."""
+    ends, and before which it must begin; number: tells it from others of its kind."""
 
     name: str
     ends: float
     search: Search | PictureSearch
 
-    def __init__(self, problem: Problem, moves: int):
-        self.problem, self.moves = problem, moves
+    def __init__(self, problem: Problem, moves: int, number: int = 0):
+        self.problem, self.moves, self.number = problem, moves, number
 
     @abstractmethod
     def open(self, work: Work) -> None:
@@ -113,8 +122,8 @@ class Stage(ABC):
         """`now`, or a better one."""
         return self.search.step(now, number)
 
-    def settled(self, now: Tiling) -> bool:
-        """Whether nothing is left to do."""
+    def settled(self, now: Tiling, moves: int) -> bool:
+        """Whether nothing is left to do, after so many moves."""
         return False
 
     def close(self, work: Work) -> Work:
@@ -123,17 +132,20 @@ class Stage(ABC):
 
 
 class Island(Stage):
-    """A search from nothing; the maps of all islands so far are mixed."""
+    """A search from nothing; the maps of all islands so far are mixed, and those of the rounds before."""
 
     name, ends = "search", 0.35
 
     def __init__(self, problem: Problem, moves: int, number: int, others: int):
-        super().__init__(problem, moves)
-        self.number, self.others = number, others
+        super().__init__(problem, moves, number)
+        self.others = others
 
     def open(self, work: Work) -> None:
-        problem = self.problem
-        self.search = problem.search(problem.masses, 64, derive(problem.seed, "island", self.number))
+        problem, seed = self.problem, derive(self.problem.seed, "island", self.number)
+        masses = problem.masses
+        if work.before is not None:
+            masses = desaturated(masses, work.before.code, problem.levels, seed)
+        self.search = problem.search(masses, 64, seed)
 
     def begin(self, work: Work) -> Tiling:
         return self.search.start()
@@ -142,10 +154,10 @@ class Island(Stage):
         found, scores = work.tiling, tuple(sorted((*work.scores, work.tiling.score)))
         pool = found.maps if work.pool is None else torch.cat([work.pool, found.maps])
         work = replace(work, pool=pool, scores=scores)
-        if work.best is None:
+        if work.best is None and work.before is None:
             return work.done(found)
-        best = min(work.best, found, self.search.mixed(pool), key=lambda tiling: tiling.score)
-        agreed = scores[1] < min(1, (1 + AGREED) * best.score)  # not so with a number of maps that is not allowed
+        best = min(work.best or found, found, self.search.mixed(pool), key=lambda tiling: tiling.score)
+        agreed = len(scores) > 1 and scores[1] < min(1, (1 + AGREED) * best.score)  # 1 and more: too many maps, or few
         return work.done(best, 1 + self.others if agreed else 1)
 
 
@@ -155,7 +167,7 @@ class Closing(Stage):
     name, ends = "search", 0.45
 
     def open(self, work: Work) -> None:
-        problem, seed = self.problem, derive(self.problem.seed, "closing")
+        problem, seed = self.problem, derive(self.problem.seed, "closing", self.number)
         self.search = problem.search(desaturated(problem.masses, work.best.code, problem.levels, seed), 64, seed)
 
     def begin(self, work: Work) -> Tiling:
@@ -167,10 +179,6 @@ class Detail(Stage):
 
     name, ends = "detail", 0.65
 
-    def __init__(self, problem: Problem, moves: int, number: int):
-        super().__init__(problem, moves)
-        self.number = number
-
     def open(self, work: Work) -> None:
         problem, seed = self.problem, derive(self.problem.seed, "detail", self.number)
         corrected = desaturated(problem.masses, work.best.code, problem.levels, seed)
@@ -181,12 +189,17 @@ class Detail(Stage):
 
 
 class Retouch(Stage):
-    """Refinement, and moves of single maps, judged by the picture."""
+    """Refinement, and moves of single maps, judged by the picture; the end of a round. If the code is still wrong,
+    another round begins, with the maps found so far in the pool."""
 
     name, ends = "picture", 0.95
 
+    def __init__(self, problem: Problem, moves: int, number: int, others: int):
+        super().__init__(problem, moves, number)
+        self.others = others
+
     def open(self, work: Work) -> None:
-        problem, seed = self.problem, derive(self.problem.seed, "retouch")
+        problem, seed = self.problem, derive(self.problem.seed, "retouch", self.number)
         picture = Picture(problem.image, problem.levels, seed)
         self.search = PictureSearch(picture, problem.masses, noise=picture.noise(work.best.code), seed=seed,
                                     finest=problem.finest, fixed=problem.fixed, most=problem.most, late=problem.late)
@@ -194,11 +207,16 @@ class Retouch(Stage):
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best)
 
-    def settled(self, now: Tiling) -> bool:
-        return self.search.settled(now)
+    def settled(self, now: Tiling, moves: int) -> bool:
+        return self.search.settled(now, moves)
 
     def close(self, work: Work) -> Work:
-        return work.done(self.search.finish(work.tiling))
+        found = self.search.finish(work.tiling)
+        best = found if work.before is None or found.score < work.before.score else work.before
+        if self.others and not self.search.within(best, WRONG):
+            pool = torch.cat([work.pool, found.maps])
+            return replace(work.done(None), before=best, pool=pool, scores=())
+        return replace(work.done(best, 1 + self.others), before=None)
 
 
 class Full(Stage):
@@ -210,16 +228,20 @@ class Full(Stage):
         self.picture = Picture(self.problem.full, self.problem.levels, derive(self.problem.seed, "full"))
 
     def begin(self, work: Work) -> Tiling:
-        drawn = polished(self.picture, self.picture.judge(work.best.maps, work.best.chances), FULL_POLISH,
+        drawn = polished(self.picture, self.picture.judge(work.result.maps, work.result.chances), FULL_POLISH,
                          late=self.problem.late)
         return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
 
 
-def plan(problem: Problem, *, islands: int, moves: int, rounds: int, detail_moves: int, picture_moves: int
+def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_moves: int, picture_moves: int
          ) -> list[Stage]:
-    """The stages in order."""
-    return [*(Island(problem, moves, number, islands - 1 - number) for number in range(islands)),
-            Closing(problem, moves if islands > 1 else 0),
-            *(Detail(problem, detail_moves, number) for number in range(rounds)),
-            Retouch(problem, picture_moves),
-            *([Full(problem, 0)] if problem.image is not problem.full else [])]
+    """The stages in order; half as many islands in rounds after the first."""
+    stages, fewer = [], (islands + 1) // 2
+    for number in range(rounds):
+        count = fewer if number else islands
+        stages += [Island(problem, moves, 1000 * number + island, count - 1 - island) for island in range(count)]
+        stages += [Closing(problem, moves if islands > 1 else 0, number), Detail(problem, detail_moves, number),
+                   Retouch(problem, picture_moves, number, others=(rounds - 1 - number) * (fewer + 3))]
+        for stage in stages[-count - 3:] if number else []:
+            stage.ends = Retouch.ends
+    return [*stages, *([Full(problem, 0)] if problem.image is not problem.full else [])]

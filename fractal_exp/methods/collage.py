@@ -24,11 +24,12 @@ class Collage(Method):
     """Recover a code by the collage theorem (Barnsley 1985): maps are sought that tile the picture with copies of it.
 
     In stages (docs/collage.md): a large neighbourhood search of `moves` steps on a 64² grid, up to `islands` times
-    from nothing, the maps of all mixed, and once from the mixture; then, `rounds` times, `detail_moves` on a 128² grid
-    of the picture's measure, corrected for the saturation of its grey levels by what was found so far; refinement on
-    grids up to `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove
-    single maps where the picture asks for it. An image beyond 512² is searched at a fraction of its size, and the code
-    polished on the whole.
+    from nothing, the maps of all mixed, and once from the mixture; then `detail_moves` on a 128² grid of the picture's
+    measure, corrected for the saturation of its grey levels by what was found so far; refinement on grids up to
+    `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove maps where
+    the picture asks for it. If the code is still far from the picture, there is another round, `rounds` at most, with
+    half as many islands and the maps found so far in the mixture. An image beyond 512² is searched at a fraction of
+    its size, and the code polished on the whole.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
     points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at
@@ -38,12 +39,12 @@ class Collage(Method):
     Raises `InputError` on values out of range.
     """
 
-    def __init__(self, *, islands: int = 5, moves: int = 50, rounds: int = 1, detail_moves: int = 25,
+    def __init__(self, *, islands: int = 5, moves: int = 50, rounds: int = 2, detail_moves: int = 25,
                  picture_moves: int = 60, maps: int | None = None, at_most: int | None = None,
                  levels: Literal["auto", "density", "coverage", "binary"] = "auto", finest: int = 256,
                  proposals: int = 2, seconds: float | None = None, seed: int = 0, previews: int = 10,
                  device: str = "cpu"):
-        for name, value, least in (("islands", islands, 1), ("moves", moves, 0), ("rounds", rounds, 0),
+        for name, value, least in (("islands", islands, 1), ("moves", moves, 0), ("rounds", rounds, 1),
                                    ("detail_moves", detail_moves, 0), ("picture_moves", picture_moves, 0),
                                    ("maps", maps, 2), ("at_most", at_most, 2), ("finest", finest, 64),
                                    ("proposals", proposals, 1), ("previews", previews, 0)):
@@ -75,7 +76,7 @@ class Collage(Method):
         levels = LEVELS[guess_levels(image) if self.levels == "auto" else self.levels]
         clock = _Clock(self.seconds)
         problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most, clock.late)
-        stages = plan(problem, islands=self.islands, moves=self.moves, rounds=self.rounds,
+        stages = plan(problem, rounds=self.rounds, islands=self.islands, moves=self.moves,
                       detail_moves=self.detail_moves, picture_moves=self.picture_moves)
         snapshot = checkpoint.load() if checkpoint else None
         work = Work.of(snapshot, self.device) if snapshot else Work()
@@ -84,13 +85,14 @@ class Collage(Method):
         try:
             while work.stage < len(stages):
                 stage = stages[work.stage]
-                if work.best is not None and work.tiling is None and clock.part >= stage.ends:
+                if work.result is not None and work.tiling is None and clock.part >= stage.ends:
                     work = work.done(work.best)
                     continue
                 stage.open(work)
                 if work.tiling is None:
                     work = replace(work, tiling=stage.begin(work))
-                while work.step < stage.moves and clock.part < stage.ends and not stage.settled(work.tiling):
+                while work.step < stage.moves and clock.part < stage.ends and not stage.settled(
+                        work.tiling, work.step):
                     work = work.moved(stage.step(work.tiling, work.step))
                     tell(work)
                 work = stage.close(work)
@@ -101,10 +103,10 @@ class Collage(Method):
             if checkpoint:
                 checkpoint.save(work.snapshot())
             raise
-        return CodeReconstruction(work.best.code.to("cpu").check_contractive())
+        return CodeReconstruction(work.result.code.to("cpu").check_contractive())
 
 
-def laptop(*, resolution: int = 256, islands: int = 5, moves: int = 50, rounds: int = 1, detail_moves: int = 25,
+def laptop(*, resolution: int = 256, islands: int = 5, moves: int = 50, rounds: int = 2, detail_moves: int = 25,
            picture_moves: int = 60, maps: int | None = None, at_most: int | None = None, levels: str = "auto",
            finest: int = 256, seed: int = 0, seconds: float | None = None) -> Collage:
     """The method at the sizes that two cores finish within a minute. It takes images of any resolution from 32² on."""
@@ -135,7 +137,7 @@ class _Teller:
         """After a stage."""
         if self.on_step:
             number = self.stages.index(stage)
-            self._tell(self._steps_before(number) + stage.moves, number, work.best, code=work.best.code)
+            self._tell(self._steps_before(number) + stage.moves, number, work.result, code=work.result.code)
 
     def _tell(self, step: int, stage: int, tiling: Tiling, **more: Tensor | IFS | None) -> None:
         scalars = {"score": tiling.score, "error": tiling.error, "maps": float(len(tiling.maps)),

@@ -88,7 +88,7 @@ def test_the_librarys_defaults_are_those_of_the_laptop_scale():
     ours, configured = laptop(), instantiate(configuration.resolve(composed("scale=laptop")).method)
 
     def plain_numbers(thing):
-        return {name: value if isinstance(value, int | float | str | None) else plain_numbers(value)
+        return {name: value if isinstance(value, int | float | str | tuple | None) else plain_numbers(value)
                 for name, value in vars(thing).items() if name not in ("objective", "parameterization")}
 
     assert plain_numbers(ours) == plain_numbers(configured)

@@ -1,5 +1,6 @@
 """The command line as users meet it, at sizes that take moments."""
 
+import contextlib
 import json
 import os
 import re
@@ -17,7 +18,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from fractal_exp import IFS, InputError
-from fractal_exp.apps import configuration
+from fractal_exp.apps import configuration, interruption
 from fractal_exp.apps.train import fit
 from fractal_exp.tracking import read_series, runs_frame
 
@@ -108,6 +109,23 @@ def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path
         tmp_path / "whole" / "fits" / folder.name / "code.json").read_text()
     frame = runs_frame(f"sqlite:///{output / 'mlflow.db'}", "fits")
     assert list(frame["status"]) == ["FINISHED"], "one run, gone on with"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_got_lost_is_raised_again(number):
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        interruption.listen()
+        interruption.check()
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(number)
+        with pytest.raises(KeyboardInterrupt):
+            interruption.check()
+        interruption.listen()
+        interruption.check()
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):

@@ -10,6 +10,7 @@ from tqdm import tqdm
 from ..images import write_image
 from ..methods.base import Progress
 from ..tracking import Tracker
+from . import interruption
 from .folders import FitFolder
 
 
@@ -29,6 +30,7 @@ class Reporter:
         self.bar.close()
 
     def __call__(self, progress: Progress) -> None:
+        interruption.check()
         self.bar.n = round(100 * progress.fraction, 2)
         stage = {"stage": progress.stage} if progress.stage else {}
         self.bar.set_postfix(stage | {name: f"{value:.3g}" for name, value in progress.scalars.items()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.resources
 import os
-import signal
 import sys
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import hydra
 from omegaconf import DictConfig
 
 from ..errors import InputError
-from . import configuration, sweeps
+from . import configuration, interruption, sweeps
 from .jobs import run_job
 
 
@@ -28,10 +27,7 @@ def _hydra_main(config: DictConfig) -> str:
 
 def main() -> None:
     """The command line: the first word names the study, the rest is Hydra's; the exit status tells of failed jobs."""
-    def terminate(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, terminate)
+    interruption.listen()
     configuration.register()
     try:
         sys.argv[1:] = _arguments(sys.argv[1:])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import signal
 import sys
 import time
 from collections.abc import Mapping
@@ -24,7 +23,7 @@ from ..images import write_image
 from ..methods.base import CodeReconstruction, FitDiverged, Method
 from ..targets import Target
 from ..tracking import Tracker
-from . import configuration
+from . import configuration, interruption
 from .folders import FitFolder
 from .judging import Judgement, check_options, judge
 from .progress import Reporter
@@ -128,10 +127,7 @@ def _hydra_main(config: DictConfig) -> dict[str, float]:
 
 def main() -> None:
     """The command line: Hydra composes, `fit` works, errors are one line."""
-    def terminate(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, terminate)
+    interruption.listen()
     configuration.register()
     _hydra_main()
 

@@ -1,0 +1,27 @@
+"""Ctrl-C and SIGTERM end what runs, even where code that was called from C swallows the exception."""
+
+from __future__ import annotations
+
+import signal
+
+_asked = False
+
+
+def listen() -> None:
+    """Let SIGINT and SIGTERM raise KeyboardInterrupt, and remember that they came."""
+    global _asked
+    _asked = False
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+
+
+def check() -> None:
+    """Raise KeyboardInterrupt if a signal came and its exception got lost."""
+    if _asked:
+        raise KeyboardInterrupt
+
+
+def _interrupt(*_: object) -> None:
+    global _asked
+    _asked = True
+    raise KeyboardInterrupt

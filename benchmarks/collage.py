@@ -41,7 +41,8 @@ def recover(fractal: int | str, seed: int, kind: str, resolution: int, options: 
     start, found = time.process_time(), {}
 
     def keep(progress) -> None:  # noqa: ANN001
-        if progress.code is not None:
+        first_round = "picture" not in found
+        if progress.code is not None and (first_round or progress.stage == "picture"):
             found[progress.stage] = progress, time.process_time() - start
 
     method = Collage(**{"proposals": 1, "previews": 0} | options)

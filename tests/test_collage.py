@@ -358,12 +358,14 @@ def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
     assert [stage.name for stage in stages] == 4 * ["search"] + ["detail", "picture"] + 3 * ["search"] + ["detail",
                                                                                                           "picture"]
     maps = affine.from_code(code)
-    for found, ends_at in ((maps, len(stages)), (maps[:2], 6)):
-        stage, work = stages[5], Work(stage=5, best=Tiling(found, affine.volumes(found), 0.0), pool=found)
+    for noises, ends_at in ((1, len(stages)), (1000, len(stages)), (10, 6)):
+        stage, work = stages[5], Work(stage=5, best=Tiling(maps, affine.volumes(maps), 0.0), pool=maps)
         stage.open(work)
+        assert stage.search.noises(stage.begin(work)) < 2, "the true code"
+        stage.search.noises = lambda now, noises=noises: noises
         after = stage.close(replace(work, tiling=stage.begin(work)))
-        assert after.stage == ends_at and len(after.result.maps) == len(found)
-    assert after.best is None and len(after.pool) == 4
+        assert after.stage == ends_at and len(after.result.maps) == 3
+    assert after.best is None and len(after.pool) == 6
     again = stages[6]
     again.open(after)
     assert again.close(replace(after, tiling=again.begin(after))).best is not None

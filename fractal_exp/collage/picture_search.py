@@ -87,14 +87,14 @@ class PictureSearch:
 
     def settled(self, now: Tiling, moves: int) -> bool:
         """Whether the code draws the picture as well as the true one would; after many moves, nearly as well."""
-        return self.within(now, SETTLED + LENIENCE * moves)
+        return self.noises(now) < SETTLED + LENIENCE * moves and len(now.maps) >= (self.fixed or 0)
 
-    def within(self, now: Tiling, noises: float) -> bool:
-        """Whether the error is less than so many times that of another drawing of the same code."""
+    def noises(self, now: Tiling) -> float:
+        """The error, in units of that of another drawing of the same code."""
         shown = self._drawn(now)
         if self._noise is None or self._noise[0] is not shown.maps:
             self._noise = shown.maps, self.picture.noise(shown.code)
-        return shown.error < noises * self._noise[1] and len(shown.maps) >= (self.fixed or 0)
+        return shown.error / self._noise[1]
 
     @staticmethod
     def _simpler(tied: Drawn, own: Drawn) -> Drawn:

@@ -20,7 +20,7 @@ from .refine import grid_for
 from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
-WRONG = 3        # times a drawing's noise: the picture error at which another round is worth while
+WRONG, HOPELESS = 3, 100   # times a drawing's noise: picture errors between which another round is worth while
 LARGEST = 512    # pixels a side of the picture that is searched
 FULL_POLISH = 4  # steps on a larger one
 TILINGS = "tiling", "best", "before"   # of `Work`
@@ -190,7 +190,8 @@ class Detail(Stage):
 
 class Retouch(Stage):
     """Refinement, and moves of single maps, judged by the picture; the end of a round. If the code is still wrong,
-    another round begins, with the maps found so far in the pool."""
+    and the picture not so far off that it may be of no code at all, another round begins, with the maps found so far in
+    the pool."""
 
     name, ends = "picture", 0.95
 
@@ -213,7 +214,7 @@ class Retouch(Stage):
     def close(self, work: Work) -> Work:
         found = self.search.finish(work.tiling)
         best = found if work.before is None or found.score < work.before.score else work.before
-        if self.others and not self.search.within(best, WRONG):
+        if self.others and WRONG < self.search.noises(best) < HOPELESS:
             pool = torch.cat([work.pool, found.maps])
             return replace(work.done(None), before=best, pool=pool, scores=())
         return replace(work.done(best, 1 + self.others), before=None)

@@ -15,5 +15,4 @@ def test_a_notebook_runs(path, tmp_path, monkeypatch):
     monkeypatch.setenv("OUTPUT", str(tmp_path))
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     notebook = nbformat.read(path, as_version=4)
-    assert any(cell.cell_type == "code" and cell.outputs for cell in notebook.cells), "kept with its outputs"
     NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()

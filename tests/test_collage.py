@@ -56,12 +56,6 @@ def test_descent_keeps_maps_contractive_and_off_the_identity():
     assert float(affine.largest_singular(maps).max()) <= 0.9 + 1e-5
 
 
-@pytest.fixture(scope="module")
-def triangle():
-    code = attractor.normalize(codes.known("sierpinski_triangle"))
-    return code, suite.target(code, 128)
-
-
 def test_a_true_code_has_no_collage_error_and_maps_near_it_find_back(triangle):
     code, image = triangle
     masses = LEVELS["density"].measure(image)

@@ -15,12 +15,6 @@ from fractal_exp.collage.polish import polished
 from fractal_exp.collage.search import Tiling
 
 
-@pytest.fixture(scope="module")
-def triangle():
-    code = attractor.normalize(codes.known("sierpinski_triangle"))
-    return code, suite.target(code, 128)
-
-
 def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
     code, image = triangle
     picture = Picture(image, LEVELS["density"])

@@ -81,3 +81,10 @@ def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
     linear = difference[..., :4].unflatten(-1, (2, 2))
     shift = linear @ measure.mean + difference[..., 4:]
     return (((linear @ measure.covariance) * linear).sum((-2, -1)) + shift.square().sum(-1)).sqrt()
+
+
+def thinness(one: Tensor, measure: BinnedMeasure) -> float:
+    """The width of a map's (6,) image of the measure over its length, both standard deviations."""
+    linear = one[:4].view(2, 2).double()
+    spread = torch.linalg.eigvalsh(linear @ measure.covariance.double() @ linear.T)
+    return float((spread[0].clamp_min(0) / spread[1].clamp_min(1e-12)).sqrt())

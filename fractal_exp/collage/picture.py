@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -11,6 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
 from ..ifs import IFS
 from ..seeds import derive
 from . import maps as affine
+from .frame import Frame
 from .measure import Levels
 
 GRIDS = 4          # compared, each half as fine as the one before
@@ -46,10 +47,13 @@ class Picture:
     variance 1/4n whatever I is (Anscombe 1948), so that faint tips count for what they are worth. The error is
     mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest
     grid on all: of the order of 0.1 for two drawings of one code, 0.3 for pixels that only share their brightness.
-    The mean of several drawings has less noise.
+    The mean of several drawings has less noise. maps_at_once: how many maps are polished together, as memory allows;
+    frame: which the attractor must fill, if given; what it misses of it adds to the error.
     """
 
-    def __init__(self, image: Tensor, levels: Levels, seed: int = 0, drawings: int = 1):
+    def __init__(self, image: Tensor, levels: Levels, seed: int = 0, drawings: int = 1, maps_at_once: int = 1_000_000,
+                 frame: Frame | None = None):
+        self.maps_at_once, self.frame = maps_at_once, frame
         self.image, self.levels, self.seed, self.drawings = image, levels, derive(seed, "picture"), drawings
         self.side = min(image.shape[0], FINEST)
         self.subpixels = (levels.supersample * image.shape[0] / self.side) ** 2
@@ -82,7 +86,11 @@ class Picture:
     def judge(self, maps: Tensor, weights: Tensor | None = None) -> Drawn:
         """The code of these maps, drawn."""
         image = self.draw(affine.to_code(maps, weights))
-        return Drawn(maps, weights, image, self.error(image))
+        drawn = Drawn(maps, weights, image, self.error(image))
+        if self.frame is None:
+            return drawn
+        misses = self.frame.penalty(*self.frame.misfit(maps, drawn.chances))[0]
+        return replace(drawn, error=drawn.error + misses / (self.lit[0] * len(self.lit)))
 
     def error(self, drawn: Tensor) -> float:
         """Of a drawing (R,R); lower is better."""

@@ -16,6 +16,8 @@ from ..ops.collage import BinnedMeasure, Descent, descend, pushforward
 from ..seeds import derive, generator
 from . import maps as affine
 from .births import candidates, flattened, mirrored, turned, visible_weights
+from .frame import Frame
+from .jacobian import Redrawn
 from .measure import binned, correction, halve
 from .picture import Drawn, Picture
 from .polish import never, polished
@@ -25,11 +27,15 @@ from .search import Tiling
 PRICE = 0.04                   # of a map, in units of a drawing's noise
 CANDIDATES, MOVED, DRAWN = 24, 6, 3   # maps born in a move; those of them that are moved finely, and drawn
 WIDTHS = (1, 0.25, 0.03)       # times that of a new image, drawn as well
+THIN = 0.1                     # times its length: the width of an image that is a line
 SIZES = (0.02, 0.95)           # of the larger singular values at birth
 ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
 SETTLED, LENIENCE = 1.05, 0.005   # times the noise of a drawing, an error that the true code may have; more a move
 OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
+FRAMED = 1.05                  # times the error that fitting the frame may cost
+UNSETTLED, CLOSE = 1.1, 6      # times a drawing's noise: errors between which the dearest polish is worth while,
+REDRAWN = 3                    # of so many steps
 MISSING = 1e3                  # the price of a map fewer than there must be
 PROMISING, HOPEFUL = 1.25, 4   # times the error before: worth a polish of a new map, and of all where some are gone
 POLISH, DRAWINGS = 8, 4        # steps of all maps at the start and the end, and drawings at the very end
@@ -80,10 +86,29 @@ class PictureSearch:
         if found.weights is not None:
             tied = self._polished(self.picture.judge(found.maps), POLISH)
             found = self._simpler(tied, found)
-        picture = Picture(self.picture.image, self.picture.levels, self.seed, drawings=DRAWINGS)
-        last = polished(picture, picture.judge(found.maps, found.weights), POLISH, patience=2,
-                        late=self.late)
-        return self._tiling(self.picture.judge(last.maps, last.weights))
+        return self._tiling(self.picture.judge(*self._last_polish(found)))
+
+    def _last_polish(self, found: Drawn) -> tuple[Tensor, Tensor | None]:
+        """The maps and weights, polished on several drawings at once, whose noise is less, such that the attractor
+        fills the frame if that can be had, as it tells of tips too faint to be seen; and where more than noise is left,
+        by the slopes of drawings."""
+        image, levels, at_once = self.picture.image, self.picture.levels, self.picture.maps_at_once
+        frame = Frame.of(image)
+        careful, framed, once = (Picture(image, levels, self.seed, drawings, at_once, fits)
+                                 for drawings, fits in ((DRAWINGS, None), (DRAWINGS, frame), (1, frame)))
+
+        def seen(drawn: Drawn) -> float:
+            return careful.error(careful.draw(drawn.code))
+
+        start = careful.judge(found.maps, found.weights)
+        best = polished(framed, framed.judge(found.maps, found.weights), POLISH, patience=2, late=self.late)
+        if frame is not None and seen(best) > FRAMED * start.error:
+            best = polished(careful, start, POLISH, patience=2, late=self.late)
+        if UNSETTLED < self.noises(self._tiling(self.picture.judge(best.maps, best.weights))) < CLOSE:
+            last = polished(once, once.judge(best.maps, best.weights), REDRAWN, late=self.late, slopes=Redrawn,
+                            alone=True)
+            best = last if seen(last) < seen(best) else best
+        return best.maps, best.weights
 
     def settled(self, now: Tiling, moves: int) -> bool:
         """Whether the code draws the picture as well as the true one would; after many moves, nearly as well."""
@@ -164,6 +189,8 @@ class PictureSearch:
         explained = self._explained(drawn, measures, volume)
         if old is not None:
             born = turned(old, measure, CANDIDATES, g)
+            if affine.thinness(old, measure) < THIN:
+                return self._likeliest(drawn, flattened(born, measure, WIDTHS[-1]), volume)
         else:
             wanted = (measure.bins.clamp_min(0).sqrt() - explained.clamp_min(0).sqrt()).square() + 1e-12
             born = candidates(wanted, wanted, measure, SIZES, CANDIDATES, CANDIDATES // 2, g)
@@ -185,6 +212,12 @@ class PictureSearch:
         for model in (likeliest, old) if old is not None else (likeliest,):
             drawings += [self._with(drawn, each, weights[0]) for each in mirrored(model, measure)]
         return min(drawings, key=_error)
+
+    def _likeliest(self, drawn: Drawn, born: Tensor, volume: Tensor) -> Drawn:
+        """The code with the best of the maps (n,6), by their drawings alone: of lines a grid cannot tell which way they
+        lie."""
+        return min((self._with(drawn, each, weight) for each, weight in
+                    zip(born, affine.volumes(born) / volume, strict=True)), key=_error)
 
     def _explained(self, drawn: Drawn, measures: _Measures, volume: Tensor) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile or their drawing shows. Where a map is

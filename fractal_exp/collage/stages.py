@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -13,6 +12,7 @@ from torch import Tensor
 from ..checkpoint import Snapshot
 from ..seeds import derive
 from .measure import Levels, desaturated
+from .memory import MemoryBudget
 from .picture import Picture
 from .picture_search import PictureSearch
 from .polish import never, polished
@@ -73,7 +73,7 @@ class Work:
 @dataclass(frozen=True)
 class Problem:
     """What all stages share: the image `full` (R,R), what its grey levels say, and the options of `Collage`. The search
-    is made on an `image` of at most 512², and its `masses`. late: whether time is up."""
+    is made on an `image` of at most 512², and its `masses`. late: whether time is up; memory_gib: see `Collage`."""
 
     full: Tensor
     levels: Levels
@@ -83,14 +83,22 @@ class Problem:
     fixed: int | None
     most: int | None
     late: Callable[[], bool] = never
+    memory_gib: float | None = None
     image: Tensor = field(init=False)
     masses: Tensor = field(init=False)
+    memory: MemoryBudget = field(init=False)
 
     def __post_init__(self) -> None:
-        size = self.full.shape[0] // math.ceil(self.full.shape[0] / LARGEST)
+        memory = MemoryBudget(self.memory_gib, self.full.shape[0], self.levels.supersample)
+        size = memory.size(LARGEST)
         image = self.full if size == self.full.shape[0] else self.levels.shrunk(self.full, size)
+        object.__setattr__(self, "memory", memory)
         object.__setattr__(self, "image", image)
         object.__setattr__(self, "masses", self.levels.measure(image))
+
+    def picture(self, image: Tensor, seed: int) -> Picture:
+        """The image as a judge of codes, within the memory there is."""
+        return Picture(image, self.levels, seed, maps_at_once=self.memory.maps_at_once(image.shape[0]))
 
     def search(self, masses: Tensor, wanted: int, seed: int, **options: object) -> Search:
         """On a grid of `wanted` cells a side, or what the picture can fill."""
@@ -201,7 +209,7 @@ class Retouch(Stage):
 
     def open(self, work: Work) -> None:
         problem, seed = self.problem, derive(self.problem.seed, "retouch", self.number)
-        picture = Picture(problem.image, problem.levels, seed)
+        picture = problem.picture(problem.image, seed)
         self.search = PictureSearch(picture, problem.masses, noise=picture.noise(work.best.code), seed=seed,
                                     finest=problem.finest, fixed=problem.fixed, most=problem.most, late=problem.late)
 
@@ -226,7 +234,7 @@ class Full(Stage):
     name, ends = "full size", 0.98
 
     def open(self, work: Work) -> None:
-        self.picture = Picture(self.problem.full, self.problem.levels, derive(self.problem.seed, "full"))
+        self.picture = self.problem.picture(self.problem.full, derive(self.problem.seed, "full"))
 
     def begin(self, work: Work) -> Tiling:
         drawn = polished(self.picture, self.picture.judge(work.result.maps, work.result.chances), FULL_POLISH,

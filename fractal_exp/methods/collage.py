@@ -10,7 +10,8 @@ from typing import Literal
 from torch import Tensor
 
 from ..checkpoint import Checkpoint
-from ..collage.measure import LEVELS, guess_levels
+from ..collage.measure import LEVELS, Levels, guess_levels
+from ..collage.memory import MemoryBudget
 from ..collage.search import Tiling
 from ..collage.stages import Problem, Stage, Work, plan
 from ..errors import InputError
@@ -34,16 +35,17 @@ class Collage(Method):
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
     points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at
     once, by as many threads. seconds: a limit after which what is left of each stage is skipped (and a run can no
-    longer be repeated bit for bit, as on a GPU). A checkpoint is saved after every stage and at an interruption.
-    previews: how many preview images are reported. device: where tensors live.
+    longer be repeated bit for bit, as on a GPU). memory_gib: what may be taken of memory beside the 0.8 GiB of
+    libraries; with little the search is coarser (`collage.memory`). A checkpoint is saved after every stage and at an
+    interruption. previews: how many preview images are reported. device: where tensors live.
     Raises `InputError` on values out of range.
     """
 
     def __init__(self, *, islands: int = 5, moves: int = 50, rounds: int = 2, detail_moves: int = 25,
                  picture_moves: int = 60, maps: int | None = None, at_most: int | None = None,
                  levels: Literal["auto", "density", "coverage", "binary"] = "auto", finest: int = 256,
-                 proposals: int = 2, seconds: float | None = None, seed: int = 0, previews: int = 10,
-                 device: str = "cpu"):
+                 proposals: int = 2, seconds: float | None = None, memory_gib: float | None = None, seed: int = 0,
+                 previews: int = 10, device: str = "cpu"):
         for name, value, least in (("islands", islands, 1), ("moves", moves, 0), ("rounds", rounds, 1),
                                    ("detail_moves", detail_moves, 0), ("picture_moves", picture_moves, 0),
                                    ("maps", maps, 2), ("at_most", at_most, 2), ("finest", finest, 64),
@@ -57,10 +59,12 @@ class Collage(Method):
             raise InputError(f"levels must be one of auto, {', '.join(LEVELS)}, got {levels!r}")
         if seconds is not None and not seconds > 0:
             raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        if memory_gib is not None and not memory_gib > 0:
+            raise InputError(f"memory_gib must be above 0 (or none for no limit), got {memory_gib}")
         self.islands, self.moves, self.rounds, self.detail_moves = islands, moves, rounds, detail_moves
         self.picture_moves, self.levels, self.finest, self.proposals = picture_moves, levels, finest, proposals
         self.maps, self.at_most = maps, at_most
-        self.seconds, self.seed, self.previews = seconds, seed, previews
+        self.seconds, self.memory_gib, self.seed, self.previews = seconds, memory_gib, seed, previews
         self.device = check_device(device)
 
     def check(self, target: Tensor) -> None:
@@ -68,14 +72,19 @@ class Collage(Method):
         if target.shape[0] < SMALLEST_INPUT:
             raise InputError(f"collage search needs an image of at least {SMALLEST_INPUT}², got {target.shape[0]}²; "
                              "read the picture at a larger resolution")
+        MemoryBudget(self.memory_gib, target.shape[0], self._levels_of(target).supersample)
+
+    def _levels_of(self, image: Tensor) -> Levels:
+        return LEVELS[guess_levels(image) if self.levels == "auto" else self.levels]
 
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
         self.check(target)
         image = check_target(target).to(self.device)
-        levels = LEVELS[guess_levels(image) if self.levels == "auto" else self.levels]
+        levels = self._levels_of(image)
         clock = _Clock(self.seconds)
-        problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most, clock.late)
+        problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most, clock.late,
+                          self.memory_gib)
         stages = plan(problem, rounds=self.rounds, islands=self.islands, moves=self.moves,
                       detail_moves=self.detail_moves, picture_moves=self.picture_moves)
         snapshot = checkpoint.load() if checkpoint else None
@@ -108,12 +117,14 @@ class Collage(Method):
 
 def laptop(*, resolution: int = 256, islands: int = 5, moves: int = 50, rounds: int = 2, detail_moves: int = 25,
            picture_moves: int = 60, maps: int | None = None, at_most: int | None = None, levels: str = "auto",
-           finest: int = 256, seed: int = 0, seconds: float | None = None) -> Collage:
+           finest: int = 256, seed: int = 0, seconds: float | None = None,
+           memory_gib: float | None = None) -> Collage:
     """The method at the sizes that two cores finish within a minute. It takes images of any resolution from 32² on."""
     if resolution < SMALLEST_INPUT:
         raise InputError(f"resolution must be at least {SMALLEST_INPUT}, got {resolution}")
     return Collage(islands=islands, moves=moves, rounds=rounds, detail_moves=detail_moves, picture_moves=picture_moves,
-                   maps=maps, at_most=at_most, levels=levels, finest=finest, seed=seed, seconds=seconds)
+                   maps=maps, at_most=at_most, levels=levels, finest=finest, seed=seed, seconds=seconds,
+                   memory_gib=memory_gib)
 
 
 class _Teller:

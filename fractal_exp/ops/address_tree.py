@@ -11,21 +11,26 @@ from .jit import kernel
 
 @kernel()
 def farthest_word(u, linear, offset, chance, mean, table, least, tolerance):
-    """max u·f_w(mean) over the words w of chance at least `least`, to within `tolerance`: depth first, the most
-    promising map first, leaving out what the half planes of `table` (K,) show to be nearer.
+    """max u·f_w(mean) over the words w of chance at least `least`, to within `tolerance`, and that word, its letters
+    from the outermost map on: depth first, the most promising map first, leaving out what the half planes of `table`
+    (K,) show to be nearer.
 
-    A word is kept as the row v = u^T M_w, the number s = u·b_w and its chance, since u·f_w(x) = v·x + s.
+    A word is kept as the row v = u^T M_w, the number s = u·b_w and its chance, since u·f_w(x) = v·x + s; and as the
+    number of its last letter among all `letters`, each of which knows the one before.
     """
     maps, directions = linear.shape[0], table.shape[0]
     delta = 2 * math.pi / directions
-    stack = np.empty((256, 4))
-    stack[0] = u[0], u[1], 0.0, 1.0
+    stack = np.empty((256, 5))
+    stack[0] = u[0], u[1], 0.0, 1.0, -1.0
+    letters, before, count = np.empty(256, np.int32), np.empty(256, np.int64), 0
     value = np.empty(maps)
-    height, best = 1, -math.inf
+    height, best, last = 1, -math.inf, -1
     while height > 0:
         height -= 1
-        v0, v1, s, p = stack[height]
-        best = max(best, v0 * mean[0] + v1 * mean[1] + s)
+        v0, v1, s, p, letter = stack[height]
+        reached = v0 * mean[0] + v1 * mean[1] + s
+        if reached > best:
+            best, last = reached, int(letter)
         angle = math.atan2(v1, v0) % (2 * math.pi)
         k = min(int(angle / delta), directions - 1)
         phi = angle - k * delta
@@ -33,9 +38,12 @@ def farthest_word(u, linear, offset, chance, mean, table, least, tolerance):
         if math.hypot(v0, v1) / math.sin(delta) * upper + s <= best + tolerance:
             continue
         if height + maps > len(stack):
-            grown = np.empty((2 * len(stack) + maps, 4))
+            grown = np.empty((2 * len(stack) + maps, 5))
             grown[:height] = stack[:height]
             stack = grown
+        if count + maps > len(letters):
+            letters = np.concatenate((letters, np.empty(len(letters) + maps, np.int32)))
+            before = np.concatenate((before, np.empty(len(before) + maps, np.int64)))
         first = height
         for i in range(maps):
             if p * chance[i] < least:
@@ -49,7 +57,15 @@ def farthest_word(u, linear, offset, chance, mean, table, least, tolerance):
                 stack[j] = stack[j - 1]
                 value[j - first] = value[j - 1 - first]
                 j -= 1
-            stack[j] = r0, r1, t, p * chance[i]
+            letters[count], before[count] = i, int(letter)
+            stack[j] = r0, r1, t, p * chance[i], float(count)
             value[j - first] = x
-            height += 1
-    return best
+            height, count = height + 1, count + 1
+    length, node = 0, last
+    while node >= 0:
+        length, node = length + 1, before[node]
+    word = np.empty(length, np.int32)
+    while last >= 0:
+        length -= 1
+        word[length], last = letters[last], before[last]
+    return best, word

@@ -1,0 +1,129 @@
+"""How the drawing of a code changes with its maps: the normal equations of `polish`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from .. import ops
+from ..ops.reference_collage import contract
+from ..seeds import derive
+from . import maps as affine
+from .measure import point_bins
+from .picture import Drawn, Picture, stabilizing_slope
+
+POINTS_PER_CELL = 6
+ROWS = 2**21               # numbers of a Jacobian that are multiplied at once
+STEP_PX = 0.05             # of the finite differences
+LONGEST_PX = 2.0           # step of a parameter
+LARGEST = 0.9995           # singular value
+
+
+class Jacobian(ABC):
+    """How the stabilised drawing changes with the parameters of some maps, each in units of a pixel's displacement, as
+    normal equations over all grids, and over the frame if the picture has one."""
+
+    def __init__(self, picture: Picture, drawn: Drawn, moving: Sequence[int], number: int):
+        self.maps, self.side = drawn.maps, picture.side
+        self.seed = derive(picture.seed, "jacobian", number)
+        self.points = self._play(drawn.maps, drawn.chances)
+        self.mean, spread = self.points.mean(0), self.points.std(0).clamp_min(1e-3)
+        pixel = 2 / picture.side
+        self.units = [(i, j, pixel if j > 3 else pixel / float(spread[j % 2])) for i in moving for j in range(6)]
+        count = len(self.units)
+        self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
+        for residual, (columns, slope) in zip(picture.residuals(drawn.image), self.grids(picture, drawn), strict=True):
+            rows = max(1, ROWS // (count * len(residual)))
+            for part in range(0, len(residual), rows):  # in pieces, for the sake of memory
+                piece = slice(part, part + rows)
+                scaled = (columns[:, piece] * slope[piece]).flatten(1).double().cpu()
+                self.square += scaled @ scaled.T
+                self.gradient += scaled @ residual[piece].flatten().double().cpu()
+        if picture.frame is not None:
+            self._add_frame(picture, drawn)
+
+    @abstractmethod
+    def grids(self, picture: Picture, drawn: Drawn) -> Iterator[tuple[Tensor, Tensor]]:
+        """For each grid the derivatives (parameters,h,w), and what (h,w) they are yet to be multiplied by."""
+
+    def _add_frame(self, picture: Picture, drawn: Drawn) -> None:
+        _, misfit, slopes = picture.frame.penalty(*picture.frame.misfit(drawn.maps, drawn.chances))
+        columns = torch.stack([
+            unit * (slopes[:, i, j] - (float(self.mean[j % 2]) * slopes[:, i, 4 + j // 2] if j < 4 else 0))
+            for i, j, unit in self.units])
+        counted = 2 * picture.subpixels  # residuals of the picture have the variance 1 / 2n, those of the frame 1
+        self.square += columns @ columns.T / counted
+        self.gradient -= columns @ misfit / counted
+
+    def solve(self, damping: float) -> Tensor:
+        """The step (6 maps,), pixels."""
+        ridge = damping * self.square.diagonal() + 1e-9 * self.square.diagonal().max() + 1e-12
+        return torch.linalg.solve(self.square + ridge.diag(), self.gradient).clamp(-LONGEST_PX, LONGEST_PX)
+
+    def solve_alone(self) -> Tensor:
+        """The steps (6 maps,), pixels, of each parameter if no other moved."""
+        return (self.gradient / self.square.diagonal().clamp_min(1e-12)).clamp(-LONGEST_PX, LONGEST_PX)
+
+    def moved(self, step: Tensor) -> Tensor:
+        """The maps (N,6) after a step; a matrix turns about the attractor's mean."""
+        maps = self.maps.double().clone()
+        for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
+            maps[i, j] += value * unit
+            if j < 4:
+                maps[i, 4 + j // 2] -= value * unit * float(self.mean[j % 2])
+        return contract(maps.to(self.maps), LARGEST)
+
+    def nudged(self, parameter: int, step: float) -> Tensor:
+        """The maps (N,6) with one parameter moved."""
+        alone = torch.zeros(len(self.units))
+        alone[parameter] = step
+        return self.moved(alone)
+
+    def _play(self, maps: Tensor, chances: Tensor) -> Tensor:
+        return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], length=430, warmup=30, seed=self.seed,
+                              trajectories=POINTS_PER_CELL * self.side**2 // 400 + 1, probabilities=chances)
+
+
+class Played(Jacobian):
+    """From one run of the chaos game, followed with common random numbers (the chances are held), and the grey level as
+    I = 1 - exp(-kappa m) of a cell's mass m, kappa such that it fits the drawing around the cell."""
+
+    def grids(self, picture: Picture, drawn: Drawn) -> Iterator[tuple[Tensor, Tensor]]:
+        known = point_bins(self.points, self.side)
+        greys = picture.grids(drawn.image)
+        smooth = _smooth(greys[0]).clamp(max=1 - 0.5 / picture.subpixels)
+        kappa = -(1 - smooth).log() / _smooth(known).clamp_min(1e-12)
+        lit = (known > 0) & (smooth > 0)
+        kappa = torch.where(lit, kappa, kappa[lit].median() if bool(lit.any()) else 0)  # what is dark can be lit
+        slope = picture.levels.dark(greys[0], smooth) * kappa
+        columns = known.new_empty(len(self.units), *known.shape)
+        for k in range(len(self.units)):
+            points = self._play(self.nudged(k, STEP_PX), drawn.chances)
+            columns[k] = (point_bins(points, self.side) - known) / STEP_PX * slope
+        for k, grey in enumerate(greys):
+            if k:
+                columns = avg_pool2d(columns, 2, ceil_mode=True)
+            yield columns, stabilizing_slope(grey, picture.subpixels * 4**k)
+
+
+class Redrawn(Jacobian):
+    """From drawings of the code with each parameter moved to and fro: several times slower, and right where an image
+    ends at the edge of a pixel, which bins know nothing of."""
+
+    def grids(self, picture: Picture, drawn: Drawn) -> Iterator[tuple[Tensor, Tensor]]:
+        columns = [grid.new_empty(len(self.units), *grid.shape) for grid in picture.stable]
+        for k in range(len(self.units)):
+            fro, to = (picture.stabilized(picture.draw(affine.to_code(self.nudged(k, step), drawn.weights)))
+                       for step in (-STEP_PX, STEP_PX))
+            for column, before, after in zip(columns, fro, to, strict=True):
+                column[k] = (after - before) / (2 * STEP_PX)
+        for column in columns:
+            yield column, torch.ones_like(column[0])
+
+
+def _smooth(image: Tensor) -> Tensor:
+    return avg_pool2d(image[None], 3, 1, 1)[0]

@@ -99,6 +99,15 @@ def test_the_root_of_a_map_applied_twice_is_the_map():
     affine.root(torch.tensor([0.0, 0, 0, 0.16, 0, 0]), 2)  # singular: whatever comes, no error
 
 
+def test_what_precedes_a_map_gives_the_others_back():
+    fern = affine.from_code(codes.known("fern"))
+    one, others = fern[1], fern[2:]
+    linear = one[:4].view(2, 2)
+    after = torch.cat([(linear @ others[:, :4].unflatten(1, (2, 2))).flatten(1), others[:, 4:] @ linear.T + one[4:]], 1)
+    torch.testing.assert_close(affine.preceded(one, after), others, atol=1e-5, rtol=1e-5)
+    assert len(affine.preceded(torch.tensor([0.1, 0, 0, 0.1, 0, 0]), others)) == 0  # none that is contractive
+
+
 def test_a_map_found_squared_is_replaced_by_its_root():
     code = attractor.normalize(replace(codes.known("cyclosorus"), probabilities=None))
     image, true = suite.target(code, 128), affine.from_code(code)

@@ -75,6 +75,15 @@ def root(one: Tensor, order: int) -> Tensor | None:
     return real if float(largest_singular(real)) < 1 else None
 
 
+def preceded(one: Tensor, others: Tensor) -> Tensor:
+    """What maps (n,6) do, undone by one (6,): g such that one∘g is each of them; those that are contractive."""
+    inverse = torch.linalg.inv(one[:4].view(2, 2).double())
+    linear = inverse @ others[:, :4].unflatten(1, (2, 2)).double()
+    offset = (others[:, 4:].double() - one[4:].double()) @ inverse.T
+    found = torch.cat([linear.flatten(1), offset], 1).to(others)
+    return found[largest_singular(found) < 1]
+
+
 def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
     """Root mean square over the measure of |f(x) - g(x)|, canvas units: maps (n,6) and (m,6) -> (n,m)."""
     difference = a[:, None] - b[None]

@@ -36,6 +36,8 @@ OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weig
 FRAMED = 1.05                  # times the error that fitting the frame may cost
 UNSETTLED, CLOSE = 1.1, 6      # times a drawing's noise: errors between which the dearest polish is worth while,
 REDRAWN = 3                    # of so many steps
+ROOTS_ERROR, LOW = 30, 0.5     # times the error before, or this if that is lower: of a root that may be one
+ORDERS, ROOTED = (2, 3), 2     # roots that are tried, and of how many of the largest maps at the start
 MISSING = 1e3                  # the price of a map fewer than there must be
 PROMISING, HOPEFUL = 1.25, 4   # times the error before: worth a polish of a new map, and of all where some are gone
 POLISH, DRAWINGS = 8, 4        # steps of all maps at the start and the end, and drawings at the very end
@@ -69,7 +71,12 @@ class PictureSearch:
         """The best drawing of the tiling and its refinements, with its own weights or those of |det| + 0.01."""
         tied, own = (self._polished(refined(self.picture, self.masses, tiling.maps, weights, self.finest, self.seed),
                                     POLISH // 2) for weights in (None, tiling.weights))
-        return self._tiling(self._polished(self._needed(self._simpler(tied, own)), POLISH // 2))
+        best = self._polished(self._needed(self._simpler(tied, own)), POLISH // 2)
+        for chosen in affine.volumes(best.maps).argsort(descending=True)[:ROOTED].tolist():
+            rooted = min((self._rooted(best, chosen, order) for order in ORDERS), key=self._score)
+            if self._score(rooted) < self._score(best):
+                return self._tiling(self._polished(rooted, POLISH // 2))
+        return self._tiling(best)
 
     def step(self, now: Tiling, number: int) -> Tiling:
         """`now`, or a better neighbour."""
@@ -163,12 +170,20 @@ class PictureSearch:
         """The square or cube root of a large map instead of it, and what is then superfluous gone: an attractor is also
         that of the code in which f stands squared and the other maps g have company, f∘g."""
         chosen = int(torch.multinomial(affine.volumes(shown.maps).cpu(), 1, generator=g))
-        root = affine.root(shown.maps[chosen], 2 + int(torch.randint(2, (), generator=g)))
+        return self._rooted(shown, chosen, ORDERS[int(torch.randint(len(ORDERS), (), generator=g))])
+
+    def _rooted(self, shown: Drawn, chosen: int, order: int) -> Drawn:
+        """The code with the root f of one map, or as it is if that map has none. What was found beside a power of f may
+        be f∘g instead of g: both are given to choose from."""
+        root = affine.root(shown.maps[chosen], order)
         if root is None:
             return shown
-        maps = shown.maps.clone()
-        maps[chosen] = root
-        return self._settled(self._needed(self.picture.judge(maps, shown.weights)), shown)
+        others = torch.cat([shown.maps[:chosen], shown.maps[chosen + 1:]])
+        alone = self.picture.judge(torch.cat([root[None], others]))
+        if alone.error > ROOTS_ERROR * max(shown.error, LOW):
+            return shown
+        both = self.picture.judge(torch.cat([root[None], others, affine.preceded(root, others)]))
+        return self._settled(self._needed(both), shown)
 
     def _fitted(self, new: Drawn, shown: Drawn) -> Drawn:
         """With its last map polished, if that is promising."""

@@ -115,12 +115,13 @@ class Redrawn(Jacobian):
     ends at the edge of a pixel, which bins know nothing of."""
 
     def grids(self, picture: Picture, drawn: Drawn) -> Iterator[tuple[Tensor, Tensor]]:
+        nudge = picture.levels.nudge_px
         columns = [grid.new_empty(len(self.units), *grid.shape) for grid in picture.stable]
         for k in range(len(self.units)):
             fro, to = (picture.stabilized(picture.draw(affine.to_code(self.nudged(k, step), drawn.weights)))
-                       for step in (-STEP_PX, STEP_PX))
+                       for step in (-nudge, nudge))
             for column, before, after in zip(columns, fro, to, strict=True):
-                column[k] = (after - before) / (2 * STEP_PX)
+                column[k] = (after - before) / (2 * nudge)
         for column in columns:
             yield column, torch.ones_like(column[0])
 

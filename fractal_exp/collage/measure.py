@@ -25,14 +25,16 @@ DENSITY_SHARE = 0.25                   # of inner pixels that are not white, fro
 class Levels:
     """What the grey levels of a picture say, shares of `supersample`² subpixels of each pixel: `measure` turns an image
     (R,R) into masses (R,R), `observe` draws a code as such a picture, with a seed, `dark` tells from a pixel's grey
-    level and that around it what part of the pixel more mass can still light up, and `shrunk` makes of an image one of
-    (S,S), as it would have been drawn were it smooth."""
+    level and that around it what part of the pixel more mass can still light up, `shrunk` makes of an image one of (S,S),
+    as it would have been drawn were it smooth, and `nudge_px` is by how far an image has to move to be drawn
+    otherwise."""
 
     supersample: int
     measure: Callable[[Tensor], Tensor]
     observe: Callable[[IFS, int, int], Tensor]
     dark: Callable[[Tensor, Tensor], Tensor]
     shrunk: Callable[[Tensor, int], Tensor]
+    nudge_px: float = 0.05
 
 
 def _poisson_density(image: Tensor) -> Tensor:
@@ -74,7 +76,8 @@ LEVELS = {
     "coverage": Levels(SUPERSAMPLE // 4, torch.clone, _observer(SUPERSAMPLE // 4), lambda grey, around: 1 - around,
                        _mean),
     # whether a quarter of a pixel is covered
-    "binary": Levels(SUPERSAMPLE, torch.clone, _drawn_white, lambda grey, around: 1 - around, _shrunk_binary),
+    "binary": Levels(SUPERSAMPLE, torch.clone, _drawn_white, lambda grey, around: 1 - around, _shrunk_binary,
+                     nudge_px=0.3),
 }
 
 

@@ -33,7 +33,7 @@ ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
 SETTLED, LENIENCE = 1.05, 0.005   # times the noise of a drawing, an error that the true code may have; more a move
 OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
-FRAMED = 1.05                  # times the error that fitting the frame may cost
+FRAMED, FAR = 1.05, 30         # times the error that fitting the frame may cost; noises from which on it tells nothing
 UNSETTLED, CLOSE = 1.1, 6      # times a drawing's noise: errors between which the dearest polish is worth while,
 REDRAWN = 3                    # of so many steps
 ROOTS_ERROR, LOW = 30, 0.5     # times the error before, or this if that is lower: of a root that may be one
@@ -100,7 +100,7 @@ class PictureSearch:
         fills the frame if that can be had, as it tells of tips too faint to be seen; and where more than noise is left,
         by the slopes of drawings."""
         image, levels, at_once = self.picture.image, self.picture.levels, self.picture.maps_at_once
-        frame = Frame.of(image)
+        frame = Frame.of(image) if self.noises(self._tiling(found)) < FAR else None
         careful, framed, once = (Picture(image, levels, self.seed, drawings, at_once, fits)
                                  for drawings, fits in ((DRAWINGS, None), (DRAWINGS, frame), (1, frame)))
 

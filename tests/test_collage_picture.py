@@ -106,6 +106,7 @@ def test_what_precedes_a_map_gives_the_others_back():
     after = torch.cat([(linear @ others[:, :4].unflatten(1, (2, 2))).flatten(1), others[:, 4:] @ linear.T + one[4:]], 1)
     torch.testing.assert_close(affine.preceded(one, after), others, atol=1e-5, rtol=1e-5)
     assert len(affine.preceded(torch.tensor([0.1, 0, 0, 0.1, 0, 0]), others)) == 0  # none that is contractive
+    assert len(affine.preceded(fern[0], others)) == 0  # the stem is singular
 
 
 def test_a_map_found_squared_is_replaced_by_its_root():
@@ -122,6 +123,8 @@ def test_a_map_found_squared_is_replaced_by_its_root():
     g = torch.Generator().manual_seed(0)
     found = min((search._root(shown, g) for _ in range(4)), key=lambda drawn: drawn.error)
     assert found.error < shown.error and len(found.maps) == 4
+    search.most = 3
+    assert all(len(search._rooted(shown, large, order).maps) in (len(shown.maps), 2, 3) for order in (2, 3))
 
 
 def test_reflections_and_thinner_images_stay_in_place(triangle):

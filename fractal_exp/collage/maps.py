@@ -11,6 +11,8 @@ from torch import Tensor
 from ..ifs import IFS, PROBABILITY_FLOOR
 from ..ops.collage import BinnedMeasure
 
+SINGULAR = 1e-6  # a determinant that counts as none
+
 
 def from_code(code: IFS) -> Tensor:
     """(N,6)."""
@@ -76,7 +78,10 @@ def root(one: Tensor, order: int) -> Tensor | None:
 
 
 def preceded(one: Tensor, others: Tensor) -> Tensor:
-    """What maps (n,6) do, undone by one (6,): g such that one∘g is each of them; those that are contractive."""
+    """What maps (n,6) do, undone by one (6,): g such that one∘g is each of them; those that are contractive, and none
+    where one is singular."""
+    if float(volumes(one)) - PROBABILITY_FLOOR < SINGULAR:
+        return others[:0]
     inverse = torch.linalg.inv(one[:4].view(2, 2).double())
     linear = inverse @ others[:, :4].unflatten(1, (2, 2)).double()
     offset = (others[:, 4:].double() - one[4:].double()) @ inverse.T

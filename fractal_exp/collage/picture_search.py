@@ -72,7 +72,9 @@ class PictureSearch:
         tied, own = (self._polished(refined(self.picture, self.masses, tiling.maps, weights, self.finest, self.seed),
                                     POLISH // 2) for weights in (None, tiling.weights))
         best = self._polished(self._needed(self._simpler(tied, own)), POLISH // 2)
-        for chosen in affine.volumes(best.maps).argsort(descending=True)[:ROOTED].tolist():
+        for chosen in affine.volumes(best.maps).argsort(descending=True)[:0 if self.fixed else ROOTED].tolist():
+            if self.late():
+                break
             rooted = min((self._rooted(best, chosen, order) for order in ORDERS), key=self._score)
             if self._score(rooted) < self._score(best):
                 return self._tiling(self._polished(rooted, POLISH // 2))
@@ -183,7 +185,8 @@ class PictureSearch:
         if alone.error > ROOTS_ERROR * max(shown.error, LOW):
             return shown
         both = self.picture.judge(torch.cat([root[None], others, affine.preceded(root, others)]))
-        return self._settled(self._needed(both), shown)
+        new = self._needed(both)
+        return shown if len(new.maps) > (self.most or len(new.maps)) else self._settled(new, shown)
 
     def _fitted(self, new: Drawn, shown: Drawn) -> Drawn:
         """With its last map polished, if that is promising."""

@@ -17,8 +17,12 @@ SIGMA_PX = 0.05           # of a misfit that counts as much as the counting erro
 
 @dataclass(frozen=True)
 class Frame:
-    """A target is brought to the canvas by its attractor's `visible_box`: centred, the longer side from -0.75 to 0.75.
-    side: pixels a side of the picture. What is lit may exceed the frame, as that box leaves out the rarest tips."""
+    """Targets are brought to the canvas by their box: centred, the longer side from -0.75 to 0.75. That of the random
+    suite and of the classics is the attractor's `visible_box`, that of a picture file the box of what is lit, which
+    for an attractor is nearly the same. What is lit may exceed the frame, as the visible box leaves out the rarest tips.
+
+    side: pixels a side of the picture.
+    """
 
     side: int
 
@@ -34,33 +38,46 @@ class Frame:
         fills = SHORT * FRAME_SIDE < max(spans) < LONG * FRAME_SIDE
         return cls(side) if fills and max(off) < (LONG - 1) * FRAME_SIDE else None
 
-    def misfit(self, maps: Tensor, chances: Tensor) -> tuple[Tensor, Tensor]:
-        """How far the attractor's visible box is from the frame, (3,) float64 pixels: its lower and its upper end along
-        its longer side, and its centre along the other; and the derivatives (3,N,6) by the maps (N,6), which are those
-        of the words that reach farthest, with chances (N,) held."""
-        tips = [torch.from_numpy(word).long() for _, word in visible_tips(affine.to_code(maps, chances))]
+    def misfit(self, maps: Tensor, chances: Tensor) -> Tensor:
+        """How far the attractor's visible box is from the frame, (3,) float64 pixels, for maps (N,6) of chances (N,): its
+        lower and its upper end along its longer side, and its centre along the other."""
+        low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, chances))])
+        return self._misfit(low, high)
+
+    def slopes(self, maps: Tensor, chances: Tensor) -> Tensor:
+        """The derivatives (3,N,6) of `misfit` by the maps, which are those of the words that reach farthest, with the
+        chances held."""
+        words = [torch.from_numpy(word).long() for _, word in visible_tips(affine.to_code(maps, chances))]
         with torch.enable_grad():
             moving, weights = maps.detach().cpu().double().requires_grad_(), chances.detach().cpu().double()
             linear, offset = moving[:, :4].unflatten(1, (2, 2)), moving[:, 4:]
             average = (weights[:, None, None] * linear).sum(0)
             mean = torch.linalg.solve(torch.eye(2, dtype=torch.float64) - average, weights @ offset)
-            right, top, left, bottom = (_image(linear, offset, word, mean) for word in tips)
-            low, high = torch.stack([left[0], bottom[1]]), torch.stack([right[0], top[1]])
-            along = int((high - low).argmax())
-            across = 1 - along
-            misfit = torch.stack([low[along] + FRAME_SIDE / 2, high[along] - FRAME_SIDE / 2,
-                                  (low[across] + high[across]) / 2]) * (self.side / 2)
-            slopes = [torch.autograd.grad(each, moving, retain_graph=True)[0] for each in misfit]
-        return misfit.detach(), torch.stack(slopes)
+            tips = [sign * _image(linear, offset, word, mean)[axis]
+                    for word, axis, sign in zip(words, (0, 1, 0, 1), (1, 1, -1, -1), strict=True)]
+            misfit = self._misfit(*_box(tips))
+            return torch.stack([torch.autograd.grad(each, moving, retain_graph=True)[0] for each in misfit])
+
+    def _misfit(self, low: Tensor, high: Tensor) -> Tensor:
+        along = int((high - low).argmax())
+        across = 1 - along
+        return torch.stack([low[along] + FRAME_SIDE / 2, high[along] - FRAME_SIDE / 2,
+                            (low[across] + high[across]) / 2]) * (self.side / 2)
 
     @staticmethod
-    def penalty(misfit: Tensor, slopes: Tensor) -> tuple[float, Tensor, Tensor]:
-        """Huber's of a misfit, in counting errors of a pixel, and its normal equations' part: what weighs less than in
-        proportion cannot spoil a code that is wrong for other reasons. Weighed residuals (3,) and slopes (3,N,6)."""
+    def penalty(misfit: Tensor) -> tuple[float, Tensor]:
+        """Huber's of a misfit (3,), in counting errors of a pixel, and the weights (3,) that it gives residuals: what
+        weighs less than in proportion cannot spoil a code that is wrong for other reasons."""
         size = misfit.abs() / BEYOND_PX
         value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (BEYOND_PX / SIGMA_PX) ** 2
-        weight = size.clamp_min(1).rsqrt() / SIGMA_PX
-        return float(value), misfit * weight, slopes * weight[:, None, None]
+        return float(value), size.clamp_min(1).rsqrt() / SIGMA_PX
+
+
+def _box(tips: list) -> tuple[Tensor, Tensor]:
+    """The lower and the upper corner, (2,) each, of what reaches so far to the right, the top, the left and the
+    bottom."""
+    right, top, left, bottom = (torch.as_tensor(tip, dtype=torch.float64) for tip in tips)
+    return torch.stack([-left, -bottom]), torch.stack([right, top])
 
 
 def _image(linear: Tensor, offset: Tensor, word: Tensor, point: Tensor) -> Tensor:

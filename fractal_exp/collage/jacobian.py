@@ -51,13 +51,15 @@ class Jacobian(ABC):
         """For each grid the derivatives (parameters,h,w), and what (h,w) they are yet to be multiplied by."""
 
     def _add_frame(self, picture: Picture, drawn: Drawn) -> None:
-        _, misfit, slopes = picture.frame.penalty(*picture.frame.misfit(drawn.maps, drawn.chances))
+        misfit = picture.frame.misfit(drawn.maps, drawn.chances)
+        _, weights = picture.frame.penalty(misfit)
+        slopes = picture.frame.slopes(drawn.maps, drawn.chances) * weights[:, None, None]
         columns = torch.stack([
             unit * (slopes[:, i, j] - (float(self.mean[j % 2]) * slopes[:, i, 4 + j // 2] if j < 4 else 0))
             for i, j, unit in self.units])
         counted = 2 * picture.subpixels  # residuals of the picture have the variance 1 / 2n, those of the frame 1
         self.square += columns @ columns.T / counted
-        self.gradient -= columns @ misfit / counted
+        self.gradient -= columns @ (misfit * weights) / counted
 
     def solve(self, damping: float) -> Tensor:
         """The step (6 maps,), pixels."""

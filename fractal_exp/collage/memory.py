@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..errors import InputError
 from ..evaluation.render import tile_side
+from .picture import FINEST
 
 GIB = 2**30
 POINTS = 96 * 2**20      # bytes of the points of a chaos game, with what is computed of them on the way
@@ -50,8 +51,6 @@ class MemoryBudget:
 
     def _bytes(self, resolution: int, maps: int) -> float:
         """Of a search at this size with so many maps polished at once."""
-        from .picture import FINEST
-
         canvas = (tile_side(resolution, self.supersample) * self.supersample)**2
         columns = maps * 24 * min(resolution, FINEST)**2
-        return POINTS + canvas + IMAGES * 4 * self.resolution**2 + 1.25 * columns  # each grid is a quarter of the last
+        return POINTS + canvas + IMAGES * 4 * self.resolution**2 + columns * 4 / 3  # each grid is a quarter of the last

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, replace
 
 import torch
@@ -48,17 +49,24 @@ class Picture:
     mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest
     grid on all: of the order of 0.1 for two drawings of one code, 0.3 for pixels that only share their brightness.
     The mean of several drawings has less noise. maps_at_once: how many maps are polished together, as memory allows;
-    frame: which the attractor must fill, if given; what it misses of it adds to the error.
+    frame: which the attractor must fill, if there is one (`within`); what it misses of it adds to the error.
     """
 
-    def __init__(self, image: Tensor, levels: Levels, seed: int = 0, drawings: int = 1, maps_at_once: int = 1_000_000,
-                 frame: Frame | None = None):
-        self.maps_at_once, self.frame = maps_at_once, frame
+    frame: Frame | None = None
+
+    def __init__(self, image: Tensor, levels: Levels, seed: int = 0, drawings: int = 1, maps_at_once: int = 1_000_000):
+        self.maps_at_once = maps_at_once
         self.image, self.levels, self.seed, self.drawings = image, levels, derive(seed, "picture"), drawings
         self.side = min(image.shape[0], FINEST)
         self.subpixels = (levels.supersample * image.shape[0] / self.side) ** 2
         self.stable = self.stabilized(image)
         self.lit = [max(1, int((grid > 0).sum())) for grid in self.grids(image)]
+
+    def within(self, frame: Frame | None) -> Picture:
+        """The same, with this frame."""
+        other = copy.copy(self)
+        other.frame = frame
+        return other
 
     def grids(self, image: Tensor) -> list[Tensor]:
         """The image (R,R) on grids of `side` and fewer cells a side."""
@@ -89,7 +97,7 @@ class Picture:
         drawn = Drawn(maps, weights, image, self.error(image))
         if self.frame is None:
             return drawn
-        misses = self.frame.penalty(*self.frame.misfit(maps, drawn.chances))[0]
+        misses, _ = self.frame.penalty(self.frame.misfit(maps, drawn.chances))
         return replace(drawn, error=drawn.error + misses / (self.lit[0] * len(self.lit)))
 
     def error(self, drawn: Tensor) -> float:

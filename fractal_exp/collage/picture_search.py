@@ -7,6 +7,7 @@ are seen, and small copies that lie the wrong way round. Drawing a code tells at
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
@@ -20,7 +21,7 @@ from .frame import Frame
 from .jacobian import Redrawn
 from .measure import binned, correction, halve
 from .picture import Drawn, Picture
-from .polish import never, polished
+from .polish import fitted_into_frame, never, polished
 from .refine import grid_for, refined
 from .search import Tiling
 
@@ -33,7 +34,7 @@ ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
 SETTLED, LENIENCE = 1.05, 0.005   # times the noise of a drawing, an error that the true code may have; more a move
 OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
-FRAMED, FAR = 1.05, 30         # times the error that fitting the frame may cost; noises from which on it tells nothing
+FAR = 30                       # noises from which on the frame tells nothing
 UNSETTLED, CLOSE = 1.1, 6      # times a drawing's noise: errors between which the dearest polish is worth while,
 REDRAWN = 3                    # of so many steps
 ROOTS_ERROR, LOW = 30, 0.5     # times the error before, or this if that is lower: of a root that may be one
@@ -98,25 +99,17 @@ class PictureSearch:
         return self._tiling(self.picture.judge(*self._last_polish(found)))
 
     def _last_polish(self, found: Drawn) -> tuple[Tensor, Tensor | None]:
-        """The maps and weights, polished on several drawings at once, whose noise is less, such that the attractor
-        fills the frame if that can be had, as it tells of tips too faint to be seen; and where more than noise is left,
-        by the slopes of drawings."""
-        image, levels, at_once = self.picture.image, self.picture.levels, self.picture.maps_at_once
-        frame = Frame.of(image) if self.noises(self._tiling(found)) < FAR else None
-        careful, framed, once = (Picture(image, levels, self.seed, drawings, at_once, fits)
-                                 for drawings, fits in ((DRAWINGS, None), (DRAWINGS, frame), (1, frame)))
-
-        def seen(drawn: Drawn) -> float:
-            return careful.error(careful.draw(drawn.code))
-
-        start = careful.judge(found.maps, found.weights)
-        best = polished(framed, framed.judge(found.maps, found.weights), POLISH, patience=2, late=self.late)
-        if frame is not None and seen(best) > FRAMED * start.error:
-            best = polished(careful, start, POLISH, patience=2, late=self.late)
-        if UNSETTLED < self.noises(self._tiling(self.picture.judge(best.maps, best.weights))) < CLOSE:
+        """The maps and weights, polished on several drawings at once, whose noise is less, and into the frame; and where
+        more than noise is left, by the slopes of drawings."""
+        careful = Picture(self.picture.image, self.picture.levels, self.seed, DRAWINGS, self.picture.maps_at_once)
+        near = self.noises(self._tiling(found)) < FAR
+        best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), POLISH, near=near, late=self.late)
+        noises = self.noises(self._tiling(self.picture.judge(best.maps, best.weights)))
+        if UNSETTLED < noises < CLOSE and not self.late():
+            once = self.picture.within(Frame.of(self.picture.image))
             last = polished(once, once.judge(best.maps, best.weights), REDRAWN, late=self.late, slopes=Redrawn,
                             alone=True)
-            best = last if seen(last) < seen(best) else best
+            best = min(best, careful.judge(last.maps, last.weights), key=_error)
         return best.maps, best.weights
 
     def settled(self, now: Tiling, moves: int) -> bool:
@@ -262,7 +255,7 @@ class PictureSearch:
 
     def _needed(self, drawn: Drawn) -> Drawn:
         """The code without the maps that the picture does not ask for."""
-        while len(drawn.maps) > max(2, self.fixed or 0):
+        while len(drawn.maps) > max(2, self.fixed or 0) and not self.late():
             fewer = min((self._without(drawn, [i]) for i in range(len(drawn.maps))), key=_error)
             if self._score(fewer) >= self._score(drawn):
                 break
@@ -285,7 +278,8 @@ class PictureSearch:
         return drawn.error + self.price * len(drawn.maps) + MISSING * missing
 
     def _tiling(self, drawn: Drawn) -> Tiling:
-        self._shown = drawn
+        # as one that is resumed has them
+        self._shown = drawn if drawn.weights is None else replace(drawn, weights=drawn.chances)
         return Tiling(drawn.maps, drawn.chances, drawn.error, self._score(drawn))
 
     def _drawn(self, now: Tiling) -> Drawn:

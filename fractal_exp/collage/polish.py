@@ -7,14 +7,17 @@ drawings, so a true code stays where it is. Only the Jacobian is approximate (`j
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
+from .frame import Frame
 from .jacobian import Jacobian, Played
 from .picture import Drawn, Picture
 
 LITTLE = 0.005             # relative gain of a step that was in vain
+FRAMED = 1.05              # times the error before, that fitting the frame may cost
 
 
 def never() -> bool:
@@ -44,9 +47,23 @@ def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] |
             damping *= 30
         else:
             if alone or len(moving) == 1:
-                drawn = _one_by_one(picture, drawn, jacobian)
+                drawn = _one_by_one(picture, drawn, jacobian, late)
         idle = idle + 1 if before - drawn.error < LITTLE * before else 0
     return drawn
+
+
+def fitted_into_frame(picture: Picture, start: Drawn, steps: int, *, near: bool,
+                      late: Callable[[], bool] = never) -> Drawn:
+    """The drawing polished such that the attractor fills the frame of its picture, as that tells of tips too faint to be
+    seen, unless it has none, the code is not nearly found (`near`), or the picture is drawn notably worse for it."""
+    frame = Frame.of(picture.image) if near else None
+    if frame is not None:
+        within = picture.within(frame)
+        found = polished(within, within.judge(start.maps, start.weights), steps, patience=2, late=late)
+        seen = picture.error(found.image)
+        if seen <= FRAMED * start.error:
+            return replace(found, error=seen)
+    return polished(picture, start, steps, patience=2, late=late)
 
 
 def _stride(picture: Picture, drawn: Drawn, jacobian: Jacobian, step: Tensor) -> Drawn | None:
@@ -60,12 +77,14 @@ def _stride(picture: Picture, drawn: Drawn, jacobian: Jacobian, step: Tensor) ->
     return best
 
 
-def _one_by_one(picture: Picture, drawn: Drawn, jacobian: Jacobian) -> Drawn:
+def _one_by_one(picture: Picture, drawn: Drawn, jacobian: Jacobian, late: Callable[[], bool]) -> Drawn:
     """The drawing after the best step in each parameter of a map in turn. Where an image is a line between two columns
     of pixels, the least of a step across it costs more than any step along it can gain."""
     steps = jacobian.solve_alone()
     taken = torch.zeros_like(steps)
     for k, step in enumerate(steps):
+        if late():
+            break
         for factor in (1, 2, 4, 8):
             further = taken.clone()
             further[k] = factor * step

@@ -14,8 +14,8 @@ from ..seeds import derive
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture
-from .picture_search import PictureSearch
-from .polish import never, polished
+from .picture_search import FAR, PictureSearch
+from .polish import fitted_into_frame, never
 from .refine import grid_for
 from .search import Judge, Search, Tiling
 
@@ -237,8 +237,9 @@ class Full(Stage):
         self.picture = self.problem.picture(self.problem.full, derive(self.problem.seed, "full"))
 
     def begin(self, work: Work) -> Tiling:
-        drawn = polished(self.picture, self.picture.judge(work.result.maps, work.result.chances), FULL_POLISH,
-                         late=self.problem.late)
+        start = self.picture.judge(work.result.maps, work.result.chances)
+        near = start.error < FAR * self.picture.noise(start.code)
+        drawn = fitted_into_frame(self.picture, start, FULL_POLISH, near=near, late=self.problem.late)
         return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
 
 

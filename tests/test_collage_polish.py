@@ -146,6 +146,9 @@ def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
     search = PictureSearch(picture, LEVELS["density"].measure(image), noise=0.1)
     fewer = search._without(picture.judge(maps, torch.tensor([0.1, 0.5, 0.2, 0.2])), [3])
     now = search._tiling(fewer)
-    again = PictureSearch(picture, search.masses, noise=0.1)
-    live, resumed = search.step(now, 0), again.step(Tiling(now.maps, now.weights, now.error, now.score), 0)
-    assert torch.equal(live.maps, resumed.maps) and torch.equal(live.weights, resumed.weights)
+    shown = search._shown
+    for number in range(6):
+        search._shown = shown
+        again = PictureSearch(picture, search.masses, noise=0.1)
+        live, resumed = search.step(now, number), again.step(Tiling(now.maps, now.weights, now.error, now.score), number)
+        assert torch.equal(live.maps, resumed.maps) and torch.equal(live.weights, resumed.weights)

@@ -1,4 +1,5 @@
-"""Perceptual distances of grey images by name: LPIPS on three backbones, behind one frozen module."""
+"""Perceptual distances of grey images by name: LPIPS on three backbones, and `fractal`, whose network is this project's
+own and comes with it, behind one frozen module."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from http.client import HTTPException
 from pathlib import Path
 from urllib.request import Request, urlopen
@@ -14,6 +16,7 @@ from urllib.request import Request, urlopen
 import torch
 from torch import Tensor, nn
 
+from . import fractal_features
 from .errors import InputError
 
 INPUT_RANGES = {"correct": (2.0, -1.0), "released": (1.0, 0.0)}  # gain and shift from [0,1] to the network's input
@@ -21,6 +24,7 @@ CHANNEL_SHIFT = (-0.030, -0.088, -0.188)  # LPIPS's ScalingLayer: (input - shift
 CHANNEL_SCALE = (0.458, 0.448, 0.450)
 NORM_FLOOR = 1e-10
 CONNECT_SECONDS = 10
+RANGE_SLACK = 1e-4  # by which rounding may take an image out of [0,1]
 
 
 class WeightsUnavailable(InputError):
@@ -61,7 +65,7 @@ class PerceptualDistance(nn.Module):
         for count, layer in enumerate(self.layers, 1):
             x = layer(x)
             if count in self.taps:
-                found.append(_unit(x).reshape(*batch, *x.shape[1:]))
+                found.append(unit_length(x).reshape(*batch, *x.shape[1:]))
         return found
 
     def compare(self, features: Sequence[Tensor], target_features: Sequence[Tensor]) -> Tensor:
@@ -74,7 +78,8 @@ class PerceptualDistance(nn.Module):
         return self.compare(self.features(image), self.features(target))
 
 
-def _unit(x: Tensor) -> Tensor:
+def unit_length(x: Tensor) -> Tensor:
+    """Features (B,C,h,w) scaled to length 1 along C; where all are 0 they stay 0, and so does the gradient."""
     # vector_norm has a zero gradient where all features are dead; the square root of a sum, as in LPIPS, has NaN there.
     return x / (torch.linalg.vector_norm(x, dim=1, keepdim=True) + NORM_FLOOR)
 
@@ -82,9 +87,9 @@ def _unit(x: Tensor) -> Tensor:
 def load(kind: str, weights: str | Path | None = None, input_range: str = "correct") -> PerceptualDistance:
     """The perceptual distance called `kind`, on the CPU, ready for grey images in [0,1].
 
-    kind: one of `kinds()`. weights: a torchvision checkpoint or a bare `features` state dict of the backbone (.pth, or
-    .safetensors); without it torch's cache is looked up ($TORCH_HOME/hub/checkpoints), then torchvision's download
-    tried. input_range: "correct" maps [0,1] to the [-1,1] that LPIPS was trained with, "released" feeds [0,1] as it
+    kind: one of `kinds()`. weights: for LPIPS a torchvision checkpoint or a bare `features` state dict of the backbone
+    (.pth, or .safetensors); without it torch's cache is looked up ($TORCH_HOME/hub/checkpoints), then torchvision's
+    download tried. For "fractal" a file of `fractal-perceptual`; without it the one in this package. input_range: "correct" maps [0,1] to the [-1,1] that LPIPS was trained with, "released" feeds [0,1] as it
     is, as the paper's program does. Raises `WeightsUnavailable` if there are no weights to be had, and `InputError` on
     an unknown kind or range and on a file that is missing, unreadable or of another network.
     """
@@ -225,7 +230,48 @@ _BACKBONES = (
     Backbone("lpips_vgg", "vgg16", (4, 9, 16, 23, 30), "vgg", 16),
 )
 
+
+def _load_fractal(weights: str | Path | None, input_range: str) -> PerceptualDistance:
+    """LPIPS's construction on the network of `fractal_features`, which takes [0,1] as it is."""
+    if input_range != "correct":
+        raise InputError(f"input_range={input_range} is a choice of LPIPS alone; the distance 'fractal' takes images in "
+                         "[0,1]: leave it out")
+    found = fractal_features.load(weights)
+    found.layers.to(memory_format=torch.channels_last)
+    rows = [nn.Parameter(row) for row in found.channel_weights]
+    return PerceptualDistance("fractal", found.layers, fractal_features.TAPS, rows, fractal_features.SMALLEST_PX)
+
+
 # name -> (weights, input_range) -> distance
 LOADERS: dict[str, Callable[[str | Path | None, str], PerceptualDistance]] = {
-    backbone.kind: backbone.load for backbone in _BACKBONES
+    **{backbone.kind: backbone.load for backbone in _BACKBONES}, "fractal": _load_fractal,
 }
+
+
+@cache
+def _loaded(kind: str, device: torch.device, dtype: torch.dtype) -> PerceptualDistance:
+    return load(kind).to(device, dtype)
+
+
+def perceptual_distance(a: Tensor, b: Tensor, kind: str = "fractal") -> Tensor:
+    """The perceptual distance `kind` between images a and b, (…,H,W) in [0,1], whose batches broadcast: (…,).
+
+    Differentiable in both. The network is loaded at the first call and kept, for each device and dtype. In a loop
+    against one target, `load(kind)` and its `features` save half of the work. Raises `InputError` on images that
+    differ in size, device or dtype, are too small for the network, are not finite or leave [0,1], and what `load`
+    raises.
+    """
+    for name, image in (("a", a), ("b", b)):
+        if not isinstance(image, Tensor) or image.ndim < 2 or not image.is_floating_point():
+            got = f"{image.dtype} {tuple(image.shape)}" if isinstance(image, Tensor) else type(image).__name__
+            raise InputError(f"{name} must be a tensor of floats (…,H,W), got {got}")
+        values = image.detach()
+        if not bool(torch.isfinite(values).all()):
+            raise InputError(f"{name} holds NaN or infinity; a distance needs finite images in [0,1]")
+        low, high = (float(value) for value in values.aminmax())
+        if low < -RANGE_SLACK or high > 1 + RANGE_SLACK:
+            raise InputError(f"{name} must lie in [0,1], got [{low:.4g}, {high:.4g}]; divide it by its maximum")
+    if a.shape[-2:] != b.shape[-2:] or a.device != b.device or a.dtype != b.dtype:
+        raise InputError(f"a and b must agree in size, device and dtype, got {tuple(a.shape)} {a.dtype} on {a.device} "
+                         f"and {tuple(b.shape)} {b.dtype} on {b.device}")
+    return _loaded(kind, a.device, a.dtype)(a, b)

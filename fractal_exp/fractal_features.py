@@ -1,0 +1,135 @@
+"""The network behind the perceptual distance `fractal`: its layers, its file format and the file in this package."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from .errors import InputError
+
+FORMAT, VERSION = "fractal-exp/perceptual", 1
+CHANNELS = (16, 32, 64, 96, 128)  # of the five levels, at a half, a quarter … a 32nd of the image's side
+KERNELS = (5, 3, 3, 3, 3)
+TAPS = (2, 4, 6, 8, 10)           # features are read after each level's ReLU
+SMALLEST_PX = 2 ** len(CHANNELS)  # one whole pixel of the deepest level
+
+SHIPPED = "fractal_features.safetensors"  # in the folder data/ of this package
+SHIPPED_SHA256 = "none yet"
+
+
+@dataclass(frozen=True)
+class FractalFeatures:
+    """What a weight file holds: `layers` from grey images (B,1,H,W), one row (C,) of `channel_weights`, at least 0,
+    for each of `TAPS`, and the `recipe` of its training as plain data."""
+
+    layers: nn.Sequential
+    channel_weights: tuple[Tensor, ...]
+    recipe: Mapping[str, Any]
+
+
+def network() -> nn.Sequential:
+    """The five levels, each a convolution of stride 2 and a ReLU: (B,1,H,W) -> (B,128,H/32,W/32), untrained."""
+    layers: list[nn.Module] = []
+    for before, after, kernel in zip((1, *CHANNELS), CHANNELS, KERNELS, strict=False):
+        layers += [nn.Conv2d(before, after, kernel, stride=2, padding=kernel // 2), nn.ReLU()]
+    return nn.Sequential(*layers)
+
+
+def save(path: str | Path, layers: nn.Sequential, channel_weights: Sequence[Tensor], recipe: Mapping[str, Any]) -> Path:
+    """Write a weight file (safetensors, float16) and return its absolute path. `recipe`: plain data, kept as JSON."""
+    from safetensors.torch import save as to_bytes
+
+    from .checkpoint import write_atomically
+
+    tensors = {f"layers.{name}": value for name, value in layers.state_dict().items()}
+    tensors |= {f"channel_weights.{level}": weight for level, weight in enumerate(channel_weights)}
+    tensors = {name: value.detach().cpu().half().contiguous() for name, value in tensors.items()}
+    notes = {"format": FORMAT, "version": str(VERSION), "recipe": json.dumps(dict(recipe))}
+    path = Path(path).absolute()
+    write_atomically(path, to_bytes(tensors, metadata=notes))
+    return path
+
+
+def load(path: str | Path | None = None) -> FractalFeatures:
+    """The network of a weight file, float32 on the CPU; without a path that of this package, checked by its hash.
+
+    Raises `InputError` on a file that is missing, damaged, of another format, version or shape, or not finite.
+    """
+    if path is None:
+        return _parse(_shipped(), f"this package's {SHIPPED}")
+    path = Path(path).expanduser().absolute()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read the weight file {path}: {error.strerror}; name one that fractal-perceptual "
+                         "wrote, or none for the one in this package") from error
+    return _parse(data, str(path))
+
+
+def _shipped() -> bytes:
+    """The file in this package, whole and as it was published."""
+    file = resources.files(__package__) / "data" / SHIPPED
+    remedy = "reinstall fractal-exp, or name a file that fractal-perceptual wrote with perceptual_weights=PATH"
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"this installation lacks its weight file {file}; {remedy}") from error
+    if (digest := hashlib.sha256(data).hexdigest()) != SHIPPED_SHA256:
+        raise InputError(f"the weight file {file} is damaged: its SHA-256 is {digest}, expected {SHIPPED_SHA256}; "
+                         f"{remedy}")
+    return data
+
+
+def _parse(data: bytes, name: str) -> FractalFeatures:
+    from safetensors import SafetensorError
+    from safetensors.torch import load as from_bytes
+
+    try:
+        tensors = from_bytes(data)
+    except (SafetensorError, ValueError) as error:
+        raise InputError(f"{name} cannot be read as safetensors: {error}; name a file that fractal-perceptual wrote "
+                         "(perceptual_weights=PATH)") from error
+    notes = _notes(data)
+    if notes.get("format") != FORMAT or notes.get("version") != str(VERSION):
+        raise InputError(f"{name} must be of the format {FORMAT!r} version {VERSION}, got {notes.get('format')!r} "
+                         f"version {notes.get('version')!r}; train one with fractal-perceptual, or leave "
+                         "perceptual_weights out for the one in this package")
+    with torch.device("meta"):  # no memory, and no draw from the global random generator
+        layers = network()
+    expected = {f"layers.{key}": tuple(value.shape) for key, value in layers.state_dict().items()}
+    expected |= {f"channel_weights.{level}": (count,) for level, count in enumerate(CHANNELS)}
+    _check(tensors, expected, name)
+    tensors = {key: value.float() for key, value in tensors.items()}
+    layers.load_state_dict({key.removeprefix("layers."): value for key, value in tensors.items()
+                            if key.startswith("layers.")}, assign=True)
+    weights = tuple(tensors[f"channel_weights.{level}"] for level in range(len(CHANNELS)))
+    return FractalFeatures(layers, weights, json.loads(notes.get("recipe", "{}")))
+
+
+def _notes(data: bytes) -> dict[str, str]:
+    """The metadata of whole safetensors bytes: a header of as many bytes as the first eight say, in JSON."""
+    return json.loads(data[8:8 + int.from_bytes(data[:8], "little")]).get("__metadata__") or {}
+
+
+def _check(tensors: Mapping[str, Tensor], expected: Mapping[str, tuple[int, ...]], name: str) -> None:
+    if odd := sorted(set(tensors) ^ set(expected)):
+        raise InputError(f"{name} does not hold this network: {odd[0]} is "
+                         f"{'missing' if odd[0] in expected else 'unknown'} (expected {len(expected)} tensors, got "
+                         f"{len(tensors)})")
+    for key, value in tensors.items():
+        if tuple(value.shape) != expected[key]:
+            raise InputError(f"{name} does not hold this network: {key} has shape {tuple(value.shape)}, expected "
+                             f"{expected[key]}")
+        if not bool(torch.isfinite(value).all()):
+            raise InputError(f"{name}: {key} has NaN or infinite values; train it anew with fractal-perceptual")
+        if key.startswith("channel_weights.") and bool((value < 0).any()):
+            raise InputError(f"{name}: {key} must not be negative, got {float(value.min()):.4g}; a distance has "
+                             "weights of at least 0")

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from .errors import InputError
 
 FORMAT, VERSION = "fractal-exp/perceptual", 1
-CHANNELS = (16, 32, 64, 96, 128)  # of the five levels, at a half, a quarter … a 32nd of the image's side
+CHANNELS = (8, 24, 48, 64, 96)  # of the five levels, at a half, a quarter … a 32nd of the image's side
 KERNELS = (5, 3, 3, 3, 3)
 TAPS = (2, 4, 6, 8, 10)           # features are read after each level's ReLU
 SMALLEST_PX = 2 ** len(CHANNELS)  # one whole pixel of the deepest level
@@ -36,7 +36,7 @@ class FractalFeatures:
 
 
 def network() -> nn.Sequential:
-    """The five levels, each a convolution of stride 2 and a ReLU: (B,1,H,W) -> (B,128,H/32,W/32), untrained."""
+    """The five levels, each a convolution of stride 2 and a ReLU: (B,1,H,W) -> (B,96,H/32,W/32), untrained."""
     layers: list[nn.Module] = []
     for before, after, kernel in zip((1, *CHANNELS), CHANNELS, KERNELS, strict=False):
         layers += [nn.Conv2d(before, after, kernel, stride=2, padding=kernel // 2), nn.ReLU()]

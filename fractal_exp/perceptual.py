@@ -15,6 +15,7 @@ from urllib.request import Request, urlopen
 
 import torch
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 
 from . import fractal_features
 from .errors import InputError
@@ -71,7 +72,7 @@ class PerceptualDistance(nn.Module):
     def compare(self, features: Sequence[Tensor], target_features: Sequence[Tensor]) -> Tensor:
         """Distances (…,) between two lists that `features` gave; their batches broadcast."""
         layers = zip(features, target_features, self.channel_weights, strict=True)
-        return sum((a - b).square().mean((-2, -1)) @ weight for a, b, weight in layers)
+        return sum(squared_distance(a, b, weight) for a, b, weight in layers)
 
     def forward(self, image: Tensor, target: Tensor) -> Tensor:
         """Distances (…,) between images (…,H,W) in [0,1]."""
@@ -79,9 +80,55 @@ class PerceptualDistance(nn.Module):
 
 
 def unit_length(x: Tensor) -> Tensor:
-    """Features (B,C,h,w) scaled to length 1 along C; where all are 0 they stay 0, and so does the gradient."""
-    # vector_norm has a zero gradient where all features are dead; the square root of a sum, as in LPIPS, has NaN there.
-    return x / (torch.linalg.vector_norm(x, dim=1, keepdim=True) + NORM_FLOOR)
+    """Features (B,C,h,w) scaled to length 1 along C; where all of them are 0 they stay 0."""
+    return _UnitLength.apply(x)
+
+
+def squared_distance(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
+    """Mean over pixels of sum_c weight_c (a_c - b_c)²: (…,C,h,w), (…,C,h,w), (C,) -> (…,); batches broadcast."""
+    if weight.requires_grad:
+        return (a - b).square().mean((-2, -1)) @ weight
+    return _SquaredDistance.apply(a, b, weight)
+
+
+class _UnitLength(torch.autograd.Function):
+    """u = x / (|x| + floor). Written out, as are the distances, since PyTorch's own backward passes over the features
+    cost a CPU more than the convolutions of a small network."""
+
+    @staticmethod
+    def forward(ctx, x: Tensor) -> Tensor:
+        inverse = (torch.linalg.vector_norm(x, dim=1, keepdim=True) + NORM_FLOOR).reciprocal_()
+        unit = x * inverse
+        ctx.save_for_backward(unit, inverse)
+        return unit
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, cotangent: Tensor) -> Tensor:
+        unit, inverse = ctx.saved_tensors
+        along = (unit * cotangent).sum(1, keepdim=True)
+        return torch.addcmul(cotangent, unit, along, value=-1).mul_(inverse)
+
+
+class _SquaredDistance(torch.autograd.Function):
+    """See `squared_distance`; the weights take no gradient."""
+
+    @staticmethod
+    def forward(ctx, a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
+        difference = a - b
+        ctx.save_for_backward(difference, weight)
+        ctx.shapes = a.shape, b.shape
+        return difference.square().mean((-2, -1)) @ weight
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, cotangent: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        difference, weight = ctx.saved_tensors
+        scale = cotangent[..., None] * weight * (2 / difference.shape[-2:].numel())
+        gradient = difference * scale[..., None, None]
+        a, b = ctx.shapes
+        wants_a, wants_b, _ = ctx.needs_input_grad
+        return gradient.sum_to_size(a) if wants_a else None, -gradient.sum_to_size(b) if wants_b else None, None
 
 
 def load(kind: str, weights: str | Path | None = None, input_range: str = "correct") -> PerceptualDistance:

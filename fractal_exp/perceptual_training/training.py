@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -46,8 +46,8 @@ class Recipe:
     calibration: int = 400
     classes: int = 4096
     copies: int = 5
-    resolutions: tuple[int, ...] = (64, 128, 256)
-    resolution_chances: tuple[float, ...] = (0.45, 0.45, 0.1)
+    resolutions: Sequence[int] = (64, 128, 256)
+    resolution_chances: Sequence[float] = (0.45, 0.45, 0.1)
     batch: int = CODES_AT_64
     classification: float = 0.0
     contrastive: float = 0.0
@@ -60,6 +60,8 @@ class Recipe:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        for name in ("resolutions", "resolution_chances"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         least = {"steps": 1, "calibration": 1, "classes": 0, "copies": 2, "batch": 2, "fits": 0, "validate_every": 1}
         for name, low in least.items():
             if getattr(self, name) < low:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -16,13 +17,14 @@ from torch import Tensor, nn
 from .errors import InputError
 
 FORMAT, VERSION = "fractal-exp/perceptual", 1
-CHANNELS = (8, 24, 48, 64, 96)  # of the five levels, at a half, a quarter … a 32nd of the image's side
-KERNELS = (5, 3, 3, 3, 3)
-TAPS = (2, 4, 6, 8, 10)           # features are read after each level's ReLU
-SMALLEST_PX = 2 ** len(CHANNELS)  # one whole pixel of the deepest level
+CHANNELS = (8, 24, 48, 64, 96, 96)  # of the six levels, at a half, a quarter … a 32nd of the image's side; the last
+STRIDES = (2, 2, 2, 2, 2, 1)        # is as coarse as the one before and sees twice as far
+KERNELS = (5, 3, 3, 3, 3, 3)
+TAPS = (2, 4, 6, 8, 10, 12)         # features are read after each level's ReLU
+SMALLEST_PX = math.prod(STRIDES)    # one whole pixel of the deepest level
 
 SHIPPED = "fractal_features.safetensors"  # in the folder data/ of this package
-SHIPPED_SHA256 = "none yet"
+SHIPPED_SHA256 = "3cbd0538e1ba07237304be975094d3fedbb84f38b06ac7620ea4fb6d1ca59cc3"
 
 
 @dataclass(frozen=True)
@@ -36,10 +38,10 @@ class FractalFeatures:
 
 
 def network() -> nn.Sequential:
-    """The five levels, each a convolution of stride 2 and a ReLU: (B,1,H,W) -> (B,96,H/32,W/32), untrained."""
+    """The six levels, each a convolution and a ReLU: (B,1,H,W) -> (B,96,H/32,W/32), untrained."""
     layers: list[nn.Module] = []
-    for before, after, kernel in zip((1, *CHANNELS), CHANNELS, KERNELS, strict=False):
-        layers += [nn.Conv2d(before, after, kernel, stride=2, padding=kernel // 2), nn.ReLU()]
+    for before, after, kernel, stride in zip((1, *CHANNELS), CHANNELS, KERNELS, STRIDES, strict=False):
+        layers += [nn.Conv2d(before, after, kernel, stride, padding=kernel // 2), nn.ReLU()]
     return nn.Sequential(*layers)
 
 

@@ -77,7 +77,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     else:
         scored = score(reconstruction, target.truth, **options, perceptual=perceptual)
         per_view, images, truth = scored.frame, scored.images, scored.truth
-    means = per_view[[name for name in NAMES if name in per_view]].mean().dropna()
+    measured = [name for name in dict.fromkeys((*NAMES, perceptual.column)) if name in per_view]
+    means = per_view[measured].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
     captions = [f"{row.view}, F1 {row.f1:.3f}" for row in per_view.itertuples()]
     pictures = {"target": target.image, "result": drawn, "comparison": comparison_strip(images, truth, captions)}

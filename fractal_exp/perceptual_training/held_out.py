@@ -69,22 +69,17 @@ def _truth(seed: int, count: int) -> Truth:
 
 
 def _copy(truth: IFS, kind: str, own_frame: bool, rng: np.random.Generator) -> Copy:
-    """A copy whose displacement was drawn evenly over its logarithm, to within a tenth; framed by its own box, as a
-    fit's reconstruction is, or left in the truth's frame."""
-    maps, wanted = _maps(truth), float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
+    """A copy perturbed by an amount drawn evenly over its logarithm, moved by neither too little nor too much; framed
+    by its own box, as a fit's reconstruction is, or left in the truth's frame."""
+    maps = _maps(truth)
     for _ in range(TRIES):
-        direction, amount = int(rng.integers(2**62)), wanted / 4
-        for _ in range(12):  # the displacement grows about in proportion to the amount
-            copy = _ifs(perturbed(maps, kind, amount, np.zeros(2), np.random.Generator(np.random.PCG64(direction))))
-            copy = attractor.normalize(copy) if own_frame else copy
-            points = orbits_of_one_address(maps, [_maps(copy)], direction % 2**31)
-            size = displacement(points[0], points[1])
-            if abs(np.log(size / wanted)) < 0.1:
-                return Copy(copy, kind, size)
-            amount *= float(np.clip(wanted / max(size, 1e-9), 0.1, 4))
-            if amount > 2:
-                break
-    raise RuntimeError(f"no copy of kind {kind} is moved by {wanted:.3g}")
+        amount = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(2 * LARGEST))))
+        copy = _ifs(perturbed(maps, kind, amount, np.zeros(2), rng))
+        copy = attractor.normalize(copy) if own_frame else copy
+        size = displacement(*orbits_of_one_address(maps, [_maps(copy)], int(rng.integers(2**31))))
+        if SMALLEST <= size <= LARGEST:
+            return Copy(copy, kind, size)
+    raise RuntimeError(f"{TRIES} copies of kind {kind} moved by less than {SMALLEST} or more than {LARGEST}")
 
 
 def _other(rows: Tensor, without: int) -> Tensor:

@@ -35,7 +35,7 @@ class Learner(nn.Module):
                     module.bias.zero_()
 
     def features(self, images: Tensor) -> list[Tensor]:
-        """The five levels (B,C,h,w), after their ReLUs, of images (B,R,R)."""
+        """The levels (B,C,h,w), after their ReLUs, of images (B,R,R)."""
         x, found = images[:, None], []
         for convolution, norm in zip(self.convolutions, self.norms, strict=True):
             x = F.relu(norm(convolution(x)))

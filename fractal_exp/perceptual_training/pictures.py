@@ -22,8 +22,11 @@ from .perturbations import (
     table,
 )
 
-FACTOR = 4                      # supersampling of the pictures
+PARTS = 512                     # supersampled pixels a side, at least, of the pictures; from 64² on,
+FEWEST_PARTS = 4                # and of each pixel
+CLOSER = 0.3                    # the share of codes that are drawn from closer by
 SMALLEST, LARGEST = 2e-3, 0.5   # of the perturbations' sizes, spread evenly over their logarithm
+MIDDLE = np.zeros(2)            # of the canvas, and of framed codes
 FEWEST_IN_VIEW = 64             # of 2048 points: else a view is not taken
 
 
@@ -97,18 +100,24 @@ def batch(codes: list[Maps], classes: list[int], copies: int, resolution: int, s
         looks += [look, *(look.jittered(rng) for _ in range(copies)), _Look.random(resolution, partner_zoom, rng)]
     maps, p = table(drawn)
     counts = np.array([look.points for look in looks])
-    images = torch.from_numpy(drawing.draw(maps, p, rng.integers(2**62, size=len(drawn)), counts, resolution, FACTOR))
+    seeds = rng.integers(2**62, size=len(drawn))
+    images = torch.from_numpy(drawing.draw(maps, p, seeds, counts, resolution, factor(resolution)))
     images = _styled(images, looks).unflatten(0, (len(codes), copies + 2))
     return Batch(images[:, 0], images[:, -1], images[:, 1:-1], torch.from_numpy(sizes).float(), torch.tensor(classes))
+
+
+def factor(resolution: int) -> int:
+    """How many parts a pixel has a side."""
+    return max(FEWEST_PARTS, round(PARTS / resolution))
 
 
 def _moved(code: Maps, copies: int, rng: np.random.Generator) -> list[Maps]:
     """Copies perturbed at random, each by an amount and in a way of its own, or all along one direction."""
     if rng.random() < 0.3:  # one direction, as a line of descent has it
         stream, kind = int(rng.integers(2**62)), KINDS[int(rng.integers(len(KINDS)))]
-        return [perturbed(code, kind, _size(rng), _middle(code), np.random.Generator(np.random.PCG64(stream)))
+        return [perturbed(code, kind, _size(rng), MIDDLE, np.random.Generator(np.random.PCG64(stream)))
                 for _ in range(copies)]
-    return [perturbed(code, KINDS[int(rng.integers(len(KINDS)))], _size(rng), _middle(code), rng)
+    return [perturbed(code, KINDS[int(rng.integers(len(KINDS)))], _size(rng), MIDDLE, rng)
             for _ in range(copies)]
 
 
@@ -116,14 +125,9 @@ def _size(rng: np.random.Generator) -> float:
     return float(np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST))))
 
 
-def _middle(code: Maps) -> np.ndarray:
-    """The middle of the canvas, where framed codes have theirs."""
-    return np.zeros(2)
-
-
 def _view(points: np.ndarray, rng: np.random.Generator, furthest: float = 4.0) -> tuple[float, np.ndarray]:
-    """Zoom and centre (2,): in half of all cases the whole canvas, else a point of the attractor, somewhat closer."""
-    if rng.random() < 0.5:
+    """Zoom and centre (2,): most often the whole canvas, else a point of the attractor from closer by."""
+    if rng.random() >= CLOSER:
         return 1.0, np.zeros(2)
     zoom = float(np.exp(rng.uniform(0, np.log(furthest))))
     center = points[int(rng.integers(len(points)))] * (1 - 1 / zoom)
@@ -144,11 +148,11 @@ class _Look:
         per_part = np.exp(rng.uniform(np.log(0.05), np.log(0.7))) * min(zoom, 2.0)
         blur = rng.uniform(0, 1.2) if rng.random() < 0.6 else 0.0
         gamma = np.exp(rng.uniform(-0.6, 0.4)) if rng.random() < 0.5 else 1.0
-        return cls(int(per_part * (resolution * FACTOR) ** 2), float(blur), float(gamma))
+        return cls(int(per_part * (resolution * factor(resolution)) ** 2), float(blur), float(gamma))
 
     def jittered(self, rng: np.random.Generator) -> _Look:
-        """The same look, or in three of ten cases one that is slightly off."""
-        if rng.random() < 0.7:
+        """The same look, or in one case of five one that is slightly off."""
+        if rng.random() < 0.8:
             return self
         return _Look(int(self.points * np.exp(rng.uniform(-0.7, 0.7))), max(0.0, self.blur_px + rng.normal(0, 0.15)),
                      self.gamma * float(np.exp(rng.normal(0, 0.1))))

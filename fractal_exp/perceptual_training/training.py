@@ -47,7 +47,7 @@ class Recipe:
     classes: int = 4096
     copies: int = 5
     resolutions: Sequence[int] = (64, 128, 256)
-    resolution_chances: Sequence[float] = (0.45, 0.45, 0.1)
+    resolution_chances: Sequence[float] = (0.4, 0.4, 0.2)
     batch: int = CODES_AT_64
     classification: float = 0.0
     contrastive: float = 0.0
@@ -233,8 +233,9 @@ def validate(learner: Learner, batches: list[Batch], device: str) -> dict[str, f
         truth = unit(learner.features(drawn.truth.to(device)))
         copies = unit(learner.features(drawn.copies.flatten(0, 1).to(device)))
         away = learner.distances([x.unflatten(0, drawn.sizes.shape) for x in copies], truth).cpu().numpy()
-        within, pooled = spearman(away, drawn.sizes.numpy())
         side = drawn.truth.shape[-1]
+        sizes = drawn.sizes.clamp(SMALLEST_SIZE * side / 2, LARGEST_SIZE * side / 2)  # as in training
+        within, pooled = spearman(away, sizes.numpy())
         scores |= {f"spearman_within_{side}": float(within.mean()), f"spearman_pooled_{side}": pooled}
     return scores
 

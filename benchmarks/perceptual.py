@@ -6,9 +6,9 @@
 
 Spearman's correlation of a distance with the displacement of the attractor's points (root mean square, points of one
 address), on held-out codes and copies that were moved by a known amount: `within`, the mean over the truths of the
-correlation over their copies, and `pooled`, over all pairs; 95% bootstrap intervals over the truths. The copies without
-a map have no displacement: their distance is held against the share of the points that the map had drawn.
-FRACTAL_EXP_LPIPS_SQUEEZE names the weights as well as the option does.
+correlation over their copies, and `pooled`, over all pairs; 95% bootstrap intervals over the truths, of the
+differences as well. The copies without a map have no displacement: their distance is held against the share of the
+points that the map had drawn. FRACTAL_EXP_LPIPS_SQUEEZE names the weights as well as the option does.
 """
 
 from __future__ import annotations
@@ -57,6 +57,8 @@ def measure(truths: list[held_out.Truth], resolution: int, distances: dict[str, 
     table = {}
     for name, values in moved.items():
         table[name] = intervals(values, sizes)
+        if name != "fractal":
+            table[name]["fractal above it"] = intervals(moved["fractal"], sizes, values)
         table[name]["removed"] = float(np.mean(without[name]))
         for kind in dict.fromkeys(kinds):
             chosen = [k for k, each in enumerate(kinds) if each == kind]
@@ -120,6 +122,11 @@ def main() -> None:
         for name, row in table.items():
             shown = [f"{row[key][0]:.3f} [{row[key][1]:.3f}, {row[key][2]:.3f}]" for key in ("within", "pooled")]
             print(f"  {name:15s} {shown[0]:24s} {shown[1]:24s} {row['removed']:.3f}")
+        for name, row in table.items():
+            if above := row.get("fractal above it"):
+                shown = [f"{above[key][0]:+.3f} [{above[key][1]:+.3f}, {above[key][2]:+.3f}]"
+                         for key in ("within", "pooled")]
+                print(f"  {'over ' + name:15s} {shown[0]:24s} {shown[1]:24s}")
     recipe = fractal_features.load(args.weights).recipe
     facts = {"count": args.count, "copies": args.copies, "seed": args.seed, "threads": count,
              "torch": torch.__version__, "recipe": recipe, "milliseconds": costs, "spearman": tables}

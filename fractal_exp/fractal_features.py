@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -17,14 +16,14 @@ from torch import Tensor, nn
 from .errors import InputError
 
 FORMAT, VERSION = "fractal-exp/perceptual", 1
-CHANNELS = (8, 24, 48, 64, 96, 96)  # of the six levels, at a half, a quarter … a 32nd of the image's side; the last
-STRIDES = (2, 2, 2, 2, 2, 1)        # is as coarse as the one before and sees twice as far
-KERNELS = (5, 3, 3, 3, 3, 3)
-TAPS = (2, 4, 6, 8, 10, 12)         # features are read after each level's ReLU
-SMALLEST_PX = math.prod(STRIDES)    # one whole pixel of the deepest level
+CHANNELS = (8, 24, 48, 64, 96, 128, 128)  # of the seven levels, at a half, a quarter … a 64th of the image's side; the
+STRIDES = (2, 2, 2, 2, 2, 2, 1)           # last is as coarse as the one before and sees 257 pixels a side
+KERNELS = (5, 3, 3, 3, 3, 3, 3)
+TAPS = (2, 4, 6, 8, 10, 12, 14)           # features are read after each level's ReLU
+SMALLEST_PX = 32                          # one whole pixel of the fifth level; the padding fills up the last two
 
 SHIPPED = "fractal_features.safetensors"  # in the folder data/ of this package
-SHIPPED_SHA256 = "3cbd0538e1ba07237304be975094d3fedbb84f38b06ac7620ea4fb6d1ca59cc3"
+SHIPPED_SHA256 = "ce8e172b217822b83e0d109c09120476188ff60319f15be7afe983f15839526f"
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class FractalFeatures:
 
 
 def network() -> nn.Sequential:
-    """The six levels, each a convolution and a ReLU: (B,1,H,W) -> (B,96,H/32,W/32), untrained."""
+    """The seven levels, each a convolution and a ReLU: (B,1,H,W) -> (B,128,H/64,W/64), untrained."""
     layers: list[nn.Module] = []
     for before, after, kernel, stride in zip((1, *CHANNELS), CHANNELS, KERNELS, STRIDES, strict=False):
         layers += [nn.Conv2d(before, after, kernel, stride, padding=kernel // 2), nn.ReLU()]

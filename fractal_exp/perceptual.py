@@ -136,8 +136,9 @@ def load(kind: str, weights: str | Path | None = None, input_range: str = "corre
 
     kind: one of `kinds()`. weights: for LPIPS a torchvision checkpoint or a bare `features` state dict of the backbone
     (.pth, or .safetensors); without it torch's cache is looked up ($TORCH_HOME/hub/checkpoints), then torchvision's
-    download tried. For "fractal" a file of `fractal-perceptual`; without it the one in this package. input_range: "correct" maps [0,1] to the [-1,1] that LPIPS was trained with, "released" feeds [0,1] as it
-    is, as the paper's program does. Raises `WeightsUnavailable` if there are no weights to be had, and `InputError` on
+    download tried. For "fractal" a file of `fractal-perceptual`; without it the one in this package. input_range, of
+    LPIPS alone: "correct" maps [0,1] to the [-1,1] that it was trained with, "released" feeds [0,1] as it is, as the
+    paper's program does. Raises `WeightsUnavailable` if there are no weights to be had, and `InputError` on
     an unknown kind or range and on a file that is missing, unreadable or of another network.
     """
     if kind not in LOADERS:
@@ -281,8 +282,8 @@ _BACKBONES = (
 def _load_fractal(weights: str | Path | None, input_range: str) -> PerceptualDistance:
     """LPIPS's construction on the network of `fractal_features`, which takes [0,1] as it is."""
     if input_range != "correct":
-        raise InputError(f"input_range={input_range} is a choice of LPIPS alone; the distance 'fractal' takes images in "
-                         "[0,1]: leave it out")
+        raise InputError(f"input_range={input_range} is a choice of LPIPS alone; 'fractal' takes images in [0,1] as "
+                         "they are: leave it out")
     found = fractal_features.load(weights)
     found.layers.to(memory_format=torch.channels_last)
     rows = [nn.Parameter(row) for row in found.channel_weights]

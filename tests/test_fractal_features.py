@@ -124,7 +124,7 @@ def test_importing_the_package_does_not_import_the_network():
 
 # --- bad input ------------------------------------------------------------------------------------------------------
 
-def test_the_smallest_image_is_one_pixel_of_the_deepest_level():
+def test_the_smallest_image_is_one_pixel_of_the_fifth_level():
     perceptual_distance(*images(2, SMALLEST, SMALLEST))
     with pytest.raises(InputError, match=f"fractal needs images of at least {SMALLEST} px.*perceptual=none"):
         perceptual_distance(*images(2, SMALLEST, SMALLEST - 1))

@@ -97,8 +97,7 @@ def _digest(data: bytes) -> str:
 def _announce(config: DictConfig, label: str, target: Target) -> None:
     print(f"{label}: {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.notes)}")
     if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
-        print("  no perceptual term in this objective (perceptual=none); perceptual=lpips_squeeze adds one, "
-              "with weights to be downloaded once")
+        print("  no perceptual term in this objective (perceptual=none); perceptual=fractal adds one")
 
 
 def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:

@@ -1,4 +1,4 @@
-"""The network while it learns: batch normalisation between its layers, heads on top, weights of channels to be found."""
+"""The network while it learns: batch normalisation between its layers, heads on top, channel weights to be found."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from ..fractal_features import CHANNELS
 from ..perceptual import unit_length
 
 EMBEDDING = 64
-FIRST_WEIGHT = 0.0  # of a channel, before softplus
+FIRST_WEIGHT = 0.0    # of a channel, before softplus
+FLOOR = 1e-6          # of a distance: two pictures of one code differ by more
+TEMPERATURE = 0.25    # of the margin between two logarithms
+LEAST_APART = 0.1     # of two logarithms of sizes
 
 
 class Learner(nn.Module):
@@ -83,11 +86,6 @@ def ranking_loss(distances: Tensor, sizes: Tensor, smallest: float, largest: flo
         return wrong.mean() if len(wrong) else score.sum() * 0
 
     return 0.5 * loss(order, score) + 0.5 * loss(order.flatten(), score.flatten())
-
-
-FLOOR = 1e-6          # of a distance: two pictures of one code differ by more
-TEMPERATURE = 0.25    # of the margin between two logarithms
-LEAST_APART = 0.1     # of two logarithms of sizes
 
 
 def contrastive_loss(a: Tensor, b: Tensor, temperature: float = 0.1) -> Tensor:

@@ -25,7 +25,7 @@ from .perturbations import (
 PARTS = 512                     # supersampled pixels a side, at least, of the pictures; from 64² on,
 FEWEST_PARTS = 4                # and of each pixel
 CLOSER = 0.3                    # the share of codes that are drawn from closer by
-SMALLEST, LARGEST = 2e-3, 0.5   # of the perturbations' sizes, spread evenly over their logarithm
+SMALLEST, LARGEST = 2e-3, 0.8   # of the perturbations' sizes, spread evenly over their logarithm
 MIDDLE = np.zeros(2)            # of the canvas, and of framed codes
 FEWEST_IN_VIEW = 64             # of 2048 points: else a view is not taken
 

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from ..checkpoint import Checkpoint, Snapshot
 from ..errors import InputError
+from ..fractal_features import SMALLEST_PX
 from ..methods.base import OnStep, Progress, check_device
 from ..seeds import derive, generator
 from .network import Learner, contrastive_loss, ranking_loss, unit
@@ -42,17 +43,17 @@ class Recipe:
     of batches that are drawn from them; seed. Raises `InputError` on values out of range.
     """
 
-    steps: int = 8000
-    calibration: int = 400
-    classes: int = 4096
+    steps: int = 14_000
+    calibration: int = 300
+    classes: int = 0
     copies: int = 5
     resolutions: Sequence[int] = (64, 128, 256)
-    resolution_chances: Sequence[float] = (0.4, 0.4, 0.2)
+    resolution_chances: Sequence[float] = (0.35, 0.35, 0.3)
     batch: int = CODES_AT_64
     classification: float = 0.0
     contrastive: float = 0.0
     ranking: float = 1.0
-    learning_rate: float = 2e-3
+    learning_rate: float = 3e-3
     weight_decay: float = 1e-4
     fits: int = 100
     path_chance: float = 0.2
@@ -69,8 +70,8 @@ class Recipe:
         if len(self.resolutions) != len(self.resolution_chances) or not self.resolutions:
             raise InputError(f"every resolution needs a chance, got {len(self.resolutions)} and "
                              f"{len(self.resolution_chances)}")
-        if min(self.resolutions) < 32:
-            raise InputError(f"resolutions must be at least 32, one pixel of the deepest level, got {self.resolutions}")
+        if min(self.resolutions) < SMALLEST_PX:
+            raise InputError(f"resolutions must be at least 32, the network's smallest image, got {self.resolutions}")
         if min(self.resolution_chances) < 0 or not sum(self.resolution_chances) > 0:
             raise InputError(f"chances must not be negative nor all 0, got {self.resolution_chances}")
         for name in ("classification", "contrastive", "ranking", "weight_decay", "path_chance"):

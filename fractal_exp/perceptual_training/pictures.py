@@ -8,7 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..suite import _random_code
+from ..evaluation.render import points_per_view
+from ..suite import TARGET_SUPERSAMPLE, _random_code
 from . import drawing
 from .perturbations import (
     KINDS,
@@ -73,8 +74,11 @@ def random_code(seed: int) -> Maps:
 
 
 def batch(codes: list[Maps], classes: list[int], copies: int, resolution: int, seed: int,
-          paths: list[Path] | None = None) -> Batch:
-    """Pictures of codes, of `copies` moved copies of each and of a partner; with paths the copies are their steps."""
+          paths: list[Path] | None = None, fine: bool = False) -> Batch:
+    """Pictures of codes, of `copies` moved copies of each and of a partner; with paths the copies are their steps.
+
+    fine: drawn with the points and the supersampling of `suite.target`, of which others have a fraction.
+    """
     rng = np.random.Generator(np.random.PCG64(seed))
     drawn: list[Maps] = []
     looks: list[_Look] = []
@@ -96,12 +100,13 @@ def batch(codes: list[Maps], classes: list[int], copies: int, resolution: int, s
         partner_zoom, partner_center = (1.0, np.zeros(2)) if zoom > 1 else _view(points[0], rng, furthest=1.5)
         drawn += [similar(each, zoom, -zoom * center) for each in [code, *moved]]
         drawn.append(similar(code, partner_zoom, -partner_zoom * partner_center))
-        look = _Look.random(resolution, zoom, rng)
-        looks += [look, *(look.jittered(rng) for _ in range(copies)), _Look.random(resolution, partner_zoom, rng)]
+        look = _Look.random(resolution, zoom, rng, fine)
+        looks += [look, *(look.jittered(rng) for _ in range(copies)), _Look.random(resolution, partner_zoom, rng, fine)]
     maps, p = table(drawn)
     counts = np.array([look.points for look in looks])
     seeds = rng.integers(2**62, size=len(drawn))
-    images = torch.from_numpy(drawing.draw(maps, p, seeds, counts, resolution, factor(resolution)))
+    images = torch.from_numpy(drawing.draw(maps, p, seeds, counts, resolution,
+                                           TARGET_SUPERSAMPLE if fine else factor(resolution)))
     images = _styled(images, looks).unflatten(0, (len(codes), copies + 2))
     return Batch(images[:, 0], images[:, -1], images[:, 1:-1], torch.from_numpy(sizes).float(), torch.tensor(classes))
 
@@ -144,11 +149,12 @@ class _Look:
     gamma: float
 
     @classmethod
-    def random(cls, resolution: int, zoom: float, rng: np.random.Generator) -> _Look:
+    def random(cls, resolution: int, zoom: float, rng: np.random.Generator, fine: bool) -> _Look:
         per_part = np.exp(rng.uniform(np.log(0.05), np.log(0.7))) * min(zoom, 2.0)
         blur = rng.uniform(0, 1.2) if rng.random() < 0.6 else 0.0
         gamma = np.exp(rng.uniform(-0.6, 0.4)) if rng.random() < 0.5 else 1.0
-        return cls(int(per_part * (resolution * factor(resolution)) ** 2), float(blur), float(gamma))
+        points = points_per_view(resolution) if fine else int(per_part * (resolution * factor(resolution)) ** 2)
+        return cls(points, float(blur), float(gamma))
 
     def jittered(self, rng: np.random.Generator) -> _Look:
         """The same look, or in one case of five one that is slightly off."""

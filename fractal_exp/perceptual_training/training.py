@@ -39,11 +39,12 @@ class Recipe:
     steps: of the network; calibration: more steps, in which only the channel weights learn; classes: how many codes it
     sees (0: fresh ones every time); copies: of each, moved by known amounts; resolutions: of the pictures, with the
     chance of each; classification, contrastive, ranking: weights of the three losses; learning_rate: of AdamW, after a
-    warm-up falling to 0 as a cosine; weight_decay; fits: how many real fits' paths take part, path_chance: the share
+    warm-up falling to 0 as a cosine; weight_decay; fine: the share of batches of 64² pictures (of larger ones fewer, as
+    they take longer) that are drawn with all the points of a target; fits: how many real fits' paths take part, path_chance: the share
     of batches that are drawn from them; seed. Raises `InputError` on values out of range.
     """
 
-    steps: int = 14_000
+    steps: int = 12_000
     calibration: int = 300
     classes: int = 0
     copies: int = 5
@@ -55,6 +56,7 @@ class Recipe:
     ranking: float = 1.0
     learning_rate: float = 3e-3
     weight_decay: float = 1e-4
+    fine: float = 0.3
     fits: int = 100
     path_chance: float = 0.2
     validate_every: int = 500
@@ -74,7 +76,7 @@ class Recipe:
             raise InputError(f"resolutions must be at least 32, the network's smallest image, got {self.resolutions}")
         if min(self.resolution_chances) < 0 or not sum(self.resolution_chances) > 0:
             raise InputError(f"chances must not be negative nor all 0, got {self.resolution_chances}")
-        for name in ("classification", "contrastive", "ranking", "weight_decay", "path_chance"):
+        for name in ("classification", "contrastive", "ranking", "weight_decay", "path_chance", "fine"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} must be a finite number of at least 0, got {value}")
@@ -172,16 +174,16 @@ class Source:
         rng = np.random.Generator(np.random.PCG64(derive(recipe.seed, TRAINING, "batch", step)))
         p = np.array(recipe.resolution_chances) / sum(recipe.resolution_chances)
         resolution = int(rng.choice(recipe.resolutions, p=p))
-        count = max(SMALLEST_BATCH, recipe.batch * 64 // resolution)
+        count, fine = max(SMALLEST_BATCH, recipe.batch * 64 // resolution), rng.random() < recipe.fine * 64 / resolution
         if recipe.fits and rng.random() < recipe.path_chance:
             picked = [int(k) for k in rng.choice(recipe.fits, min(count, recipe.fits), replace=False)]
             paths = [self.path(k) for k in picked]
             return batch([path.truth for path in paths], [-1] * len(paths), recipe.copies, resolution,
-                         derive(recipe.seed, TRAINING, "pictures", step), paths)
+                         derive(recipe.seed, TRAINING, "pictures", step), paths, fine)
         numbers = (rng.choice(recipe.classes, count, replace=recipe.classes < count) if recipe.classes
                    else step * count + np.arange(count))
         return batch([self._code(int(k)) for k in numbers], [int(k) for k in numbers], recipe.copies, resolution,
-                     derive(recipe.seed, TRAINING, "pictures", step))
+                     derive(recipe.seed, TRAINING, "pictures", step), fine=fine)
 
     def _draw_code(self, number: int) -> Maps:
         return random_code(derive(self.recipe.seed, TRAINING, "code", number))

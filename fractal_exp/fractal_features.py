@@ -37,10 +37,14 @@ class FractalFeatures:
 
 
 def network() -> nn.Sequential:
-    """The seven levels, each a convolution and a ReLU: (B,1,H,W) -> (B,128,H/64,W/64), untrained."""
+    """The seven levels, each a convolution and a ReLU: (B,1,H,W) -> (B,128,H/64,W/64).
+
+    On the meta device, where weights take no memory, nor draws of the global random generator: `to_empty` makes room
+    for values, `load_state_dict(assign=True)` takes those of a file.
+    """
     layers: list[nn.Module] = []
     for before, after, kernel, stride in zip((1, *CHANNELS), CHANNELS, KERNELS, STRIDES, strict=False):
-        layers += [nn.Conv2d(before, after, kernel, stride, padding=kernel // 2), nn.ReLU()]
+        layers += [nn.Conv2d(before, after, kernel, stride, padding=kernel // 2, device="meta"), nn.ReLU()]
     return nn.Sequential(*layers)
 
 
@@ -103,8 +107,7 @@ def _parse(data: bytes, name: str) -> FractalFeatures:
         raise InputError(f"{name} must be of the format {FORMAT!r} version {VERSION}, got {notes.get('format')!r} "
                          f"version {notes.get('version')!r}; train one with fractal-perceptual, or leave "
                          "perceptual_weights out for the one in this package")
-    with torch.device("meta"):  # no memory, and no draw from the global random generator
-        layers = network()
+    layers = network()
     expected = {f"layers.{key}": tuple(value.shape) for key, value in layers.state_dict().items()}
     expected |= {f"channel_weights.{level}": (count,) for level, count in enumerate(CHANNELS)}
     _check(tensors, expected, name)

@@ -85,7 +85,10 @@ def unit_length(x: Tensor) -> Tensor:
 
 
 def squared_distance(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
-    """Mean over pixels of sum_c weight_c (a_c - b_c)²: (…,C,h,w), (…,C,h,w), (C,) -> (…,); batches broadcast."""
+    """Mean over pixels of sum_c weight_c (a_c - b_c)²: (…,C,h,w), (…,C,h,w), (C,) -> (…,); batches broadcast.
+
+    Differentiable in all three; weights that take no gradient, as those of a `PerceptualDistance`, cost less.
+    """
     if weight.requires_grad:
         return (a - b).square().mean((-2, -1)) @ weight
     return _SquaredDistance.apply(a, b, weight)
@@ -111,7 +114,7 @@ class _UnitLength(torch.autograd.Function):
 
 
 class _SquaredDistance(torch.autograd.Function):
-    """See `squared_distance`; the weights take no gradient."""
+    """See `squared_distance`, for weights that take no gradient."""
 
     @staticmethod
     def forward(ctx, a: Tensor, b: Tensor, weight: Tensor) -> Tensor:

@@ -224,6 +224,31 @@ def test_folding_leaves_the_features_as_they_were():
     torch.testing.assert_close(found(a, b), 2 * expected[0, 0].detach(), rtol=1e-4, atol=1e-6)
 
 
+def test_a_learner_draws_from_its_own_generator_alone():
+    before = torch.get_rng_state()
+    learners = [Learner(8, torch.Generator().manual_seed(3)) for _ in range(2)]
+    learners[0].export(1.0)
+    assert torch.equal(torch.get_rng_state(), before)
+    states = [learner.state_dict() for learner in learners]
+    assert states[0].keys() == states[1].keys() and all(torch.equal(states[0][key], states[1][key]) for key in states[0])
+    drawn = torch.randn(8, 1, 5, 5, generator=torch.Generator().manual_seed(3)) * (2 / 25) ** 0.5
+    assert torch.equal(states[0]["convolutions.0.weight"], drawn) and not states[0]["classifier.bias"].any()
+
+
+def test_the_distances_of_a_learner_teach_its_channel_weights():
+    learner = Learner(0, torch.Generator().manual_seed(0))
+    levels = unit(learner.features(images(3, 64, 64)))
+    away = learner.distances([x[None, :2] for x in levels], [x[2:] for x in levels])
+    expected = sum(((x[:2] - x[2:]).square().mean((-2, -1)) * w).sum(1)
+                   for x, w in zip(levels, learner.weights(), strict=True))
+    torch.testing.assert_close(away[0], expected)
+    raw = tuple(learner.raw_weights)
+    for one, other in zip(torch.autograd.grad(away.sum(), raw, retain_graph=True),
+                          torch.autograd.grad(expected.sum(), raw), strict=True):
+        torch.testing.assert_close(one, other)
+        assert one.any()
+
+
 def test_the_displacement_of_a_shift_and_of_a_growth_is_known():
     code = pictures.random_code(5)
     shifted, grown = similar(code, 1.0, np.array([0.3, -0.4])), similar(code, 1.1, np.zeros(2))

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from .. import fractal_features
 from ..fractal_features import CHANNELS
-from ..perceptual import unit_length
+from ..perceptual import squared_distance, unit_length
 
 EMBEDDING = 64
 FIRST_WEIGHT = 0.0    # of a channel, before softplus
@@ -20,16 +20,17 @@ LEAST_APART = 0.1     # of two logarithms of sizes
 class Learner(nn.Module):
     """`fractal_features.network` with batch normalisation before each ReLU, channel weights kept non-negative by
     softplus, a linear classifier of `classes` codes (none if 0) and a projection for contrastive pairs, both on the
-    mean over the pixels of the deepest level. Initial weights are those of the generator."""
+    mean over the pixels of the deepest level. Initial weights are drawn from the generator, nothing from the global
+    one."""
 
     def __init__(self, classes: int, generator: torch.Generator):
         super().__init__()
-        convolutions = [layer for layer in fractal_features.network() if isinstance(layer, nn.Conv2d)]
-        self.convolutions = nn.ModuleList(convolutions)
+        layers = fractal_features.network().to_empty(device="cpu")
+        self.convolutions = nn.ModuleList(layer for layer in layers if isinstance(layer, nn.Conv2d))
         self.norms = nn.ModuleList(nn.BatchNorm2d(count) for count in CHANNELS)
         self.raw_weights = nn.ParameterList(torch.full((count,), FIRST_WEIGHT) for count in CHANNELS)
-        self.projection = nn.Linear(CHANNELS[-1], EMBEDDING)
-        self.classifier = nn.Linear(CHANNELS[-1], classes) if classes else None
+        self.projection = nn.utils.skip_init(nn.Linear, CHANNELS[-1], EMBEDDING)
+        self.classifier = nn.utils.skip_init(nn.Linear, CHANNELS[-1], classes) if classes else None
         for module in self.modules():
             if isinstance(module, (nn.Conv2d, nn.Linear)):
                 fan_in = module.weight[0].numel()
@@ -52,18 +53,18 @@ class Learner(nn.Module):
     def distances(self, copies: list[Tensor], truth: list[Tensor]) -> Tensor:
         """(T,K) from `unit` features (T,K,C,h,w) and (T,C,h,w); see `perceptual.PerceptualDistance`."""
         levels = zip(copies, truth, self.weights(), strict=True)
-        return sum((a - b[:, None]).square().mean((-2, -1)) @ weight for a, b, weight in levels)
+        return sum(squared_distance(a, b[:, None], weight) for a, b, weight in levels)
 
     def export(self, scale: float) -> tuple[nn.Sequential, list[Tensor]]:
         """The bare network, batch normalisation folded into its convolutions, and the channel weights times `scale`."""
-        layers = fractal_features.network()
+        layers = fractal_features.network().to_empty(device="cpu")
         bare = [layer for layer in layers if isinstance(layer, nn.Conv2d)]
         with torch.no_grad():
             for layer, convolution, norm in zip(bare, self.convolutions, self.norms, strict=True):
                 gain = norm.weight / (norm.running_var + norm.eps).sqrt()
                 layer.weight.copy_(convolution.weight * gain[:, None, None, None])
                 layer.bias.copy_((convolution.bias - norm.running_mean) * gain + norm.bias)
-        return layers.cpu(), [scale * weight.detach().cpu() for weight in self.weights()]
+        return layers, [scale * weight.detach().cpu() for weight in self.weights()]
 
 
 def unit(features: list[Tensor]) -> list[Tensor]:

@@ -18,6 +18,8 @@ from scipy.stats import spearmanr
 from fractal_exp import InputError, fractal_features, perceptual, perceptual_distance
 from fractal_exp.apps import perceptual as app
 from fractal_exp.checkpoint import Checkpoint
+from fractal_exp.codes import known
+from fractal_exp.evaluation import evaluate, summarize
 from fractal_exp.evaluation.scoring import Perceptual as Measured
 from fractal_exp.losses import Perceptual
 from fractal_exp.perceptual_training import held_out, pictures
@@ -114,7 +116,12 @@ def test_the_term_keeps_the_features_of_its_target(monkeypatch):
 
 
 def test_it_has_a_column_of_its_own():
-    assert Measured.load("fractal").column == "fractal"
+    assert Measured.load("fractal").column == "fractal_distance"
+    code = known("fern")
+    summary = summarize(evaluate(code, code, resolution=64, points_in_view=50_000, perceptual="fractal"))
+    lines = summary[summary.zoom_class == "all"].set_index("metric")
+    assert lines.loc["fractal_distance", "mean"] < 0.1 and set(lines.fractals) == {1} and set(lines["views"]) == {7}
+    assert np.isnan(lines.loc["lpips", "mean"])
 
 
 def test_importing_the_package_does_not_import_the_network():

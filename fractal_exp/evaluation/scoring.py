@@ -55,7 +55,7 @@ class Perceptual:
     """The perceptual distance that a table has, or the reason why it has none.
 
     distance(a (B,H,W), b) -> (B,) has the `name` that stands in the table's attributes; only LPIPS's own distances
-    stand in the column lpips.
+    stand in the column lpips, any other one in NAME_distance. Lower is better in both.
     """
 
     name: str
@@ -77,8 +77,8 @@ class Perceptual:
 
     @property
     def column(self) -> str:
-        """The name of its column."""
-        return "lpips" if self.name == "none" or self.name.startswith("lpips") else self.name
+        """The name of its column. A bare `fractal` is taken: tables of several fractals have their names there."""
+        return "lpips" if self.name == "none" or self.name.startswith("lpips") else f"{self.name}_distance"
 
     def measure(self, images: Tensor, truth: Tensor) -> Tensor:
         """(B,), NaN where there is no distance. One pair at a time: features of large images take gigabytes."""
@@ -100,7 +100,7 @@ class Scored:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips (see `evaluate`)."""
+        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips and perhaps fractal_distance (see `evaluate`)."""
         import pandas as pd
 
         measured = metrics.compare(self.images, self.truth)
@@ -144,8 +144,8 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
     """Compare a reconstruction with its truth on the seven views of the truth: a table of one row a view.
 
     Columns: view (its name), zoom, center_x, center_y, then f1, iou, psnr (dB), ssim and lpips of the inner 75% (see
-    `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. A distance
-    that is not LPIPS has a column of its own name.
+    `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. The
+    distance "fractal" is not LPIPS: it stands in a column of its own, fractal_distance.
 
     `points_in_view` (None: 50 million · (resolution/1024)²) and `supersample` are those of `render`. views: "paper" or
     "released". A true code is brought to the canvas (`attractor.normalize`), as it is for the input of a method; align

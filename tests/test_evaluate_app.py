@@ -128,6 +128,7 @@ def test_a_truth_is_a_code_or_a_folder(folder):
     (["picture"], "fitted to a picture"),
     (["foreign"], "no target of this package"),
     (["mine", "--truth", "suite", "--resolution", "0"], "resolution"),
+    (["mine", "--truth", "suite", "--resolution", "41", "--perceptual", "fractal"], "raise --resolution to 42"),
     (["mine", "--truth", "suite", "--points", "0"], "points_in_view"),
     (["mine", "--truth", "suite", "--out", "mine/other.txt"], "cannot make the folder"),
 ])

@@ -137,6 +137,14 @@ def test_the_smallest_image_is_one_pixel_of_the_fifth_level():
         perceptual_distance(*images(2, SMALLEST, SMALLEST - 1))
 
 
+def test_pictures_whose_inner_part_is_too_small_are_not_drawn(monkeypatch):
+    monkeypatch.setattr("fractal_exp.evaluation.scoring._draw", lambda *_: pytest.fail("drew"))
+    with pytest.raises(InputError, match="at least 32 px .* inner 31 px of 41; raise resolution to 42.*perceptual=none"):
+        evaluate(known("fern"), known("fern"), resolution=41, perceptual="fractal")
+    Measured.load("fractal").check(42)
+    Measured.load("none").check(1)
+
+
 @pytest.mark.parametrize("value, message", [(float("nan"), "a holds NaN"), (2.0, r"a must lie in \[0,1\]")])
 def test_images_that_are_none(value, message):
     a, b = images(2, 40, 40)

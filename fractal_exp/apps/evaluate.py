@@ -80,6 +80,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
     options.points = SCALES[options.scale]["points"] if options.points is None else options.points
     candidates = gather(options.codes, options.truth, options.output)
     distance = Perceptual.load(options.perceptual, options.perceptual_weights)
+    distance.check(options.resolution, "--resolution")
     folder = make_folder(options.out)
     with ExitStack() as stack:
         run = stack.enter_context(_start_run(options, folder))

@@ -48,6 +48,10 @@ def fit(config: DictConfig) -> dict[str, float]:
     perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
     target = source.load(config.resolution)
     method.check(target.image)
+    if target.truth is None:  # judged at its own resolution
+        perceptual.check(target.image.shape[-1])
+    else:
+        perceptual.check(config.evaluation.resolution, "evaluation.resolution")
     identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
     identity["target_image"] = _digest(target.image.numpy().tobytes())
 

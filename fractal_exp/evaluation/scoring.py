@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -80,6 +81,19 @@ class Perceptual:
         """The name of its column. A bare `fractal` is taken: tables of several fractals have their names there."""
         return "lpips" if self.name == "none" or self.name.startswith("lpips") else f"{self.name}_distance"
 
+    def check(self, side: int, setting: str = "resolution") -> None:
+        """Raise `InputError` if the distance cannot be measured on the inner 75% of pictures of `side` pixels a side,
+        which `setting` decides."""
+        def inner(pixels: int) -> int:
+            return metrics.inner_crop(torch.empty(pixels, pixels, device="meta")).shape[-1]
+
+        smallest = getattr(self.distance, "smallest_px", 1)
+        if inner(side) < smallest:
+            enough = next(pixels for pixels in count(smallest) if inner(pixels) >= smallest)
+            raise InputError(f"{self.name} needs pictures of at least {smallest} px a side, and is measured on the "
+                             f"inner {inner(side)} px of {side}; raise {setting} to {enough} or more, or take no "
+                             "perceptual distance (perceptual=none)")
+
     def measure(self, images: Tensor, truth: Tensor) -> Tensor:
         """(B,), NaN where there is no distance. One pair at a time: features of large images take gigabytes."""
         if self.distance is None:
@@ -132,6 +146,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}
     if isinstance(perceptual, str):
         perceptual = Perceptual.load(perceptual)
+    perceptual.check(resolution)
     images = _draw(_aligned(reconstruction, align), chosen, RESULT_STREAM, size, ImageCache(None, device))
     truths = _draw(_aligned(truth, "bbox"), chosen, TRUTH_STREAM, size, ImageCache(cache, device))
     return Scored(chosen, images, truths, perceptual)
@@ -154,7 +169,8 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
     perceptual: a loaded `Perceptual`, or the name of a distance. cache: a folder that keeps the truth's images.
     device: where codes are drawn, "cpu" or "cuda", see `render`.
 
-    Raises `InputError` on an unknown choice, sizes that cannot be drawn, or a code that is not contractive.
+    Raises `InputError` on an unknown choice, sizes that cannot be drawn or are too small for the distance, or a code
+    that is not contractive.
     """
     return score(reconstruction, truth, resolution=resolution, points_in_view=points_in_view, supersample=supersample,
                  views=views, align=align, seed=seed, perceptual=perceptual, cache=cache, device=device).frame

@@ -142,6 +142,16 @@ def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
 
 
+def test_a_fit_by_the_distance_fractal_is_scored_by_it_under_its_own_name(picture, tmp_path, capsys):
+    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}", "resolution=64", "tracking=none",
+                   "perceptual=fractal", "iterations=2")
+    assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "eval/fractal_distance",
+                           "time/fit_seconds"}
+    shown = f"SSIM {scores['eval/ssim']:.3f}  fractal_distance {scores['eval/fractal_distance']:.3f}  ("
+    assert shown in capsys.readouterr().out
+    assert "fractal_distance" in (tmp_path / "fits" / "fit" / "per_view.csv").read_text().splitlines()[0].split(",")
+
+
 def test_a_changed_picture_is_not_gone_on_with(picture, tmp_path):
     copy = tmp_path / "copy.png"
     copy.write_bytes(picture.read_bytes())

@@ -115,12 +115,24 @@ def _parse(data: bytes, name: str) -> FractalFeatures:
     layers.load_state_dict({key.removeprefix("layers."): value for key, value in tensors.items()
                             if key.startswith("layers.")}, assign=True)
     weights = tuple(tensors[f"channel_weights.{level}"] for level in range(len(CHANNELS)))
-    return FractalFeatures(layers, weights, json.loads(notes.get("recipe", "{}")))
+    return FractalFeatures(layers, weights, _recipe(notes, name))
 
 
 def _notes(data: bytes) -> dict[str, str]:
     """The metadata of whole safetensors bytes: a header of as many bytes as the first eight say, in JSON."""
     return json.loads(data[8:8 + int.from_bytes(data[:8], "little")]).get("__metadata__") or {}
+
+
+def _recipe(notes: Mapping[str, str], name: str) -> dict[str, Any]:
+    try:
+        recipe = json.loads(notes.get("recipe", "{}"))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{name} is damaged: its recipe is no JSON ({error}); copy it anew, or train one with "
+                         "fractal-perceptual") from error
+    if not isinstance(recipe, dict):
+        raise InputError(f"{name} is damaged: its recipe must be a JSON object, got {type(recipe).__name__}; copy it "
+                         "anew, or train one with fractal-perceptual")
+    return recipe
 
 
 def _check(tensors: Mapping[str, Tensor], expected: Mapping[str, tuple[int, ...]], name: str) -> None:

@@ -309,13 +309,16 @@ def perceptual_distance(a: Tensor, b: Tensor, kind: str = "fractal") -> Tensor:
 
     Differentiable in both. The network is loaded at the first call and kept, for each device and dtype. In a loop
     against one target, `load(kind)` and its `features` save half of the work. Raises `InputError` on images that
-    differ in size, device or dtype, are too small for the network, are not finite or leave [0,1], and what `load`
-    raises.
+    differ in size, device or dtype, whose batches are empty or do not broadcast, that are too small for the network,
+    are not finite or leave [0,1], and what `load` raises.
     """
     for name, image in (("a", a), ("b", b)):
         if not isinstance(image, Tensor) or image.ndim < 2 or not image.is_floating_point():
             got = f"{image.dtype} {tuple(image.shape)}" if isinstance(image, Tensor) else type(image).__name__
             raise InputError(f"{name} must be a tensor of floats (…,H,W), got {got}")
+        if image.numel() == 0:
+            raise InputError(f"{name} must hold at least one image of at least one pixel, got {tuple(image.shape)}; "
+                             "leave empty batches out")
         values = image.detach()
         if not bool(torch.isfinite(values).all()):
             raise InputError(f"{name} holds NaN or infinity; a distance needs finite images in [0,1]")
@@ -325,4 +328,9 @@ def perceptual_distance(a: Tensor, b: Tensor, kind: str = "fractal") -> Tensor:
     if a.shape[-2:] != b.shape[-2:] or a.device != b.device or a.dtype != b.dtype:
         raise InputError(f"a and b must agree in size, device and dtype, got {tuple(a.shape)} {a.dtype} on {a.device} "
                          f"and {tuple(b.shape)} {b.dtype} on {b.device}")
+    try:
+        torch.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    except RuntimeError:
+        raise InputError(f"the batches of a and b must broadcast, got {tuple(a.shape)} and {tuple(b.shape)}; give them "
+                         "as many images, or one of them a single image") from None
     return _loaded(kind, a.device, a.dtype)(a, b)

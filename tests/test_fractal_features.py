@@ -161,6 +161,16 @@ def test_images_that_do_not_go_together():
         perceptual_distance(a, a.double())
     with pytest.raises(InputError, match="tensor of floats"):
         perceptual_distance(a.numpy(), a)
+    with pytest.raises(InputError, match=r"batches of a and b must broadcast, got \(2, 40, 40\) and \(3, 40, 40\)"):
+        perceptual_distance(images(2, 40, 40), images(3, 40, 40))
+
+
+@pytest.mark.parametrize("shape", [(0, 40, 40), (2, 0, 3, 40, 40), (40, 0)])
+def test_no_images(shape):
+    full = images(40, 40)
+    for pair, name in (((torch.zeros(shape), full), "a"), ((full, torch.zeros(shape)), "b")):
+        with pytest.raises(InputError, match=f"{name} must hold at least one image"):
+            perceptual_distance(*pair)
 
 
 def test_the_range_of_the_paper_is_a_choice_of_lpips():

@@ -64,7 +64,8 @@ def main(arguments: list[str] | None = None) -> None:
                                                                             "or take it in the frame of the input")
     parser.add_argument("--perceptual", choices=("none", *perceptual.kinds()), default="none",
                         help="a perceptual distance to add")
-    parser.add_argument("--perceptual-weights", metavar="FILE", help="weights of its backbone (default: torch's cache, "
+    parser.add_argument("--perceptual-weights", metavar="FILE", help="its weights (default: those of fractal come with "
+                                                                     "the package, those of LPIPS from torch's cache, "
                                                                      "else a download)")
     parser.add_argument("--device", default="cpu", help="where codes are drawn: cpu, or cuda with an NVIDIA GPU")
     parser.add_argument("--cache", metavar="FOLDER", help="keep the truths' images here, for the next evaluation")

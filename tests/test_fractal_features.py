@@ -15,7 +15,7 @@ from hydra import compose, initialize_config_module
 from safetensors.torch import load_file, save_file
 from scipy.stats import spearmanr
 
-from fractal_exp import InputError, fractal_features, perceptual, perceptual_distance
+from fractal_exp import InputError, fractal_features, perceptual, perceptual_distance, tracking
 from fractal_exp.apps import perceptual as app
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.codes import known
@@ -373,3 +373,32 @@ def test_the_command_writes_a_file_that_loads_and_says_how_it_was_made(tmp_path,
     assert "finished" in capsys.readouterr().out
     with pytest.raises(InputError, match="unknown key recipe.colour"):
         app.train_distance(composed(*words, "+recipe.colour=1"))
+
+
+def test_a_training_is_a_run_with_its_weights_and_scores(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    path = app.train_distance(composed("training=smoke", f"output={tmp_path}", "tracking=mlflow"))
+    uri = tracking.prepare_store(tmp_path)
+    run = tracking.runs_frame(uri, "perceptual").iloc[0]
+    assert run["status"] == "FINISHED" and (run["tags.backend"], run["tags.device"]) == ("cpu", "cpu")
+    assert run["tags.perceptual"] == "none" and run["metrics.eval/spearman_within_64"] > 0
+    assert tracking.read_artifact(uri, run["run_id"], path.name) == path.read_bytes()
+    assert len(tracking.read_series(uri, run["run_id"], "train/loss")) == 9
+
+
+def test_a_training_on_a_gpu_is_a_run_too(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.setattr(app, "check_device", lambda device: device)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda _: "a GPU")
+    monkeypatch.setattr(app, "train", lambda recipe, device, **_: train(recipe))
+    path = app.train_distance(composed("training=smoke", f"output={tmp_path}", "tracking=mlflow", "device=cuda"))
+    run = tracking.runs_frame(tracking.prepare_store(tmp_path), "perceptual").iloc[0]
+    assert run["status"] == "FINISHED" and run["tags.device_name"] == "a GPU"
+    assert (run["tags.backend"], run["tags.device"]) == ("cpu", "cuda"), "the CPU draws the pictures"
+    assert fractal_features.load(path).recipe["device"] == "cuda"
+
+
+def test_a_device_that_is_not_there_is_refused_before_any_work(tmp_path):
+    with pytest.raises(InputError, match="there is no device 'gpu'"):
+        app.train_distance(composed("training=smoke", f"output={tmp_path}", "device=gpu"))
+    assert not list(tmp_path.iterdir())

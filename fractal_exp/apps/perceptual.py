@@ -16,6 +16,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from .. import fractal_features, threads
 from ..checkpoint import Checkpoint
 from ..errors import InputError
+from ..methods.base import check_device
 from ..perceptual_training.training import Recipe, train
 from . import configuration, interruption
 from .folders import FitFolder
@@ -50,6 +51,7 @@ def train_distance(config: DictConfig) -> Path:
     Raises `InputError` on anything a user can mend, before any work.
     """
     config = configuration.resolve(config)
+    check_device(config.device)
     threads.use(config.threads)
     settings = OmegaConf.to_container(config)
     recipe: Recipe = configuration.build(config.recipe)
@@ -67,9 +69,9 @@ def train_distance(config: DictConfig) -> Path:
     print(f"the perceptual distance 'fractal', {config.scale} training: {recipe.steps} steps and {recipe.calibration} "
           f"of calibration on {config.device}")
     # What a tracker asks of every run; there is neither a target nor a distance here.
-    told = settings | {"method": settings["recipe"], "variant": config.scale, "backend": "cpu", "perceptual": "none",
-                       "sweep": None}
-    with runs.start(folder, told, identity, "codes near by") as run:
+    told = settings | {"method": settings["recipe"], "variant": config.scale, "perceptual": "none", "sweep": None}
+    # The CPU draws the pictures, wherever the network learns.
+    with runs.start(folder, told, identity, "codes near by", backend="cpu") as run:
         folder.begin(OmegaConf.to_yaml(config))
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:

@@ -398,6 +398,42 @@ def test_a_training_on_a_gpu_is_a_run_too(tmp_path, monkeypatch):
     assert fractal_features.load(path).recipe["device"] == "cuda"
 
 
+def test_a_training_that_is_not_finite_does_not_count_as_finished(tmp_path, monkeypatch):
+    def diverge(recipe, **_):
+        trained = train(recipe)
+        trained.channel_weights[2][0] = float("nan")
+        return trained
+
+    words = ["training=smoke", f"output={tmp_path}", "tracking=mlflow"]
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.setattr(app, "train", diverge)
+    with pytest.raises(InputError, match="channel_weights.2 has NaN"):
+        app.train_distance(composed(*words))
+    assert not list(tmp_path.rglob("finished.json"))
+    assert tracking.runs_frame(tracking.prepare_store(tmp_path), "perceptual")["status"].tolist() == ["FAILED"]
+    monkeypatch.setattr(app, "train", train)
+    fractal_features.load(app.train_distance(composed(*words, "resume=true")))
+
+
+def test_training_anew_takes_the_old_weights_away_first(tmp_path, monkeypatch):
+    words = ["training=smoke", f"output={tmp_path}", "tracking=none"]
+    path = app.train_distance(composed(*words))
+    seen = []
+
+    def stop(*_, **__):
+        seen.append(path.exists())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(app, "train", stop)
+    with pytest.raises(KeyboardInterrupt):
+        app.train_distance(composed(*words))
+    assert seen == [False] and not (path.parent / "finished.json").exists()
+    path.touch()  # as after a training that was killed at its very end, which resume=true goes on with
+    with pytest.raises(KeyboardInterrupt):
+        app.train_distance(composed(*words, "resume=true"))
+    assert seen == [False, True]
+
+
 def test_a_device_that_is_not_there_is_refused_before_any_work(tmp_path):
     with pytest.raises(InputError, match="there is no device 'gpu'"):
         app.train_distance(composed("training=smoke", f"output={tmp_path}", "device=gpu"))

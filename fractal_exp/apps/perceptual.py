@@ -73,13 +73,15 @@ def train_distance(config: DictConfig) -> Path:
     # The CPU draws the pictures, wherever the network learns.
     with runs.start(folder, told, identity, "codes near by", backend="cpu") as run:
         folder.begin(OmegaConf.to_yaml(config))
+        if not config.resume:  # an earlier training's weights would pass for this one's until it ends
+            _path(folder).unlink(missing_ok=True)
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:
             trained = train(recipe, device=config.device, on_step=reporter, checkpoint=checkpoint)
         seconds = time.perf_counter() - start
-        path = fractal_features.save(folder.path / "fractal_features.safetensors", trained.layers,
-                                     trained.channel_weights,
+        path = fractal_features.save(_path(folder), trained.layers, trained.channel_weights,
                                      trained.recipe | {"device": config.device, "validation": trained.scores})
+        fractal_features.load(path)  # what is not finite must not count as finished
         run.artifact(path.name, path)
         scores = {f"eval/{name}": value for name, value in trained.scores.items()} | {"time/fit_seconds": seconds}
         run.log(scores)
@@ -90,8 +92,12 @@ def train_distance(config: DictConfig) -> Path:
     return _file(folder)
 
 
+def _path(folder: FitFolder) -> Path:
+    return folder.path / "fractal_features.safetensors"
+
+
 def _file(folder: FitFolder) -> Path:
-    path = folder.path / "fractal_features.safetensors"
+    path = _path(folder)
     fractal_features.load(path)
     print(f"  weights    {path}")
     return path

@@ -1,6 +1,6 @@
 """How well distances between pictures follow distances between codes, and what they cost.
 
-    python -m benchmarks.perceptual                                     mse, ssim and fractal
+    python -m benchmarks.perceptual                                     mse, mip_mse, ssim and fractal
     python -m benchmarks.perceptual --lpips-squeeze squeezenet1_1.pth   and LPIPS-squeeze with these weights
     python -m benchmarks.perceptual --weights mine.safetensors          another network of fractal-perceptual
 
@@ -104,7 +104,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=RESULT)
     args = parser.parse_args()
     count = threads.use(args.threads)
-    distances: dict[str, Distance] = {"mse": losses.mse, "ssim": losses.dssim}
+    distances: dict[str, Distance] = {"mse": losses.mse, "mip_mse": losses.mip_mse, "ssim": losses.dssim}
     if args.lpips_squeeze:
         distances["lpips_squeeze"] = perceptual.load("lpips_squeeze", args.lpips_squeeze)
     distances["fractal"] = perceptual.load("fractal", args.weights)

@@ -63,7 +63,8 @@ def test_a_folder_of_codes_becomes_tables_strips_and_a_report(folder, capsys):
 
 def test_the_distance_fractal_leaves_the_fractals_their_names(folder):
     save_two(folder)
-    app.main(["mine", "--truth", "suite", "--out", "judged", *SMALL, "--perceptual", "fractal", "--track", "judgements"])
+    app.main(["mine", "--truth", "suite", "--out", "judged", *SMALL, "--perceptual", "fractal",
+              "--track", "judgements"])
     per_view = pd.read_parquet(folder / "judged" / "per_view.parquet")
     assert set(per_view.fractal) == {"fit-000", "fit-003"} and per_view.lpips.isna().all()
     means = per_view.groupby("method").fractal_distance.mean()

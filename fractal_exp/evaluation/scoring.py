@@ -114,7 +114,8 @@ class Scored:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips and perhaps fractal_distance (see `evaluate`)."""
+        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips (see `evaluate`), and the distance
+        where its column is another."""
         import pandas as pd
 
         measured = metrics.compare(self.images, self.truth)

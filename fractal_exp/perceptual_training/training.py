@@ -37,11 +37,13 @@ class Recipe:
     """What a training does; kept whole in the file that it writes.
 
     steps: of the network; calibration: more steps, in which only the channel weights learn; classes: how many codes it
-    sees (0: fresh ones every time); copies: of each, moved by known amounts; resolutions: of the pictures, with the
-    chance of each; classification, contrastive, ranking: weights of the three losses; learning_rate: of AdamW, after a
-    warm-up falling to 0 as a cosine; weight_decay; fine: the share of batches of 64² pictures (of larger ones fewer, as
-    they take longer) that are drawn with all the points of a target; fits: how many real fits' paths take part, path_chance: the share
-    of batches that are drawn from them; seed. Raises `InputError` on values out of range.
+    sees (0: as many as it takes; their numbers follow from the step and the size of its batch, which the resolution
+    decides, so that about one code in seven comes back, with other pictures); copies: of each, moved by known amounts;
+    resolutions: of the pictures, with the chance of each; classification, contrastive, ranking: weights of the three
+    losses; learning_rate: of AdamW, after a warm-up falling to 0 as a cosine; weight_decay; fine: the share of batches
+    of 64² pictures (of larger ones fewer, as they take longer) that are drawn with all the points of a target; fits:
+    how many real fits' paths take part, path_chance: the share of batches that are drawn from them; seed. Raises
+    `InputError` on values out of range.
     """
 
     steps: int = 12_000

@@ -23,7 +23,7 @@ TAPS = (2, 4, 6, 8, 10, 12, 14)           # features are read after each level's
 SMALLEST_PX = 32                          # one whole pixel of the fifth level; the padding fills up the last two
 
 SHIPPED = "fractal_features.safetensors"  # in the folder data/ of this package
-SHIPPED_SHA256 = "ce8e172b217822b83e0d109c09120476188ff60319f15be7afe983f15839526f"
+SHIPPED_SHA256 = "3119823362fcd7c843a7db213329c5900cddd19a8a2c25261adc91b3c8b4e856"
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
     python -m benchmarks.quality --count 10                  the first ten of the published suite, at laptop scale
     python -m benchmarks.quality --count 20 --seed 7         twenty of another suite, to tune on
     python -m benchmarks.quality --options '{"starts": 1}'   another setting of `methods.chaotic.laptop`
+    python -m benchmarks.quality --options '{"perceptual": "fractal"}'   with a perceptual term
     python -m benchmarks.quality --init collage              begun with what collage search finds
 """
 

@@ -19,11 +19,13 @@ from .ifs import IFS, View
 if TYPE_CHECKING:
     from .evaluation.render import render
     from .inversion import invert
+    from .perceptual import perceptual_distance
 
-__all__ = ["IFS", "InputError", "View", "invert", "render"]
+__all__ = ["IFS", "InputError", "View", "invert", "perceptual_distance", "render"]
 __version__ = "0.1.0"
 
-_LATER = {"invert": ".inversion", "render": ".evaluation.render"}  # they bring numba: imported at their first use
+# What brings numba or more is imported at its first use.
+_LATER = {"invert": ".inversion", "perceptual_distance": ".perceptual", "render": ".evaluation.render"}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,5 @@
-"""Perceptual distances of grey images by name: LPIPS on three backbones, behind one frozen module."""
+"""Perceptual distances of grey images by name: LPIPS on three backbones, and `fractal`, whose network is this project's
+own and comes with it, behind one frozen module."""
 
 from __future__ import annotations
 
@@ -7,13 +8,16 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from http.client import HTTPException
 from pathlib import Path
 from urllib.request import Request, urlopen
 
 import torch
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 
+from . import fractal_features
 from .errors import InputError
 
 INPUT_RANGES = {"correct": (2.0, -1.0), "released": (1.0, 0.0)}  # gain and shift from [0,1] to the network's input
@@ -21,6 +25,7 @@ CHANNEL_SHIFT = (-0.030, -0.088, -0.188)  # LPIPS's ScalingLayer: (input - shift
 CHANNEL_SCALE = (0.458, 0.448, 0.450)
 NORM_FLOOR = 1e-10
 CONNECT_SECONDS = 10
+RANGE_SLACK = 1e-4  # by which rounding may take an image out of [0,1]
 
 
 class WeightsUnavailable(InputError):
@@ -61,31 +66,82 @@ class PerceptualDistance(nn.Module):
         for count, layer in enumerate(self.layers, 1):
             x = layer(x)
             if count in self.taps:
-                found.append(_unit(x).reshape(*batch, *x.shape[1:]))
+                found.append(unit_length(x).reshape(*batch, *x.shape[1:]))
         return found
 
     def compare(self, features: Sequence[Tensor], target_features: Sequence[Tensor]) -> Tensor:
         """Distances (…,) between two lists that `features` gave; their batches broadcast."""
         layers = zip(features, target_features, self.channel_weights, strict=True)
-        return sum((a - b).square().mean((-2, -1)) @ weight for a, b, weight in layers)
+        return sum(squared_distance(a, b, weight) for a, b, weight in layers)
 
     def forward(self, image: Tensor, target: Tensor) -> Tensor:
         """Distances (…,) between images (…,H,W) in [0,1]."""
         return self.compare(self.features(image), self.features(target))
 
 
-def _unit(x: Tensor) -> Tensor:
-    # vector_norm has a zero gradient where all features are dead; the square root of a sum, as in LPIPS, has NaN there.
-    return x / (torch.linalg.vector_norm(x, dim=1, keepdim=True) + NORM_FLOOR)
+def unit_length(x: Tensor) -> Tensor:
+    """Features (B,C,h,w) scaled to length 1 along C; where all of them are 0 they stay 0."""
+    return _UnitLength.apply(x)
+
+
+def squared_distance(a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
+    """Mean over pixels of sum_c weight_c (a_c - b_c)²: (…,C,h,w), (…,C,h,w), (C,) -> (…,); batches broadcast.
+
+    Differentiable in all three; weights that take no gradient, as those of a `PerceptualDistance`, cost less.
+    """
+    if weight.requires_grad:
+        return (a - b).square().mean((-2, -1)) @ weight
+    return _SquaredDistance.apply(a, b, weight)
+
+
+class _UnitLength(torch.autograd.Function):
+    """u = x / (|x| + floor). Written out, as are the distances, since PyTorch's own backward passes over the features
+    cost a CPU more than the convolutions of a small network."""
+
+    @staticmethod
+    def forward(ctx, x: Tensor) -> Tensor:
+        inverse = (torch.linalg.vector_norm(x, dim=1, keepdim=True) + NORM_FLOOR).reciprocal_()
+        unit = x * inverse
+        ctx.save_for_backward(unit, inverse)
+        return unit
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, cotangent: Tensor) -> Tensor:
+        unit, inverse = ctx.saved_tensors
+        along = (unit * cotangent).sum(1, keepdim=True)
+        return torch.addcmul(cotangent, unit, along, value=-1).mul_(inverse)
+
+
+class _SquaredDistance(torch.autograd.Function):
+    """See `squared_distance`, for weights that take no gradient."""
+
+    @staticmethod
+    def forward(ctx, a: Tensor, b: Tensor, weight: Tensor) -> Tensor:
+        difference = a - b
+        ctx.save_for_backward(difference, weight)
+        ctx.shapes = a.shape, b.shape
+        return difference.square().mean((-2, -1)) @ weight
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, cotangent: Tensor) -> tuple[Tensor | None, Tensor | None, None]:
+        difference, weight = ctx.saved_tensors
+        scale = cotangent[..., None] * weight * (2 / difference.shape[-2:].numel())
+        gradient = difference * scale[..., None, None]
+        a, b = ctx.shapes
+        wants_a, wants_b, _ = ctx.needs_input_grad
+        return gradient.sum_to_size(a) if wants_a else None, -gradient.sum_to_size(b) if wants_b else None, None
 
 
 def load(kind: str, weights: str | Path | None = None, input_range: str = "correct") -> PerceptualDistance:
     """The perceptual distance called `kind`, on the CPU, ready for grey images in [0,1].
 
-    kind: one of `kinds()`. weights: a torchvision checkpoint or a bare `features` state dict of the backbone (.pth, or
-    .safetensors); without it torch's cache is looked up ($TORCH_HOME/hub/checkpoints), then torchvision's download
-    tried. input_range: "correct" maps [0,1] to the [-1,1] that LPIPS was trained with, "released" feeds [0,1] as it
-    is, as the paper's program does. Raises `WeightsUnavailable` if there are no weights to be had, and `InputError` on
+    kind: one of `kinds()`. weights: for LPIPS a torchvision checkpoint or a bare `features` state dict of the backbone
+    (.pth, or .safetensors); without it torch's cache is looked up ($TORCH_HOME/hub/checkpoints), then torchvision's
+    download tried. For "fractal" a file of `fractal-perceptual`; without it the one in this package. input_range, of
+    LPIPS alone: "correct" maps [0,1] to the [-1,1] that it was trained with, "released" feeds [0,1] as it is, as the
+    paper's program does. Raises `WeightsUnavailable` if there are no weights to be had, and `InputError` on
     an unknown kind or range and on a file that is missing, unreadable or of another network.
     """
     if kind not in LOADERS:
@@ -225,7 +281,56 @@ _BACKBONES = (
     Backbone("lpips_vgg", "vgg16", (4, 9, 16, 23, 30), "vgg", 16),
 )
 
+
+def _load_fractal(weights: str | Path | None, input_range: str) -> PerceptualDistance:
+    """LPIPS's construction on the network of `fractal_features`, which takes [0,1] as it is."""
+    if input_range != "correct":
+        raise InputError(f"input_range={input_range} is a choice of LPIPS alone; 'fractal' takes images in [0,1] as "
+                         "they are: leave it out")
+    found = fractal_features.load(weights)
+    found.layers.to(memory_format=torch.channels_last)
+    rows = [nn.Parameter(row) for row in found.channel_weights]
+    return PerceptualDistance("fractal", found.layers, fractal_features.TAPS, rows, fractal_features.SMALLEST_PX)
+
+
 # name -> (weights, input_range) -> distance
 LOADERS: dict[str, Callable[[str | Path | None, str], PerceptualDistance]] = {
-    backbone.kind: backbone.load for backbone in _BACKBONES
+    **{backbone.kind: backbone.load for backbone in _BACKBONES}, "fractal": _load_fractal,
 }
+
+
+@cache
+def _loaded(kind: str, device: torch.device, dtype: torch.dtype) -> PerceptualDistance:
+    return load(kind).to(device, dtype)
+
+
+def perceptual_distance(a: Tensor, b: Tensor, kind: str = "fractal") -> Tensor:
+    """The perceptual distance `kind` between images a and b, (…,H,W) in [0,1], whose batches broadcast: (…,).
+
+    Differentiable in both. The network is loaded at the first call and kept, for each device and dtype. In a loop
+    against one target, `load(kind)` and its `features` save half of the work. Raises `InputError` on images that
+    differ in size, device or dtype, whose batches are empty or do not broadcast, that are too small for the network,
+    are not finite or leave [0,1], and what `load` raises.
+    """
+    for name, image in (("a", a), ("b", b)):
+        if not isinstance(image, Tensor) or image.ndim < 2 or not image.is_floating_point():
+            got = f"{image.dtype} {tuple(image.shape)}" if isinstance(image, Tensor) else type(image).__name__
+            raise InputError(f"{name} must be a tensor of floats (…,H,W), got {got}")
+        if image.numel() == 0:
+            raise InputError(f"{name} must hold at least one image of at least one pixel, got {tuple(image.shape)}; "
+                             "leave empty batches out")
+        values = image.detach()
+        if not bool(torch.isfinite(values).all()):
+            raise InputError(f"{name} holds NaN or infinity; a distance needs finite images in [0,1]")
+        low, high = (float(value) for value in values.aminmax())
+        if low < -RANGE_SLACK or high > 1 + RANGE_SLACK:
+            raise InputError(f"{name} must lie in [0,1], got [{low:.4g}, {high:.4g}]; divide it by its maximum")
+    if a.shape[-2:] != b.shape[-2:] or a.device != b.device or a.dtype != b.dtype:
+        raise InputError(f"a and b must agree in size, device and dtype, got {tuple(a.shape)} {a.dtype} on {a.device} "
+                         f"and {tuple(b.shape)} {b.dtype} on {b.device}")
+    try:
+        torch.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    except RuntimeError:
+        raise InputError(f"the batches of a and b must broadcast, got {tuple(a.shape)} and {tuple(b.shape)}; give them "
+                         "as many images, or one of them a single image") from None
+    return _loaded(kind, a.device, a.dtype)(a, b)

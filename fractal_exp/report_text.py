@@ -21,7 +21,8 @@ def describe(sweep: Sweep) -> str:
     samples = sweep.jobs["sample"].dropna().nunique()
     return (f"{sweep.title}: measured at {sweep.scale} scale on {samples} samples, mean over views and samples "
             "[bootstrap 95% interval over samples]"
-            + (f"; LPIPS with the backbone of {sweep.perceptual}" if "lpips" in sweep.metrics else ""))
+            + (f"; LPIPS with the backbone of {sweep.perceptual}" if "lpips" in sweep.metrics else "")
+            + "".join(f"; {name} is no LPIPS, lower is better" for name in sweep.metrics if name.endswith("_distance")))
 
 
 def cells(sweep: Sweep, table: pd.DataFrame, source: str) -> tuple[list[str], list[list[str]]]:

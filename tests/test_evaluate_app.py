@@ -61,6 +61,25 @@ def test_a_folder_of_codes_becomes_tables_strips_and_a_report(folder, capsys):
     assert len(list((folder / "truths").glob("*.npz"))) == 14
 
 
+def test_the_distance_fractal_leaves_the_fractals_their_names(folder):
+    save_two(folder)
+    app.main(["mine", "--truth", "suite", "--out", "judged", *SMALL, "--perceptual", "fractal",
+              "--track", "judgements"])
+    per_view = pd.read_parquet(folder / "judged" / "per_view.parquet")
+    assert set(per_view.fractal) == {"fit-000", "fit-003"} and per_view.lpips.isna().all()
+    means = per_view.groupby("method").fractal_distance.mean()
+    assert 0 <= means["ceiling"] < means["result"] < means["all white"]
+    summary = pd.read_csv(folder / "judged" / "summary.csv")
+    [line] = summary[(summary.method == "result") & (summary.zoom_class == "all")
+                     & (summary.metric == "fractal_distance")].itertuples()
+    assert line.fractals == 2 and line.mean == pytest.approx(means["result"]) and line.low < line.mean < line.high
+    report = (folder / "judged" / "report.txt").read_text()
+    assert "fractal_distance" in report and "perceptual distance: fractal" in report
+    run = tracking.runs_frame(tracking.prepare_store(folder / "outputs"), "judgements").iloc[0]
+    assert run["metrics.eval/fractal_distance"] == pytest.approx(means["result"])
+    assert "metrics.eval/lpips" not in run and run["tags.perceptual"] == "fractal"
+
+
 def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     fern = attractor.normalize(codes.known("fern"))
     fit = folder / "outputs" / "fits" / "fern-chaotic"
@@ -110,6 +129,7 @@ def test_a_truth_is_a_code_or_a_folder(folder):
     (["picture"], "fitted to a picture"),
     (["foreign"], "no target of this package"),
     (["mine", "--truth", "suite", "--resolution", "0"], "resolution"),
+    (["mine", "--truth", "suite", "--resolution", "41", "--perceptual", "fractal"], "raise --resolution to 42"),
     (["mine", "--truth", "suite", "--points", "0"], "points_in_view"),
     (["mine", "--truth", "suite", "--out", "mine/other.txt"], "cannot make the folder"),
 ])

@@ -198,7 +198,7 @@ def test_none_leaves_the_term_out():
 
 
 def test_kinds():
-    assert perceptual.kinds() == tuple(MODELS)
+    assert perceptual.kinds() == (*MODELS, "fractal")
 
 
 # --- weight files ---------------------------------------------------------------------------------------------------

@@ -25,9 +25,9 @@ def output(tmp_path_factory):
     return folder
 
 
-def log(uri, folder, name, scores, published):
+def log(uri, folder, name, scores, published, perceptual="none"):
     names = [f"{i},{row}" for i in range(len(scores["full"])) for row in scores] + ["9,full"]
-    tags = {"kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": "none"}
+    tags = {"kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": perceptual}
     with tracking.start_run(uri, "study", name, folder=folder, tags=tags) as parent:
         parent.artifact("jobs.json", json.dumps(names))
         parent.artifact("sweep.json", json.dumps({"title": "A study", "baseline": "full", "published": published}))
@@ -40,6 +40,8 @@ def log(uri, folder, name, scores, published):
                     continue
                 job.log({"eval/f1": value, "eval/psnr": 10 * value, "white/f1": .4, "black/f1": .1, "train/loss": 1.0,
                          "time/fit_seconds": 2.0 + i})
+                if perceptual == "fractal":
+                    job.log({"eval/fractal_distance": 1 - value})
                 job.image("result", np.full((8, 8), value, np.float32))
                 job.image("zoomed", np.zeros((8, 8), np.float32))
                 job.finish()
@@ -80,6 +82,27 @@ def test_trivial_and_published_rows_stand_apart_and_are_the_papers(sweep):
     assert list(published.index) == list(TABLES["ablations"].rows)
     assert published.loc["no_mip", ["f1", "iou", "psnr", "ssim", "lpips"]].tolist() == [.363, .286, 9.08, .525, .512]
     assert published["finished"].isna().all() and published["f1_low"].isna().all()
+
+
+def test_the_distance_fractal_has_a_column_beside_the_published_lpips(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-fractal", F1, "ablations", "fractal")
+    sweep = report.read_sweep(uri, "study")
+    assert sweep.metrics == ["f1", "psnr", "fractal_distance"]
+    table = report.summary(sweep)
+    measured, published = (table[table["source"] == source].set_index("row") for source in ("measured", "published"))
+    assert measured.loc["full", "fractal_distance"] == pytest.approx(.3) and measured["lpips"].isna().all()
+    assert .199 < measured.loc["full", "fractal_distance_low"] < measured.loc["full", "fractal_distance_high"] < .401
+    assert published["fractal_distance"].isna().all() and published["lpips"].notna().all()
+    text = report_text.markdown(sweep, table)
+    ours, papers = (line for line in text.splitlines() if line.startswith("|") and "F1 " in line and "PSNR" in line)
+    assert "fractal_distance" in ours and "LPIPS" not in ours
+    assert "LPIPS" in papers and "fractal_distance" not in papers
+    assert "fractal_distance is no LPIPS, lower is better" in text and "LPIPS with the backbone" not in text
+    latex = report_text.latex(sweep, table)
+    head = next(line for line in latex.splitlines() if "F1" in line and " & " in line).removesuffix(r" \\").split(" & ")
+    assert "LPIPS" in head and r"fractal\_distance" in head
 
 
 def test_the_spread_has_a_cell_a_job(sweep):

@@ -110,12 +110,13 @@ class Mean:
         return (a - b).abs().mean((-2, -1))
 
 
-@pytest.mark.parametrize(("name", "column"), [("lpips_alex", "lpips"), ("fractal", "fractal")])
+@pytest.mark.parametrize(("name", "column"), [("lpips_alex", "lpips"), ("fractal", "fractal_distance")])
 def test_a_perceptual_distance_stands_under_its_own_name(name, column):
     table = evaluate(TRIVIAL["all white"], codes.known("fern"), **SMALL, perceptual=Perceptual(name, Mean()))
     assert table[column].between(0.1, 1).all() and table.attrs["perceptual"] == name
     assert table.attrs["perceptual_absent"] is None
-    assert ("fractal" in table) == (name == "fractal") and table.lpips.isna().all() == (name == "fractal")
+    assert ("fractal_distance" in table) == table.lpips.isna().all() == (name == "fractal")
+    assert "fractal" not in table, "the name of the fractal, in tables of several"
 
 
 def test_lpips_without_weights_is_absent_and_says_why(monkeypatch):

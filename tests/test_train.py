@@ -142,6 +142,16 @@ def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
 
 
+def test_a_fit_by_the_distance_fractal_is_scored_by_it_under_its_own_name(picture, tmp_path, capsys):
+    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}", "resolution=64", "tracking=none",
+                   "perceptual=fractal", "iterations=2")
+    assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "eval/fractal_distance",
+                           "time/fit_seconds"}
+    shown = f"SSIM {scores['eval/ssim']:.3f}  fractal_distance {scores['eval/fractal_distance']:.3f}  ("
+    assert shown in capsys.readouterr().out
+    assert "fractal_distance" in (tmp_path / "fits" / "fit" / "per_view.csv").read_text().splitlines()[0].split(",")
+
+
 def test_a_changed_picture_is_not_gone_on_with(picture, tmp_path):
     copy = tmp_path / "copy.png"
     copy.write_bytes(picture.read_bytes())
@@ -179,6 +189,10 @@ BAD = {
     "no maps": (["target=retina", "model.maps=0"], "N must be at least 1, got 0"),
     "unknown perceptual distance": (["target=retina", "perceptual=lpips"], "no perceptual distance 'lpips'"),
     "missing weights": (["target=retina", "perceptual=lpips_alex", "perceptual_weights=none.pth"], "none.pth"),
+    "a picture whose inner part is too small": (["target=retina", "perceptual=fractal"],
+                                                "fractal needs pictures .*inner 24 px of 32; raise resolution to 42"),
+    "views whose inner part is too small": (["perceptual=fractal", "resolution=64", "evaluation.resolution=41"],
+                                            "inner 31 px of 41; raise evaluation.resolution to 42"),
     "wrong device": (["device=gpu"], "there is no device 'gpu'"),
     "wrong evaluation device": (["target=retina", "evaluation.device=tpu"], "images are drawn on cpu or cuda"),
     "wrong backend": (["target=retina", "backend=magic"], "backend must be one of auto, cpu, cuda, torch"),

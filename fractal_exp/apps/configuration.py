@@ -80,7 +80,7 @@ def resolve(config: DictConfig) -> DictConfig:
         missing = OmegaConf.missing_keys(config)
     except OmegaConfBaseException as error:
         raise InputError(f"the configuration cannot be resolved: {str(error).splitlines()[0]}") from error
-    if config.init and "init" not in config.method:
+    if config.get("init") and "init" not in config.method:
         raise InputError("init=… says what the paper's method begins with; take method=chaotic, or leave init out")
     if missing:
         raise InputError(f"no value was given for {', '.join(sorted(missing))}; add KEY=VALUE to the command")

@@ -64,7 +64,8 @@ def main(arguments: list[str] | None = None) -> None:
                                                                             "or take it in the frame of the input")
     parser.add_argument("--perceptual", choices=("none", *perceptual.kinds()), default="none",
                         help="a perceptual distance to add")
-    parser.add_argument("--perceptual-weights", metavar="FILE", help="weights of its backbone (default: torch's cache, "
+    parser.add_argument("--perceptual-weights", metavar="FILE", help="its weights (default: those of fractal come with "
+                                                                     "the package, those of LPIPS from torch's cache, "
                                                                      "else a download)")
     parser.add_argument("--device", default="cpu", help="where codes are drawn: cpu, or cuda with an NVIDIA GPU")
     parser.add_argument("--cache", metavar="FOLDER", help="keep the truths' images here, for the next evaluation")
@@ -80,6 +81,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
     options.points = SCALES[options.scale]["points"] if options.points is None else options.points
     candidates = gather(options.codes, options.truth, options.output)
     distance = Perceptual.load(options.perceptual, options.perceptual_weights)
+    distance.check(options.resolution, "--resolution")
     folder = make_folder(options.out)
     with ExitStack() as stack:
         run = stack.enter_context(_start_run(options, folder))

@@ -39,9 +39,10 @@ class Judgement:
     pictures: dict[str, Tensor | np.ndarray]
 
     def describe(self) -> str:
-        """The scores in one line."""
-        shown = [f"{title} {self.scores[f'eval/{name}']:.3f}" for name, title in NAMES.items()
-                 if f"eval/{name}" in self.scores]
+        """The scores in one line; those without a title under their own name."""
+        found = [key.removeprefix("eval/") for key in self.scores if key.startswith("eval/")]
+        names = [*(name for name in NAMES if name in found), *(name for name in found if name not in NAMES)]
+        shown = [f"{NAMES.get(name, name)} {self.scores[f'eval/{name}']:.3f}" for name in names]
         whole = f"F1 {self.per_view['f1'].iloc[0]:.3f} on the whole one"
         views = f"mean of {len(self.per_view)} views, {whole}" if len(self.per_view) > 1 else "against the input"
         return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
@@ -77,7 +78,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     else:
         scored = score(reconstruction, target.truth, **options, perceptual=perceptual)
         per_view, images, truth = scored.frame, scored.images, scored.truth
-    means = per_view[[name for name in NAMES if name in per_view]].mean().dropna()
+    measured = [name for name in dict.fromkeys((*NAMES, perceptual.column)) if name in per_view]
+    means = per_view[measured].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
     captions = [f"{row.view}, F1 {row.f1:.3f}" for row in per_view.itertuples()]
     pictures = {"target": target.image, "result": drawn, "comparison": comparison_strip(images, truth, captions)}

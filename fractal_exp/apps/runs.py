@@ -25,12 +25,13 @@ class Runs(ABC):
     """A place that fits are logged to."""
 
     @abstractmethod
-    def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str
-              ) -> tracking.Tracker:
+    def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str,
+              backend: str | None = None) -> tracking.Tracker:
         """Begin the run of the fit in `folder`, or go on with it if the fit itself is resumed.
 
         settings: the resolved configuration as plain data; identity: the part of it that shapes the fit, which becomes
-        the run's parameters; target: the name of the target. Raises `InputError` if the store cannot be used.
+        the run's parameters; target: the name of the target; backend: who draws, where the settings leave no choice
+        (None: what their backend comes to on their device). Raises `InputError` if the store cannot be used.
         """
 
     @abstractmethod
@@ -57,18 +58,18 @@ class NoRuns(Runs):
     def start_sweep(self, settings: Mapping[str, Any], folder: Path) -> tracking.Tracker:
         return tracking.NoTracker()
 
-    def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str
-              ) -> tracking.Tracker:
+    def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str,
+              backend: str | None = None) -> tracking.Tracker:
         return tracking.NoTracker()
 
 
 class MlflowRuns(Runs):
     """tracking=mlflow: the database in the output folder, or the server that MLFLOW_TRACKING_URI names."""
 
-    def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str
-              ) -> tracking.Tracker:
+    def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str,
+              backend: str | None = None) -> tracking.Tracker:
         uri = tracking.prepare_store(Path(settings["output"]))
-        backend = backends.choose(settings["backend"], torch.empty(0, device=settings["device"]))
+        backend = backend or backends.choose(settings["backend"], torch.empty(0, device=settings["device"]))
         tags = tracking.standard_tags(
             variant=settings["variant"], method=method_name(settings["method"]), target=target,
             scale=settings["scale"], backend=backend, device=settings["device"], perceptual=settings["perceptual"])

@@ -48,6 +48,10 @@ def fit(config: DictConfig) -> dict[str, float]:
     perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
     target = source.load(config.resolution)
     method.check(target.image)
+    if target.truth is None:  # judged at its own resolution
+        perceptual.check(target.image.shape[-1])
+    else:
+        perceptual.check(config.evaluation.resolution, "evaluation.resolution")
     identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
     identity["target_image"] = _digest(target.image.numpy().tobytes())
 
@@ -97,8 +101,7 @@ def _digest(data: bytes) -> str:
 def _announce(config: DictConfig, label: str, target: Target) -> None:
     print(f"{label}: {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.notes)}")
     if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
-        print("  no perceptual term in this objective (perceptual=none); perceptual=lpips_squeeze adds one, "
-              "with weights to be downloaded once")
+        print("  no perceptual term in this objective (perceptual=none); perceptual=fractal adds one")
 
 
 def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:

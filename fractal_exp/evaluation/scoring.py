@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -55,7 +56,7 @@ class Perceptual:
     """The perceptual distance that a table has, or the reason why it has none.
 
     distance(a (B,H,W), b) -> (B,) has the `name` that stands in the table's attributes; only LPIPS's own distances
-    stand in the column lpips.
+    stand in the column lpips, any other one in NAME_distance. Lower is better in both.
     """
 
     name: str
@@ -77,8 +78,21 @@ class Perceptual:
 
     @property
     def column(self) -> str:
-        """The name of its column."""
-        return "lpips" if self.name == "none" or self.name.startswith("lpips") else self.name
+        """The name of its column. A bare `fractal` is taken: tables of several fractals have their names there."""
+        return "lpips" if self.name == "none" or self.name.startswith("lpips") else f"{self.name}_distance"
+
+    def check(self, side: int, setting: str = "resolution") -> None:
+        """Raise `InputError` if the distance cannot be measured on the inner 75% of pictures of `side` pixels a side,
+        which `setting` decides."""
+        def inner(pixels: int) -> int:
+            return metrics.inner_crop(torch.empty(pixels, pixels, device="meta")).shape[-1]
+
+        smallest = getattr(self.distance, "smallest_px", 1)
+        if inner(side) < smallest:
+            enough = next(pixels for pixels in count(smallest) if inner(pixels) >= smallest)
+            raise InputError(f"{self.name} needs pictures of at least {smallest} px a side, and is measured on the "
+                             f"inner {inner(side)} px of {side}; raise {setting} to {enough} or more, or take no "
+                             "perceptual distance (perceptual=none)")
 
     def measure(self, images: Tensor, truth: Tensor) -> Tensor:
         """(B,), NaN where there is no distance. One pair at a time: features of large images take gigabytes."""
@@ -100,7 +114,8 @@ class Scored:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips (see `evaluate`)."""
+        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips (see `evaluate`), and the distance
+        where its column is another."""
         import pandas as pd
 
         measured = metrics.compare(self.images, self.truth)
@@ -132,6 +147,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}
     if isinstance(perceptual, str):
         perceptual = Perceptual.load(perceptual)
+    perceptual.check(resolution)
     images = _draw(_aligned(reconstruction, align), chosen, RESULT_STREAM, size, ImageCache(None, device))
     truths = _draw(_aligned(truth, "bbox"), chosen, TRUTH_STREAM, size, ImageCache(cache, device))
     return Scored(chosen, images, truths, perceptual)
@@ -144,8 +160,8 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
     """Compare a reconstruction with its truth on the seven views of the truth: a table of one row a view.
 
     Columns: view (its name), zoom, center_x, center_y, then f1, iou, psnr (dB), ssim and lpips of the inner 75% (see
-    `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. A distance
-    that is not LPIPS has a column of its own name.
+    `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. The
+    distance "fractal" is not LPIPS: it stands in a column of its own, fractal_distance.
 
     `points_in_view` (None: 50 million · (resolution/1024)²) and `supersample` are those of `render`. views: "paper" or
     "released". A true code is brought to the canvas (`attractor.normalize`), as it is for the input of a method; align
@@ -154,7 +170,8 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
     perceptual: a loaded `Perceptual`, or the name of a distance. cache: a folder that keeps the truth's images.
     device: where codes are drawn, "cpu" or "cuda", see `render`.
 
-    Raises `InputError` on an unknown choice, sizes that cannot be drawn, or a code that is not contractive.
+    Raises `InputError` on an unknown choice, sizes that cannot be drawn or are too small for the distance, or a code
+    that is not contractive.
     """
     return score(reconstruction, truth, resolution=resolution, points_in_view=points_in_view, supersample=supersample,
                  views=views, align=align, seed=seed, perceptual=perceptual, cache=cache, device=device).frame

@@ -20,7 +20,7 @@ CONFIDENCE, RESAMPLES = 0.95, 9999
 
 
 def metric_columns(frame: pd.DataFrame) -> list[str]:
-    """The columns of a per-view table that hold scores: METRICS first, then distances of other names."""
+    """The columns of a per-view table that hold scores: METRICS first, then other distances."""
     scores = [name for name in frame.select_dtypes("number").columns if name not in KEYS]
     return [name for name in METRICS if name in scores] + [name for name in scores if name not in METRICS]
 

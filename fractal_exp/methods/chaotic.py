@@ -13,7 +13,7 @@ from torch import Tensor
 
 from ..checkpoint import Checkpoint, Snapshot
 from ..errors import InputError
-from ..losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
+from ..losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
 from ..model import SVD, ForwardModel, Parameterization, Parameters
 from ..optimizers import Alternating, Annealing, Optimizer
 from ..seeds import derive, generator
@@ -200,14 +200,14 @@ class Chaotic(Method):
 
 def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, starts: int = 10, scouting: int = 120,
            trajectories: int = 1000, length: int = 110, match_target: bool = True, perceptual: str | None = None,
-           seed: int = 0, seconds: float | None = None, init: Method | None = None, radii: Sequence[float] = (1.0,)
-           ) -> Chaotic:
+           perceptual_weights: str | None = None, seed: int = 0, seconds: float | None = None,
+           init: Method | None = None, radii: Sequence[float] = (1.0,)) -> Chaotic:
     """The method at the sizes of the configuration scale=laptop: two cores finish in minutes. With `init` there is one
     start."""
     model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
     objective = WeightedSum(
         {"mse": 10.0, "ssim": 1.0, "perceptual": 2.0, "regularizer": 0.01},
-        {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": Perceptual(perceptual) if perceptual else None,
+        {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": perceptual_term(perceptual or "none", perceptual_weights),
          "regularizer": Regularizer()})
     optimizer = Alternating(every=100, annealing=Annealing(sharpness=1000.0))
     return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed,

@@ -1,0 +1,1 @@
+"""Data that travels with the package: the weights of the perceptual distance `fractal` (docs/perceptual.md)."""

@@ -99,20 +99,23 @@ def main() -> None:
     parser.add_argument("--resolutions", type=int, nargs="+", default=[64, 128, 256])
     parser.add_argument("--weights", help="of fractal (default: those in the package)")
     parser.add_argument("--lpips-squeeze", default=os.environ.get("FRACTAL_EXP_LPIPS_SQUEEZE"), metavar="FILE")
-    parser.add_argument("--threads", type=int, default=min(2, threads.available()))
+    parser.add_argument("--threads", type=int, nargs="+", default=sorted({1, min(2, threads.available())}),
+                        help="of the timings; the last of them also draw")
     parser.add_argument("--repeats", type=int, default=30, help="of each timing, the fastest counts")
     parser.add_argument("--output", type=Path, default=RESULT)
     args = parser.parse_args()
-    count = threads.use(args.threads)
     distances: dict[str, Distance] = {"mse": losses.mse, "mip_mse": losses.mip_mse, "ssim": losses.dssim}
     if args.lpips_squeeze:
         distances["lpips_squeeze"] = perceptual.load("lpips_squeeze", args.lpips_squeeze)
     distances["fractal"] = perceptual.load("fractal", args.weights)
-    costs = timings(args.weights, 256, args.repeats)
-    print(f"{count} threads, torch {torch.__version__}; forward and backward of one 256² pair, milliseconds")
-    for name, value in costs.items():
-        print(f"  {name:40s} {value:8.2f}")
-    print(f"  lpips_alex (lpips package) over fractal  {costs['lpips_alex, lpips package'] / costs['fractal']:8.1f}")
+    costs = {}
+    for count in args.threads:
+        threads.use(count)
+        cost = costs[str(count)] = timings(args.weights, 256, args.repeats)
+        print(f"{count} threads, torch {torch.__version__}; forward and backward of one 256² pair, milliseconds")
+        for name, value in cost.items():
+            print(f"  {name:40s} {value:8.2f}")
+        print(f"  lpips_alex (lpips package) over fractal  {cost['lpips_alex, lpips package'] / cost['fractal']:8.1f}")
     truths = held_out.truths(args.count, args.copies, args.seed)
     tables = {}
     for resolution in args.resolutions:
@@ -128,7 +131,7 @@ def main() -> None:
                          for key in ("within", "pooled")]
                 print(f"  {'over ' + name:15s} {shown[0]:24s} {shown[1]:24s}")
     recipe = fractal_features.load(args.weights).recipe
-    facts = {"count": args.count, "copies": args.copies, "seed": args.seed, "threads": count,
+    facts = {"count": args.count, "copies": args.copies, "seed": args.seed,
              "torch": torch.__version__, "recipe": recipe, "milliseconds": costs, "spearman": tables}
     args.output.parent.mkdir(parents=True, exist_ok=True)
     args.output.write_text(json.dumps(facts, indent=1) + "\n")

@@ -35,7 +35,7 @@ def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
     if seed < 0:
         raise InputError(f"a suite's seed must be at least 0, got {seed}")
     rng = np.random.Generator(np.random.PCG64(seed))
-    return [_random_code(rng, {"name": f"random-{seed}-{index:03d}", "suite_seed": seed, "suite_index": index})
+    return [draw_code(rng, {"name": f"random-{seed}-{index:03d}", "suite_seed": seed, "suite_index": index})
             for index in range(count)]
 
 
@@ -56,7 +56,8 @@ def target(code: IFS, resolution: int = 1024, kind: str = "grey", *, seed: int =
     return image if kind == "grey" else (image > THRESHOLD).float()
 
 
-def _random_code(rng: np.random.Generator, meta: dict) -> IFS:
+def draw_code(rng: np.random.Generator, meta: dict) -> IFS:
+    """One code of the suite's distribution (Anderson and Farrell 2022), as it is drawn, not framed."""
     n = int(rng.integers(3, 10, endpoint=True))
     singular = _singular_values(rng, n, rng.uniform((5 + n) / 2, (6 + n) / 2))
     linear = _orthonormal(rng, n) @ (singular[:, :, None] * _orthonormal(rng, n).transpose(0, 2, 1))

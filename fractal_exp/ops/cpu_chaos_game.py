@@ -23,7 +23,7 @@ def forward(maps: np.ndarray, thresholds: np.ndarray, seeds: np.ndarray, traject
     kept = length - warmup
     points = np.empty((len(maps), trajectories, kept, 2), np.float32)
     indices = np.empty((len(maps), trajectories, length), np.uint16)
-    _forward(maps, np.ascontiguousarray(thresholds), _guide(thresholds), np.ascontiguousarray(seeds), points, indices)
+    _forward(maps, np.ascontiguousarray(thresholds), guide_of(thresholds), np.ascontiguousarray(seeds), points, indices)
     return points.reshape(len(maps), trajectories * kept, 2), indices
 
 
@@ -38,7 +38,7 @@ def backward(maps: np.ndarray, seeds: np.ndarray, points: np.ndarray, indices: n
     return partial.sum(1).astype(np.float32)
 
 
-def _guide(thresholds: np.ndarray) -> np.ndarray:
+def guide_of(thresholds: np.ndarray) -> np.ndarray:
     """The map (B,256) drawn by the least variate of every step of the table."""
     steps = np.arange(1 << GUIDE_BITS) << (32 - GUIDE_BITS)
     return np.stack([np.searchsorted(row, steps, side="right") for row in thresholds]).astype(np.uint16)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange, uint64
 
-from ..ops.cpu_chaos_game import GUIDE_BITS, _guide, next_state, start
+from ..ops.cpu_chaos_game import GUIDE_BITS, guide_of, next_state, start
 from ..ops.histogram import box_mean
 from ..ops.jit import kernel
 
@@ -24,7 +24,7 @@ def orbit(maps: np.ndarray, chances: np.ndarray, seeds: np.ndarray, count: int) 
     points of the same addresses."""
     points = np.empty((len(maps), count, 2))
     cumulative = thresholds(chances)
-    _orbit(maps, cumulative, _guide(cumulative), seeds, points)
+    _orbit(maps, cumulative, guide_of(cumulative), seeds, points)
     return points
 
 
@@ -35,7 +35,7 @@ def draw(maps: np.ndarray, chances: np.ndarray, seeds: np.ndarray, points: np.nd
     images = np.empty((len(maps), resolution, resolution), np.float32)
     cumulative = thresholds(chances)
     canvas = np.zeros((len(maps), resolution * factor, resolution * factor), np.uint8)
-    _draw(maps, cumulative, _guide(cumulative), seeds, points, canvas)
+    _draw(maps, cumulative, guide_of(cumulative), seeds, points, canvas)
     for image, parts in zip(images, canvas, strict=True):
         box_mean(parts, factor, image)
     return images

@@ -15,7 +15,7 @@ from .. import attractor
 from ..evaluation.render import points_per_view, render
 from ..ifs import IFS
 from ..seeds import derive
-from ..suite import TARGET_SUPERSAMPLE, _random_code
+from ..suite import TARGET_SUPERSAMPLE, draw_code
 from .perturbations import KINDS, LARGEST_SINGULAR, Maps, displacement, orbits_of_one_address, perturbed
 
 STREAM = "perceptual-test"
@@ -56,9 +56,9 @@ def draw(code: IFS, resolution: int, seed: int) -> Tensor:
 
 def _truth(seed: int, count: int) -> Truth:
     rng = np.random.Generator(np.random.PCG64(seed))
-    code = _random_code(rng, {})
+    code = draw_code(rng, {})
     while float(code.singular_values().max()) > LARGEST_SINGULAR:  # a copy would be shrunk, however little it moved
-        code = _random_code(rng, {})
+        code = draw_code(rng, {})
     code = attractor.normalize(code)
     moved = tuple(_copy(code, KINDS[k % len(KINDS)], own_frame=k // len(KINDS) % 2 == 0, rng=rng)
                   for k in range(count))

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..evaluation.render import points_per_view
-from ..suite import TARGET_SUPERSAMPLE, _random_code
+from ..suite import TARGET_SUPERSAMPLE, draw_code
 from . import drawing
 from .perturbations import (
     KINDS,
@@ -67,7 +67,7 @@ def random_code(seed: int) -> Maps:
         cos, sin = ratio * np.cos(angle), ratio * np.sin(angle)
         maps = np.stack([cos, -sin * flip, sin, cos * flip, *rng.uniform(-1, 1, (2, count))], 1)
     else:
-        code = _random_code(rng, {})
+        code = draw_code(rng, {})
         maps = np.concatenate([code.linear.reshape(-1, 4).numpy(), code.offset.numpy()], 1).astype(np.float64)
     maps = contractive(maps)
     return similar(maps, *frame(orbits_of_one_address(maps, [], seed % 2**31)[0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -21,8 +22,9 @@ from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
 WRONG, HOPELESS = 3, 100   # times a drawing's noise: picture errors between which another round is worth while
-LARGEST = 512    # pixels a side of the picture that is searched
-FULL_POLISH = 4  # steps on a larger one
+LARGEST = 512    # pixels a side of the picture that is searched,
+FULL = 1024      # and of a larger one that the code is polished on in the end,
+FULL_POLISH = 4  # in so many steps
 TILINGS = "tiling", "best", "before"   # of `Work`
 DETAIL = Judge(price=1e-4, prior=0.03)
 
@@ -72,10 +74,11 @@ class Work:
 
 @dataclass(frozen=True)
 class Problem:
-    """What all stages share: the image `full` (R,R), what its grey levels say, and the options of `Collage`. The search
-    is made on an `image` of at most 512², and its `masses`. late: whether time is up; memory_gib: see `Collage`."""
+    """What all stages share: the picture `given` (R,R), what its grey levels say, and the options of `Collage`. The
+    search is made on an `image` of at most 512², and its `masses`; `full` is one of at most 1024². late: whether time is
+    up; memory_gib: see `Collage`."""
 
-    full: Tensor
+    given: Tensor
     levels: Levels
     seed: int
     proposals: int
@@ -85,16 +88,22 @@ class Problem:
     late: Callable[[], bool] = never
     memory_gib: float | None = None
     image: Tensor = field(init=False)
+    full: Tensor = field(init=False)
     masses: Tensor = field(init=False)
     memory: MemoryBudget = field(init=False)
 
     def __post_init__(self) -> None:
-        memory = MemoryBudget(self.memory_gib, self.full.shape[0], self.levels.supersample)
-        size = memory.size(LARGEST)
-        image = self.full if size == self.full.shape[0] else self.levels.shrunk(self.full, size)
+        side = self.given.shape[0]
+        memory = MemoryBudget(self.memory_gib, side, self.levels.supersample)
+        image = self._at(memory.size(LARGEST))
         object.__setattr__(self, "memory", memory)
         object.__setattr__(self, "image", image)
+        object.__setattr__(self, "full", self._at(side // math.ceil(side / FULL)))
         object.__setattr__(self, "masses", self.levels.measure(image))
+
+    def _at(self, size: int) -> Tensor:
+        """The picture, of this size."""
+        return self.given if size == self.given.shape[0] else self.levels.shrunk(self.given, size)
 
     def picture(self, image: Tensor, seed: int) -> Picture:
         """The image as a judge of codes, within the memory there is."""
@@ -229,7 +238,8 @@ class Retouch(Stage):
 
 
 class Full(Stage):
-    """The code polished on the picture at its full resolution, where the search was made on a smaller one."""
+    """The code polished on the picture at its full resolution, or on 1024², where the search was made on a smaller one:
+    what is compared are 512² cells, in which a larger drawing only has less noise."""
 
     name, ends = "full size", 0.98
 
@@ -254,4 +264,4 @@ def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_move
                    Retouch(problem, picture_moves, number, others=(rounds - 1 - number) * (fewer + 3))]
         for stage in stages[-count - 3:] if number else []:
             stage.ends = Retouch.ends
-    return [*stages, *([Full(problem, 0)] if problem.image is not problem.full else [])]
+    return [*stages, *([Full(problem, 0)] if problem.full.shape != problem.image.shape else [])]

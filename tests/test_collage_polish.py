@@ -144,7 +144,7 @@ def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
     maps = affine.from_code(code)
     picture = Picture(image, LEVELS["density"])
     search = PictureSearch(picture, LEVELS["density"].measure(image), noise=0.1)
-    fewer = search._without(picture.judge(maps, torch.tensor([0.1, 0.5, 0.2, 0.2])), [3])
+    fewer = picture.without(picture.judge(maps, torch.tensor([0.1, 0.5, 0.2, 0.2])), [3])
     now = search._tiling(fewer)
     shown = search._shown
     for number in range(6):

@@ -100,6 +100,11 @@ class Picture:
         misses, _ = self.frame.penalty(self.frame.misfit(maps, drawn.chances))
         return replace(drawn, error=drawn.error + misses / (self.lit[0] * len(self.lit)))
 
+    def without(self, drawn: Drawn, gone: list[int]) -> Drawn:
+        """The code without some of its maps."""
+        keep = [i for i in range(len(drawn.maps)) if i not in gone]
+        return self.judge(drawn.maps[keep], None if drawn.weights is None else drawn.chances[keep])
+
     def error(self, drawn: Tensor) -> float:
         """Of a drawing (R,R); lower is better."""
         parts = [float(r.square().sum()) / n for r, n in zip(self.residuals(drawn), self.lit, strict=True)]

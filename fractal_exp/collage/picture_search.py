@@ -96,11 +96,16 @@ class PictureSearch:
         if found.weights is not None:
             tied = self._polished(self.picture.judge(found.maps), POLISH)
             found = self._simpler(tied, found)
-        return self._tiling(self.picture.judge(*self._last_polish(found)))
+        last = self._last_polish(found)
+        framed = self.picture.within(Frame.of(self.picture.image))
+        fewer = needed(framed, framed.judge(last.maps, last.weights), self.price, self.fixed or 0, late=self.late)
+        if len(fewer.maps) < len(last.maps):
+            last = self._last_polish(fewer)
+        return self._tiling(self.picture.judge(last.maps, last.weights))
 
-    def _last_polish(self, found: Drawn) -> tuple[Tensor, Tensor | None]:
-        """The maps and weights, polished on several drawings at once, whose noise is less, and into the frame; and where
-        more than noise is left, by the slopes of drawings."""
+    def _last_polish(self, found: Drawn) -> Drawn:
+        """Polished on several drawings at once, whose noise is less, and into the frame; and where more than noise is
+        left, by the slopes of drawings."""
         careful = Picture(self.picture.image, self.picture.levels, self.seed, DRAWINGS, self.picture.maps_at_once)
         near = self.noises(self._tiling(found)) < FAR
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), POLISH, near=near, late=self.late)
@@ -110,7 +115,7 @@ class PictureSearch:
             last = polished(once, once.judge(best.maps, best.weights), REDRAWN, late=self.late, slopes=Redrawn,
                             alone=True)
             best = min(best, careful.judge(last.maps, last.weights), key=_error)
-        return best.maps, best.weights
+        return best
 
     def settled(self, now: Tiling, moves: int) -> bool:
         """Whether the code draws the picture as well as the true one would; after many moves, nearly as well."""
@@ -149,16 +154,16 @@ class PictureSearch:
     def _turned(self, shown: Drawn, g: torch.Generator) -> Drawn:
         """A map turned or mirrored in its place."""
         gone = self._small(shown, g)
-        return self._fitted(self._grown(self._without(shown, gone), shown, shown.maps[gone[0]], g), shown)
+        return self._fitted(self._grown(self.picture.without(shown, gone), shown, shown.maps[gone[0]], g), shown)
 
     def _replaced(self, shown: Drawn, g: torch.Generator) -> Drawn:
         """Another map instead of one."""
-        return self._fitted(self._grown(self._without(shown, self._small(shown, g)), shown, None, g), shown)
+        return self._fitted(self._grown(self.picture.without(shown, self._small(shown, g)), shown, None, g), shown)
 
     def _fewer(self, shown: Drawn, g: torch.Generator) -> Drawn:
         """One to three maps gone: small ones that make up for what is wrong in another hold it where it is."""
         most = min(len(shown.maps) - 2, 3)
-        return self._settled(self._without(shown, self._small(shown, g, 1 + int(torch.randint(most, (), generator=g)))),
+        return self._settled(self.picture.without(shown, self._small(shown, g, 1 + int(torch.randint(most, (), generator=g)))),
                              shown)
 
     def _root(self, shown: Drawn, g: torch.Generator) -> Drawn:
@@ -254,20 +259,10 @@ class PictureSearch:
     # -- codes and drawings -------------------------------------------------------------------------------------------
 
     def _needed(self, drawn: Drawn) -> Drawn:
-        """The code without the maps that the picture does not ask for."""
-        while len(drawn.maps) > max(2, self.fixed or 0) and not self.late():
-            fewer = min((self._without(drawn, [i]) for i in range(len(drawn.maps))), key=_error)
-            if self._score(fewer) >= self._score(drawn):
-                break
-            drawn = fewer
-        return drawn
+        return needed(self.picture, drawn, self.price, self.fixed or 0, late=self.late)
 
     def _polished(self, drawn: Drawn, steps: int, moving: Sequence[int] | None = None) -> Drawn:
         return polished(self.picture, drawn, steps, moving, late=self.late)
-
-    def _without(self, drawn: Drawn, gone: list[int]) -> Drawn:
-        keep = [i for i in range(len(drawn.maps)) if i not in gone]
-        return self.picture.judge(drawn.maps[keep], None if drawn.weights is None else drawn.chances[keep])
 
     def _with(self, drawn: Drawn, born: Tensor, weight: Tensor) -> Drawn:
         return self.picture.judge(torch.cat([drawn.maps, born[None]]),
@@ -286,6 +281,16 @@ class PictureSearch:
         if self._shown is None or self._shown.maps is not now.maps:
             self._shown = self.picture.judge(now.maps, now.chances)
         return self._shown
+
+
+def needed(picture: Picture, drawn: Drawn, price: float, least: int = 0, *, late: Callable[[], bool] = never) -> Drawn:
+    """The code without the maps that the picture does not ask for, at a price a map; at least so many stay."""
+    while len(drawn.maps) > max(2, least) and not late():
+        fewer = min((picture.without(drawn, [i]) for i in range(len(drawn.maps))), key=_error)
+        if fewer.error >= drawn.error + price:
+            break
+        drawn = fewer
+    return drawn
 
 
 def _error(drawn: Drawn) -> float:

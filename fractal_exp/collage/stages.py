@@ -15,7 +15,7 @@ from ..seeds import derive
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture
-from .picture_search import FAR, PictureSearch
+from .picture_search import FAR, PRICE, PictureSearch, needed
 from .polish import fitted_into_frame, never
 from .refine import grid_for
 from .search import Judge, Search, Tiling
@@ -248,7 +248,9 @@ class Full(Stage):
 
     def begin(self, work: Work) -> Tiling:
         start = self.picture.judge(work.result.maps, work.result.chances)
-        near = start.error < FAR * self.picture.noise(start.code)
+        noise = self.picture.noise(start.code)
+        start = needed(self.picture, start, PRICE * noise, self.problem.fixed or 0, late=self.problem.late)
+        near = start.error < FAR * noise
         drawn = fitted_into_frame(self.picture, start, FULL_POLISH, near=near, late=self.problem.late)
         return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
 

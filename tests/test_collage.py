@@ -210,8 +210,9 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     stage.open(work)
     away = affine.distances(stage.begin(work).maps, affine.from_code(code), binned(problem.masses, 64))
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
-    assert plan(Problem(problem.image, problem.levels, 0, 1, 64, None, None), islands=1, moves=0, rounds=1,
-                detail_moves=0, picture_moves=0)[-1].name == "picture"
+    names = [stage.name for stage in plan(Problem(problem.image, problem.levels, 0, 1, 64, None, None), islands=1,
+                                          moves=0, rounds=1, detail_moves=0, picture_moves=0)]
+    assert names == ["search", "search", "detail", "picture"]
 
 
 def test_another_round_begins_only_where_the_picture_is_far_off(triangle):

@@ -9,7 +9,7 @@ from fractal_exp import attractor, codes, suite
 from fractal_exp.collage import maps as affine
 from fractal_exp.collage.births import flattened, mirrored, turned
 from fractal_exp.collage.measure import LEVELS, binned
-from fractal_exp.collage.picture import Picture
+from fractal_exp.collage.picture import Picture, reduced
 from fractal_exp.collage.picture_search import PictureSearch
 from fractal_exp.collage.polish import polished
 from fractal_exp.collage.search import Tiling
@@ -154,3 +154,18 @@ def test_the_mean_of_several_drawings_has_less_noise(triangle):
     one, four = (Picture(image, LEVELS["density"], drawings=n) for n in (1, 4))
     maps = affine.from_code(code)
     assert four.judge(maps).error < 0.75 * one.judge(maps).error
+
+
+@pytest.mark.parametrize(("kind", "levels", "noises"), [("grey", "density", 1.2), ("binary", "binary", 3)])
+def test_a_reduced_picture_is_as_it_would_have_been_drawn(kind, levels, noises):
+    code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
+    levels, image = LEVELS[levels], suite.target(code, 512, kind)
+
+    def error(picture: Picture) -> float:
+        return picture.error(picture.draw(code)) / picture.noise(code)
+
+    shrunk = error(Picture(levels.shrunk(image, 256), levels))
+    known = error(Picture(reduced(image, 256, code, levels, 0), levels))
+    away = affine.from_code(code) + 3e-4 * torch.randn(4, 6, generator=torch.Generator().manual_seed(0))
+    nearly = error(Picture(reduced(image, 256, affine.to_code(away), levels, 0), levels))
+    assert known < noises and known < 0.7 * shrunk and known < nearly < shrunk

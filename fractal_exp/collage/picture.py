@@ -18,6 +18,7 @@ from .measure import Levels
 GRIDS = 4          # compared, each half as fine as the one before
 FINEST = 512       # cells a side of the first
 LEAST_NOISE = 1e-3
+SMALL = 4          # drawings whose mean tells what a smaller picture would show
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,22 @@ class Picture:
         """The error that the true code would have by chance, told from two drawings of this one."""
         other = Picture(self.draw(code, "again"), self.levels)
         return max(LEAST_NOISE, other.error(self.draw(code)))
+
+
+def reduced(image: Tensor, size: int, code: IFS, levels: Levels, seed: int) -> Tensor:
+    """The picture (R,R) at a smaller size (S,S), as it would have been drawn.
+
+    `levels.shrunk` errs where the shape is finer than a pixel, by many times the noise of a drawing; but a code that is
+    nearly right shows by how much, drawn at both sizes. The difference is undone between levels of equal variance.
+    """
+    subpixels = levels.supersample**2
+    shrunk = levels.shrunk(image, size)
+    large = levels.shrunk(levels.observe(code, image.shape[0], derive(seed, "large")).to(image), size)
+    small = torch.stack([levels.observe(code, size, derive(seed, "small", n)).to(image) for n in range(SMALL)]).mean(0)
+    stable = stabilize(shrunk, subpixels) - stabilize(large, subpixels) + stabilize(small, subpixels)
+    share = stable.clamp(0, torch.pi / 2).sin().square()
+    found = ((share * (subpixels + 0.75) - 0.375) / subpixels).clamp(0, 1)
+    return torch.where(shrunk > 0, found, 0)
 
 
 def stabilize(image: Tensor, subpixels: float) -> Tensor:

@@ -11,10 +11,11 @@ import torch
 from torch import Tensor
 
 from ..checkpoint import Snapshot
+from ..ifs import IFS
 from ..seeds import derive
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
-from .picture import Picture
+from .picture import Picture, reduced
 from .picture_search import FAR, PRICE, PictureSearch, needed
 from .polish import fitted_into_frame, never
 from .refine import grid_for
@@ -75,7 +76,7 @@ class Work:
 @dataclass(frozen=True)
 class Problem:
     """What all stages share: the picture `given` (R,R), what its grey levels say, and the options of `Collage`. The
-    search is made on an `image` of at most 512², and its `masses`; `full` is one of at most 1024². late: whether time is
+    search is made on an `image` of at most 512², and its `masses`; `full_side` is at most 1024. late: whether time is
     up; memory_gib: see `Collage`."""
 
     given: Tensor
@@ -88,26 +89,30 @@ class Problem:
     late: Callable[[], bool] = never
     memory_gib: float | None = None
     image: Tensor = field(init=False)
-    full: Tensor = field(init=False)
+    full_side: int = field(init=False)
     masses: Tensor = field(init=False)
     memory: MemoryBudget = field(init=False)
 
     def __post_init__(self) -> None:
         side = self.given.shape[0]
         memory = MemoryBudget(self.memory_gib, side, self.levels.supersample)
-        image = self._at(memory.size(LARGEST))
+        size = memory.size(LARGEST)
+        image = self.given if size == side else self.levels.shrunk(self.given, size)
         object.__setattr__(self, "memory", memory)
         object.__setattr__(self, "image", image)
-        object.__setattr__(self, "full", self._at(side // math.ceil(side / FULL)))
+        object.__setattr__(self, "full_side", side // math.ceil(side / FULL))
         object.__setattr__(self, "masses", self.levels.measure(image))
 
-    def _at(self, size: int) -> Tensor:
-        """The picture, of this size."""
-        return self.given if size == self.given.shape[0] else self.levels.shrunk(self.given, size)
+    @property
+    def is_reduced(self) -> bool:
+        """Whether the search is made on a smaller picture than the one given."""
+        return self.image is not self.given
 
-    def picture(self, image: Tensor, seed: int) -> Picture:
-        """The image as a judge of codes, within the memory there is."""
-        return Picture(image, self.levels, seed, maps_at_once=self.memory.maps_at_once(image.shape[0]))
+    def picture(self, size: int, code: IFS, seed: int) -> Picture:
+        """The picture at this size as a judge of codes, within the memory there is; `code` is the best so far."""
+        whole = size == self.given.shape[0]
+        image = self.given if whole else reduced(self.given, size, code, self.levels, seed)
+        return Picture(image, self.levels, seed, maps_at_once=self.memory.maps_at_once(size))
 
     def search(self, masses: Tensor, wanted: int, seed: int, **options: object) -> Search:
         """On a grid of `wanted` cells a side, or what the picture can fill."""
@@ -205,6 +210,18 @@ class Detail(Stage):
         return self.search.resume(work.best.maps, work.best.weights)
 
 
+class Approach(Stage):
+    """The code polished on a picture that was made smaller, which is known the better the nearer the code is."""
+
+    name, ends = "approach", 0.75
+
+    def open(self, work: Work) -> None:
+        self.search = picture_search(self.problem, work.best.code, "approach", self.number)
+
+    def begin(self, work: Work) -> Tiling:
+        return self.search.resume(work.best)
+
+
 class Retouch(Stage):
     """Refinement, and moves of single maps, judged by the picture; the end of a round. If the code is still wrong,
     and the picture not so far off that it may be of no code at all, another round begins, with the maps found so far in
@@ -217,10 +234,7 @@ class Retouch(Stage):
         self.others = others
 
     def open(self, work: Work) -> None:
-        problem, seed = self.problem, derive(self.problem.seed, "retouch", self.number)
-        picture = problem.picture(problem.image, seed)
-        self.search = PictureSearch(picture, problem.masses, noise=picture.noise(work.best.code), seed=seed,
-                                    finest=problem.finest, fixed=problem.fixed, most=problem.most, late=problem.late)
+        self.search = picture_search(self.problem, work.best.code, "retouch", self.number)
 
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best)
@@ -229,6 +243,8 @@ class Retouch(Stage):
         return self.search.settled(now, moves)
 
     def close(self, work: Work) -> Work:
+        if self.problem.is_reduced and not self.problem.late():
+            self.search = picture_search(self.problem, work.tiling.code, "finish", self.number)
         found = self.search.finish(work.tiling)
         best = found if work.before is None or found.score < work.before.score else work.before
         if self.others and WRONG < self.search.noises(best) < HOPELESS:
@@ -244,7 +260,7 @@ class Full(Stage):
     name, ends = "full size", 0.98
 
     def open(self, work: Work) -> None:
-        self.picture = self.problem.picture(self.problem.full, derive(self.problem.seed, "full"))
+        self.picture = self.problem.picture(self.problem.full_side, work.result.code, derive(self.problem.seed, "full"))
 
     def begin(self, work: Work) -> Tiling:
         start = self.picture.judge(work.result.maps, work.result.chances)
@@ -262,8 +278,19 @@ def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_move
     for number in range(rounds):
         count = fewer if number else islands
         stages += [Island(problem, moves, 1000 * number + island, count - 1 - island) for island in range(count)]
-        stages += [Closing(problem, moves if islands > 1 else 0, number), Detail(problem, detail_moves, number),
-                   Retouch(problem, picture_moves, number, others=(rounds - 1 - number) * (fewer + 3))]
-        for stage in stages[-count - 3:] if number else []:
+        stages += [Closing(problem, moves if islands > 1 else 0, number), Detail(problem, detail_moves, number)]
+        approach = [Approach(problem, 0, number)] if problem.is_reduced else []
+        others = (rounds - 1 - number) * (fewer + 3 + len(approach))
+        stages += [*approach, Retouch(problem, picture_moves, number, others)]
+        for stage in stages[-count - 3 - len(approach):] if number else []:
             stage.ends = Retouch.ends
-    return [*stages, *([Full(problem, 0)] if problem.full.shape != problem.image.shape else [])]
+    return [*stages, *([Full(problem, 0)] if problem.full_side > len(problem.image) else [])]
+
+
+def picture_search(problem: Problem, code: IFS, *path: str | int) -> PictureSearch:
+    """The search by the picture, at the size of the problem's image; `code` is the best so far."""
+    seed = derive(problem.seed, *path)
+    picture = problem.picture(len(problem.image), code, seed)
+    masses = problem.levels.measure(picture.image) if problem.is_reduced else problem.masses
+    return PictureSearch(picture, masses, noise=picture.noise(code), seed=seed, finest=problem.finest,
+                         fixed=problem.fixed, most=problem.most, late=problem.late)

@@ -30,6 +30,7 @@ from fractal_exp.evaluation.summary import summarize
 from fractal_exp.methods.collage import Collage
 
 METRICS = ["f1", "iou", "psnr", "ssim"]
+LAST_STAGES = "picture", "full size"   # whose last round counts
 
 
 def recover(fractal: int | str, seed: int, kind: str, resolution: int, options: dict, folder: Path) -> pd.DataFrame:
@@ -42,7 +43,7 @@ def recover(fractal: int | str, seed: int, kind: str, resolution: int, options: 
 
     def keep(progress) -> None:  # noqa: ANN001
         first_round = "picture" not in found
-        if progress.code is not None and (first_round or progress.stage == "picture"):
+        if progress.code is not None and (first_round or progress.stage in LAST_STAGES):
             found[progress.stage] = progress, time.process_time() - start
 
     method = Collage(**{"proposals": 1, "previews": 0} | options)

@@ -7,6 +7,7 @@ import torch
 from fractal_exp import InputError, attractor, codes, invert, samples, suite
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.collage import maps as affine
+from fractal_exp.collage import stages
 from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
 from fractal_exp.collage.picture import Drawn
 from fractal_exp.collage.picture_search import PictureSearch
@@ -152,6 +153,38 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, s
         small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
     resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+
+
+def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, tmp_path, monkeypatch):
+    _, image = triangle
+    monkeypatch.setattr(stages, "LARGEST", 64)
+    monkeypatch.setattr(stages, "FULL", 96)
+    told = []
+    whole = small().reconstruct(image, on_step=told.append).code
+    ends = [progress.stage for progress in told if progress.code is not None]
+    assert ends[-4:] == ["detail", "approach", "picture", "full size"]
+    for number in range(len(ends) - 4, len(ends) - 1):
+        left = iter(range(number))
+
+        def interrupt(progress, left=left):
+            if progress.code is not None and next(left, None) is None:
+                raise KeyboardInterrupt
+
+        path = tmp_path / f"{number}.safetensors"
+        with pytest.raises(KeyboardInterrupt):
+            small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
+        resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+        assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+
+
+def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
+    _, image = triangle
+    large = torch.nn.functional.interpolate(image[None, None], scale_factor=5)[0, 0]
+    problem = Problem(large, LEVELS["coverage"], 0, 1, 64, None, None)
+    assert problem.image.shape == (320, 320) and problem.full_side == 640
+    names = [s.name for s in plan(problem, rounds=2, islands=3, moves=1, detail_moves=1, picture_moves=1)]
+    once = ["search", "detail", "approach", "picture"]
+    assert names == ["search"] * 3 + once + ["search"] * 2 + once + ["full size"]
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):

@@ -150,5 +150,6 @@ def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
     for number in range(6):
         search._shown = shown
         again = PictureSearch(picture, search.masses, noise=0.1)
-        live, resumed = search.step(now, number), again.step(Tiling(now.maps, now.weights, now.error, now.score), number)
+        live = search.step(now, number)
+        resumed = again.step(Tiling(now.maps, now.weights, now.error, now.score), number)
         assert torch.equal(live.maps, resumed.maps) and torch.equal(live.weights, resumed.weights)

@@ -19,7 +19,7 @@ SIGMA_PX = 0.05           # of a misfit that counts as much as the counting erro
 class Frame:
     """Targets are brought to the canvas by their box: centred, the longer side from -0.75 to 0.75. That of the random
     suite and of the classics is the attractor's `visible_box`, that of a picture file the box of what is lit, which
-    for an attractor is nearly the same. What is lit may exceed the frame, as the visible box leaves out the rarest tips.
+    for an attractor is nearly the same. What is lit may exceed the frame: the visible box leaves out the rarest tips.
 
     side: pixels a side of the picture.
     """
@@ -39,8 +39,8 @@ class Frame:
         return cls(side) if fills and max(off) < (LONG - 1) * FRAME_SIDE else None
 
     def misfit(self, maps: Tensor, chances: Tensor) -> Tensor:
-        """How far the attractor's visible box is from the frame, (3,) float64 pixels, for maps (N,6) of chances (N,): its
-        lower and its upper end along its longer side, and its centre along the other."""
+        """How far the attractor's visible box is from the frame, (3,) float64 pixels, for maps (N,6) and chances (N,):
+        its lower and upper end along its longer side, and its centre along the other."""
         low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, chances))])
         return self._misfit(low, high)
 

@@ -25,7 +25,7 @@ DENSITY_SHARE = 0.25                   # of inner pixels that are not white, fro
 class Levels:
     """What the grey levels of a picture say, shares of `supersample`² subpixels of each pixel: `measure` turns an image
     (R,R) into masses (R,R), `observe` draws a code as such a picture, with a seed, `dark` tells from a pixel's grey
-    level and that around it what part of the pixel more mass can still light up, `shrunk` makes of an image one of (S,S),
+    level and that around it what part of the pixel more mass can still light up, `shrunk` makes an image (S,S) of one,
     as it would have been drawn were it smooth, and `nudge_px` is by how far an image has to move to be drawn
     otherwise."""
 

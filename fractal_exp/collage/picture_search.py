@@ -27,6 +27,7 @@ from .search import Tiling
 
 PRICE = 0.04                   # of a map, in units of a drawing's noise
 CANDIDATES, MOVED, DRAWN = 24, 6, 3   # maps born in a move; those of them that are moved finely, and drawn
+LINES = 12                     # turned maps that are drawn where one is a line
 WIDTHS = (1, 0.25, 0.03)       # times that of a new image, drawn as well
 THIN = 0.1                     # times its length: the width of an image that is a line
 SIZES = (0.02, 0.95)           # of the larger singular values at birth
@@ -96,12 +97,17 @@ class PictureSearch:
         if found.weights is not None:
             tied = self._polished(self.picture.judge(found.maps), POLISH)
             found = self._simpler(tied, found)
-        last = self._last_polish(found)
-        framed = self.picture.within(Frame.of(self.picture.image))
-        fewer = needed(framed, framed.judge(last.maps, last.weights), self.price, self.fixed or 0, late=self.late)
+        last = self._last_judged(found)
+        near = self.noises(self._tiling(last)) < FAR
+        fewer = without_superfluous(self.picture, last, self.price, self.fixed or 0, near=near, late=self.late)
         if len(fewer.maps) < len(last.maps):
-            last = self._last_polish(fewer)
-        return self._tiling(self.picture.judge(last.maps, last.weights))
+            last = min(last, self._last_judged(fewer), key=self._score)
+        return self._tiling(last)
+
+    def _last_judged(self, found: Drawn) -> Drawn:
+        """After the last polish, drawn once."""
+        last = self._last_polish(found)
+        return self.picture.judge(last.maps, last.weights)
 
     def _last_polish(self, found: Drawn) -> Drawn:
         """Polished on several drawings at once, whose noise is less, and into the frame; and where more than noise is
@@ -116,6 +122,10 @@ class PictureSearch:
                             alone=True)
             best = min(best, careful.judge(last.maps, last.weights), key=_error)
         return best
+
+    def judged(self, tiling: Tiling) -> Tiling:
+        """The tiling with the error and score that it has here."""
+        return self._tiling(self.picture.judge(tiling.maps, tiling.weights))
 
     def settled(self, now: Tiling, moves: int) -> bool:
         """Whether the code draws the picture as well as the true one would; after many moves, nearly as well."""
@@ -163,8 +173,8 @@ class PictureSearch:
     def _fewer(self, shown: Drawn, g: torch.Generator) -> Drawn:
         """One to three maps gone: small ones that make up for what is wrong in another hold it where it is."""
         most = min(len(shown.maps) - 2, 3)
-        return self._settled(self.picture.without(shown, self._small(shown, g, 1 + int(torch.randint(most, (), generator=g)))),
-                             shown)
+        gone = self._small(shown, g, 1 + int(torch.randint(most, (), generator=g)))
+        return self._settled(self.picture.without(shown, gone), shown)
 
     def _root(self, shown: Drawn, g: torch.Generator) -> Drawn:
         """The square or cube root of a large map instead of it, and what is then superfluous gone: an attractor is also
@@ -203,10 +213,12 @@ class PictureSearch:
         measure, coarse = measures.fine, measures.coarse
         volume = affine.volumes(shown.maps).sum()
         explained = self._explained(drawn, measures, volume)
+        drawings = []
         if old is not None:
             born = turned(old, measure, CANDIDATES, g)
-            if affine.thinness(old, measure) < THIN:
-                return self._likeliest(drawn, flattened(born, measure, WIDTHS[-1]), volume)
+            if affine.thinness(old, measure) < THIN:  # no grid tells which way a line lies
+                lines = flattened(born[:LINES], measure, WIDTHS[-1])
+                drawings += [self._with(drawn, each, affine.volumes(each[None])[0] / volume) for each in lines]
         else:
             wanted = (measure.bins.clamp_min(0).sqrt() - explained.clamp_min(0).sqrt()).square() + 1e-12
             born = candidates(wanted, wanted, measure, SIZES, CANDIDATES, CANDIDATES // 2, g)
@@ -220,20 +232,14 @@ class PictureSearch:
         best = errors.argsort()[:DRAWN]
         born, weights = born[best, 0], weights[best, 0]
         first = torch.cat([flattened(born[:1], measure, width) for width in WIDTHS])
-        drawings = [self._with(drawn, each, weights[0]) for each in first]
-        width = min(range(len(WIDTHS)), key=lambda k: drawings[k].error)
-        drawings += [self._with(drawn, each, weight) for each, weight in
-                     zip(flattened(born[1:], measure, WIDTHS[width]), weights[1:], strict=True)]
+        widths = [self._with(drawn, each, weights[0]) for each in first]
+        width = min(range(len(WIDTHS)), key=lambda k: widths[k].error)
+        drawings += [*widths, *(self._with(drawn, each, weight) for each, weight in
+                     zip(flattened(born[1:], measure, WIDTHS[width]), weights[1:], strict=True))]
         likeliest = min(drawings, key=_error).maps[-1]
         for model in (likeliest, old) if old is not None else (likeliest,):
             drawings += [self._with(drawn, each, weights[0]) for each in mirrored(model, measure)]
         return min(drawings, key=_error)
-
-    def _likeliest(self, drawn: Drawn, born: Tensor, volume: Tensor) -> Drawn:
-        """The code with the best of the maps (n,6), by their drawings alone: of lines a grid cannot tell which way they
-        lie."""
-        return min((self._with(drawn, each, weight) for each, weight in
-                    zip(born, affine.volumes(born) / volume, strict=True)), key=_error)
 
     def _explained(self, drawn: Drawn, measures: _Measures, volume: Tensor) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile or their drawing shows. Where a map is
@@ -281,6 +287,14 @@ class PictureSearch:
         if self._shown is None or self._shown.maps is not now.maps:
             self._shown = self.picture.judge(now.maps, now.chances)
         return self._shown
+
+
+def without_superfluous(picture: Picture, drawn: Drawn, price: float, least: int, *, near: bool,
+                        late: Callable[[], bool] = never) -> Drawn:
+    """As `needed`, of a polished code: where it is nearly found, a map that nobody sees may still decide the frame."""
+    framed = picture.within(Frame.of(picture.image) if near else None)
+    fewer = needed(framed, framed.judge(drawn.maps, drawn.weights), price, least, late=late)
+    return drawn if len(fewer.maps) == len(drawn.maps) else picture.judge(fewer.maps, fewer.weights)
 
 
 def needed(picture: Picture, drawn: Drawn, price: float, least: int = 0, *, late: Callable[[], bool] = never) -> Drawn:

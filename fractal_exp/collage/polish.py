@@ -54,7 +54,7 @@ def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] |
 
 def fitted_into_frame(picture: Picture, start: Drawn, steps: int, *, near: bool,
                       late: Callable[[], bool] = never) -> Drawn:
-    """The drawing polished such that the attractor fills the frame of its picture, as that tells of tips too faint to be
+    """The drawing polished such that the attractor fills the frame of its picture, which tells of tips too faint to be
     seen, unless it has none, the code is not nearly found (`near`), or the picture is drawn notably worse for it."""
     frame = Frame.of(picture.image) if near else None
     if frame is not None:

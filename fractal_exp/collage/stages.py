@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -16,8 +15,8 @@ from ..seeds import derive
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture, reduced
-from .picture_search import FAR, PRICE, PictureSearch, needed
-from .polish import fitted_into_frame, never
+from .picture_search import FAR, PRICE, PictureSearch, without_superfluous
+from .polish import fitted_into_frame
 from .refine import grid_for
 from .search import Judge, Search, Tiling
 
@@ -76,8 +75,8 @@ class Work:
 @dataclass(frozen=True)
 class Problem:
     """What all stages share: the picture `given` (R,R), what its grey levels say, and the options of `Collage`. The
-    search is made on an `image` of at most 512², and its `masses`; `full_side` is at most 1024. late: whether time is
-    up; memory_gib: see `Collage`."""
+    search is made on an `image` of at most 512², and its `masses`; `full_side` is at most 1024. part: how much of the
+    time has passed, up to 1; memory_gib: see `Collage`."""
 
     given: Tensor
     levels: Levels
@@ -86,7 +85,7 @@ class Problem:
     finest: int
     fixed: int | None
     most: int | None
-    late: Callable[[], bool] = never
+    part: Callable[[], float] = float
     memory_gib: float | None = None
     image: Tensor = field(init=False)
     full_side: int = field(init=False)
@@ -100,8 +99,12 @@ class Problem:
         image = self.given if size == side else self.levels.shrunk(self.given, size)
         object.__setattr__(self, "memory", memory)
         object.__setattr__(self, "image", image)
-        object.__setattr__(self, "full_side", side // math.ceil(side / FULL))
+        object.__setattr__(self, "full_side", min(side, FULL))
         object.__setattr__(self, "masses", self.levels.measure(image))
+
+    def late(self) -> bool:
+        """Whether time is up."""
+        return self.part() >= 1
 
     @property
     def is_reduced(self) -> bool:
@@ -217,6 +220,7 @@ class Approach(Stage):
 
     def open(self, work: Work) -> None:
         self.search = picture_search(self.problem, work.best.code, "approach", self.number)
+        self.search.late = lambda: self.problem.part() >= self.ends  # all of it is one step
 
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best)
@@ -245,8 +249,10 @@ class Retouch(Stage):
     def close(self, work: Work) -> Work:
         if self.problem.is_reduced and not self.problem.late():
             self.search = picture_search(self.problem, work.tiling.code, "finish", self.number)
-        found = self.search.finish(work.tiling)
-        best = found if work.before is None or found.score < work.before.score else work.before
+        found, before = self.search.finish(work.tiling), work.before
+        if before is not None and self.problem.is_reduced:  # it was judged by another picture
+            before = self.search.judged(before)
+        best = found if before is None or found.score < before.score else before
         if self.others and WRONG < self.search.noises(best) < HOPELESS:
             pool = torch.cat([work.pool, found.maps])
             return replace(work.done(None), before=best, pool=pool, scores=())
@@ -264,11 +270,14 @@ class Full(Stage):
 
     def begin(self, work: Work) -> Tiling:
         start = self.picture.judge(work.result.maps, work.result.chances)
-        noise = self.picture.noise(start.code)
-        start = needed(self.picture, start, PRICE * noise, self.problem.fixed or 0, late=self.problem.late)
+        noise, late = self.picture.noise(start.code), self.problem.late
         near = start.error < FAR * noise
-        drawn = fitted_into_frame(self.picture, start, FULL_POLISH, near=near, late=self.problem.late)
+        start = without_superfluous(self.picture, start, PRICE * noise, self.problem.fixed or 0, near=near, late=late)
+        drawn = fitted_into_frame(self.picture, start, FULL_POLISH, near=near, late=late)
         return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
+
+    def close(self, work: Work) -> Work:
+        return replace(work.done(work.tiling), before=None)
 
 
 def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_moves: int, picture_moves: int

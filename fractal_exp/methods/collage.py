@@ -83,8 +83,8 @@ class Collage(Method):
         image = check_target(target).to(self.device)
         levels = self._levels_of(image)
         clock = _Clock(self.seconds)
-        problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most, clock.late,
-                          self.memory_gib)
+        problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most,
+                          lambda: clock.part, self.memory_gib)
         stages = plan(problem, rounds=self.rounds, islands=self.islands, moves=self.moves,
                       detail_moves=self.detail_moves, picture_moves=self.picture_moves)
         snapshot = checkpoint.load() if checkpoint else None
@@ -169,7 +169,3 @@ class _Clock:
     @property
     def part(self) -> float:
         return (time.monotonic() - self.start) / self.seconds if self.seconds else 0.0
-
-    def late(self) -> bool:
-        """Whether time is up."""
-        return self.part >= 1

@@ -99,8 +99,7 @@ class Played(Jacobian):
         greys = picture.grids(drawn.image)
         smooth = _smooth(greys[0]).clamp(max=1 - 0.5 / picture.subpixels)
         kappa = -(1 - smooth).log() / _smooth(known).clamp_min(1e-12)
-        lit = (known > 0) & (smooth > 0)
-        kappa = torch.where(lit, kappa, kappa[lit].median() if bool(lit.any()) else 0)  # what is dark can be lit
+        kappa = torch.where(known > 0, kappa, 0)
         slope = picture.levels.dark(greys[0], smooth) * kappa
         columns = known.new_empty(len(self.units), *known.shape)
         for k in range(len(self.units)):

@@ -27,7 +27,6 @@ from .search import Tiling
 
 PRICE = 0.04                   # of a map, in units of a drawing's noise
 CANDIDATES, MOVED, DRAWN = 24, 6, 3   # maps born in a move; those of them that are moved finely, and drawn
-LINES = 12                     # turned maps that are drawn where one is a line
 WIDTHS = (1, 0.25, 0.03)       # times that of a new image, drawn as well
 THIN = 0.1                     # times its length: the width of an image that is a line
 SIZES = (0.02, 0.95)           # of the larger singular values at birth
@@ -217,7 +216,7 @@ class PictureSearch:
         if old is not None:
             born = turned(old, measure, CANDIDATES, g)
             if affine.thinness(old, measure) < THIN:  # no grid tells which way a line lies
-                lines = flattened(born[:LINES], measure, WIDTHS[-1])
+                lines = flattened(born, measure, WIDTHS[-1])
                 drawings += [self._with(drawn, each, affine.volumes(each[None])[0] / volume) for each in lines]
         else:
             wanted = (measure.bins.clamp_min(0).sqrt() - explained.clamp_min(0).sqrt()).square() + 1e-12

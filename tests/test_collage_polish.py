@@ -13,7 +13,7 @@ from fractal_exp.collage.jacobian import Played, Redrawn
 from fractal_exp.collage.measure import LEVELS, binned
 from fractal_exp.collage.memory import MemoryBudget
 from fractal_exp.collage.picture import Picture
-from fractal_exp.collage.picture_search import THIN, PictureSearch
+from fractal_exp.collage.picture_search import THIN, PictureSearch, without_superfluous
 from fractal_exp.collage.polish import polished
 from fractal_exp.collage.search import Tiling
 from fractal_exp.methods.collage import Collage
@@ -153,3 +153,15 @@ def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
         live = search.step(now, number)
         resumed = again.step(Tiling(now.maps, now.weights, now.error, now.score), number)
         assert torch.equal(live.maps, resumed.maps) and torch.equal(live.weights, resumed.weights)
+
+
+def test_a_polished_code_loses_what_neither_picture_nor_frame_asks_for(triangle):
+    maps = torch.cat([affine.from_code(triangle[0]), torch.tensor([[0.01, 0, 0, 0.01, 0.2, 1.2]])])
+    maps = affine.from_code(attractor.normalize(affine.to_code(maps)))  # the last map is a tip that decides the box
+    picture = Picture(suite.target(affine.to_code(maps), 128), LEVELS["density"])
+    drawn = picture.judge(maps)
+    price = 1.5 * (picture.without(drawn, [3]).error - drawn.error)
+    blind = without_superfluous(picture, drawn, price, 3, near=False)
+    assert torch.equal(blind.maps, maps[:3]) and blind.error == picture.judge(maps[:3]).error
+    assert without_superfluous(picture, drawn, price, 3, near=True) is drawn
+    assert without_superfluous(picture, drawn, price, 4, near=False) is drawn  # as many as there must be

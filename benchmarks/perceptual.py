@@ -3,6 +3,7 @@
     python -m benchmarks.perceptual                                     mse, mip_mse, ssim and fractal
     python -m benchmarks.perceptual --lpips-squeeze squeezenet1_1.pth   and LPIPS-squeeze with these weights
     python -m benchmarks.perceptual --weights mine.safetensors          another network of fractal-perceptual
+    python -m benchmarks.perceptual --resolutions                       the cost alone; correlations stay in the file
 
 Spearman's correlation of a distance with the displacement of the attractor's points (root mean square, points of one
 address), on held-out codes and copies that were moved by a known amount: `within`, the mean over the truths of the
@@ -96,7 +97,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=60, help="truths")
     parser.add_argument("--copies", type=int, default=20, help="moved copies of each")
     parser.add_argument("--seed", type=int, default=0, help="of the held-out codes")
-    parser.add_argument("--resolutions", type=int, nargs="+", default=[64, 128, 256])
+    parser.add_argument("--resolutions", type=int, nargs="*", default=[64, 128, 256])
     parser.add_argument("--weights", help="of fractal (default: those in the package)")
     parser.add_argument("--lpips-squeeze", default=os.environ.get("FRACTAL_EXP_LPIPS_SQUEEZE"), metavar="FILE")
     parser.add_argument("--threads", type=int, nargs="+", default=sorted({1, min(2, threads.available())}),
@@ -116,6 +117,9 @@ def main() -> None:
         for name, value in cost.items():
             print(f"  {name:40s} {value:8.2f}")
         print(f"  lpips_alex (lpips package) over fractal  {cost['lpips_alex, lpips package'] / cost['fractal']:8.1f}")
+    if not args.resolutions:
+        write(args.output, {"milliseconds": costs, "timed with torch": torch.__version__})
+        return
     truths = held_out.truths(args.count, args.copies, args.seed)
     tables = {}
     for resolution in args.resolutions:
@@ -131,10 +135,16 @@ def main() -> None:
                          for key in ("within", "pooled")]
                 print(f"  {'over ' + name:15s} {shown[0]:24s} {shown[1]:24s}")
     recipe = fractal_features.load(args.weights).recipe
-    facts = {"count": args.count, "copies": args.copies, "seed": args.seed,
-             "torch": torch.__version__, "recipe": recipe, "milliseconds": costs, "spearman": tables}
-    args.output.parent.mkdir(parents=True, exist_ok=True)
-    args.output.write_text(json.dumps(facts, indent=1) + "\n")
+    write(args.output, {"count": args.count, "copies": args.copies, "seed": args.seed, "torch": torch.__version__,
+                        "timed with torch": torch.__version__, "recipe": recipe, "milliseconds": costs,
+                        "spearman": tables})
+
+
+def write(path: Path, facts: dict) -> None:
+    """Put these facts into the file, beside those that it has."""
+    known = json.loads(path.read_text()) if path.is_file() else {}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(known | facts, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -25,6 +25,6 @@ def use(count: int | None = None) -> int:
     import numba
     import torch
 
-    torch.set_num_threads(count)
     numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    torch.set_num_threads(count)  # after numba, which sets all cores for both where they share an OpenMP library
     return count

@@ -15,6 +15,7 @@ from fractal_exp import InputError, fractal_features, perceptual, perceptual_dis
 from fractal_exp.codes import known
 from fractal_exp.evaluation import evaluate, summarize
 from fractal_exp.evaluation.scoring import Perceptual as Measured
+from fractal_exp.feature_distance import unit_distance
 from fractal_exp.losses import Perceptual
 from fractal_exp.perceptual_training.network import Learner
 from fractal_exp.rendering import Rendering
@@ -23,7 +24,7 @@ SMALLEST = fractal_features.SMALLEST_PX
 
 
 def images(*shape, seed=0, dtype=torch.float32):
-    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+    return torch.rand(shape, generator=torch.Generator().manual_seed(seed), dtype=dtype)
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +75,10 @@ def test_batches_of_any_shape_are_their_single_pairs():
     torch.testing.assert_close(together, each)
 
 
+@pytest.mark.parametrize("size", [(SMALLEST, SMALLEST), (SMALLEST + 1, SMALLEST + 6)])
 @pytest.mark.parametrize("which", [0, 1])
-def test_gradients_agree_with_finite_differences(file, which):
-    pair, direction = list(images(2, SMALLEST, SMALLEST, dtype=torch.float64)), images(SMALLEST, SMALLEST, seed=3)
+def test_gradients_agree_with_finite_differences(file, which, size):
+    pair, direction = list(images(2, *size, dtype=torch.float64)), images(*size, seed=3)
     distance, step = perceptual.load("fractal", file).double(), 1e-6
     pair[which].requires_grad_()
     (gradient,) = torch.autograd.grad(distance(*pair), pair[which])
@@ -91,6 +93,30 @@ def test_a_batch_against_one_image_sums_its_gradient(file):
     (together,) = torch.autograd.grad(distance(a, b).sum(), b)
     each = sum(torch.autograd.grad(distance(one, b), b)[0] for one in a)
     torch.testing.assert_close(together, each)
+
+
+@pytest.mark.parametrize("batches", [((), ()), ((3,), ()), ((), (3,)), ((2, 1), (3,)), ((1,), (2, 3))])
+def test_the_kernels_agree_with_their_torch_twins(batches):
+    a, b = ([images(*batch, channels, side, side, seed=seed) for channels, side in ((8, 9), (24, 5))]
+            for seed, batch in enumerate(batches))
+    a[0][..., 2, 2] = 0  # a pixel without features
+    weights, found = [images(8, seed=5), images(24, seed=6)], []
+    for dtype in torch.float32, torch.float64:  # the kernels take single precision alone
+        sides = [[level.to(dtype, memory_format=torch.preserve_format).requires_grad_() for level in side]
+                 for side in (a, b)]
+        distance = unit_distance(*sides, [weight.to(dtype) for weight in weights])
+        cotangent = images(*distance.shape, seed=7)
+        found.append([distance, *torch.autograd.grad(distance, [*sides[0], *sides[1]], cotangent.to(dtype))])
+    assert found[0][0].shape == torch.broadcast_shapes(*batches)
+    for own, twin in zip(*found, strict=True):
+        finite = twin.abs() < 1e6  # where all features are 0 it is 10¹⁰, for a ReLU to undo
+        torch.testing.assert_close(own[finite], twin[finite].float(), rtol=1e-4, atol=1e-6)
+
+
+def test_features_of_images_of_different_sizes_are_refused():
+    distance = perceptual.load("fractal")
+    with pytest.raises(InputError, match="images as large"):
+        distance.compare(distance.features(images(64, 64)), distance.features(images(96, 96)))
 
 
 def test_the_term_keeps_the_features_of_its_target(monkeypatch):

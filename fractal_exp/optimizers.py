@@ -25,7 +25,7 @@ class Problem(Protocol):
     def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         """The differentiable objective (…,) and its named terms."""
 
-    def energy(self, raw: Parameters, seed: int) -> Tensor:
+    def energy(self, raw: Parameters, seed: int | Tensor) -> Tensor:
         """The energy (…,) that annealing compares: the plain mean squared error at full resolution."""
 
 
@@ -182,6 +182,15 @@ class NoisyGradientDescent(GradientDescent):
             tensor.grad += self.noise * _normal_like(tensor, random)
 
 
+@dataclass(frozen=True)
+class Move:
+    """The random numbers of one proposal: standard normal `noise` for every raw parameter, and u, uniform in [0,1),
+    which decides whether a rise is accepted."""
+
+    noise: dict[str, Tensor]
+    u: float
+
+
 class Annealing:
     """Proposals and the rule that accepts them (Equation 7).
 
@@ -194,16 +203,19 @@ class Annealing:
             raise InputError(f"annealing needs spread > 0 and sharpness > 0, got {spread} and {sharpness}")
         self.spread, self.sharpness = spread, sharpness
 
-    def propose(self, raw: Parameters, parameterization: Parameterization, temperature: float,
-                random: torch.Generator) -> dict[str, Tensor]:
-        """A projected random neighbour of `raw`."""
-        std = self.spread * temperature
-        return parameterization.project({name: value.detach() + std * _normal_like(value, random)
-                                         for name, value in raw.items()})
+    def draw(self, raw: Parameters, random: torch.Generator) -> Move:
+        """The random numbers of the next proposal."""
+        noise = {name: _normal_like(value, random) for name, value in raw.items()}
+        return Move(noise, float(torch.rand((), generator=random)))
 
-    def accepts(self, rise: float, temperature: float, random: torch.Generator) -> bool:
+    def propose(self, raw: Parameters, parameterization: Parameterization, temperature: float,
+                noise: Parameters) -> dict[str, Tensor]:
+        """A projected random neighbour of `raw`; with noise (…,) of further leading axes, as many of them."""
+        std = self.spread * temperature
+        return parameterization.project({name: value.detach() + std * noise[name] for name, value in raw.items()})
+
+    def accepts(self, rise: float, temperature: float, u: float) -> bool:
         """Whether a change of energy by `rise` is taken. A NaN never is."""
-        u = float(torch.rand((), generator=random))
         if rise <= 0:
             return True
         return temperature > 0 and u < math.exp(-self.sharpness * rise / temperature)
@@ -222,12 +234,12 @@ class AnnealingOnly(Optimizer):
 
     @torch.no_grad()
     def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
-        random = generator(self.seed, "annealing", iteration)
-        candidate = self.annealing.propose(self.raw, problem.parameterization, temperature, random)
+        move = self.annealing.draw(self.raw, generator(self.seed, "annealing", iteration))
+        candidate = self.annealing.propose(self.raw, problem.parameterization, temperature, move.noise)
         both = {name: torch.stack([value, candidate[name]]) for name, value in self.raw.items()}
         loss, terms = problem.loss(both, derive(self.seed, "energy", iteration))
         scored = Step(self._copy(), loss[0], {name: term[0] for name, term in terms.items()})
-        accepted = self.annealing.accepts(float(loss[1] - loss[0]), temperature, random)
+        accepted = self.annealing.accepts(float(loss[1] - loss[0]), temperature, move.u)
         if accepted:
             self._move_to(candidate)
             scored = Step(self._copy(), loss[1], {name: term[1] for name, term in terms.items()})
@@ -241,15 +253,20 @@ class Alternating(GradientDescent):
     are tried one after another, the centre moving with each accepted one, and Adam's moments are reset.
     common_random_numbers: render the current state and all candidates of a phase with the same start points and
     map indices, so that energies differ by the parameters alone; otherwise each render draws its own.
+    together: how many candidates are rendered as a batch (default: one on a CPU, all that are left on a GPU). Those
+    that follow an accepted one are rendered again, from where the centre then is, so the outcome is the same.
     """
 
     def __init__(self, *, lr: float = 1e-2, every: int = 250, candidates: int = 10, until: float = 0.5,
-                 annealing: Annealing | None = None, common_random_numbers: bool = True, cuda_graph: bool = True):
+                 annealing: Annealing | None = None, common_random_numbers: bool = True, together: int | None = None,
+                 cuda_graph: bool = True):
         super().__init__(lr=lr, cuda_graph=cuda_graph)
         if every < 1 or candidates < 1 or not 0 <= until <= 1:
             raise InputError("expected every >= 1, candidates >= 1 and until in [0, 1], got "
                              f"{every}, {candidates} and {until}")
-        self.every, self.candidates, self.until = every, candidates, until
+        if together is not None and together < 1:
+            raise InputError(f"at least one candidate is rendered at a time, got together={together}")
+        self.every, self.candidates, self.until, self.together = every, candidates, until, together
         self.annealing = annealing or Annealing()
         self.common_random_numbers = common_random_numbers
 
@@ -264,16 +281,22 @@ class Alternating(GradientDescent):
     @torch.no_grad()
     def _anneal(self, problem: Problem, iteration: int, temperature: float) -> int:
         random = generator(self.seed, "annealing", iteration)
-        energy = float(problem.energy(self.raw, derive(self.seed, "energy", iteration, 0)))
-        accepted = 0
-        for j in range(1, self.candidates + 1):
-            candidate = self.annealing.propose(self.raw, problem.parameterization, temperature, random)
-            draw = 0 if self.common_random_numbers else j
-            proposed = float(problem.energy(candidate, derive(self.seed, "energy", iteration, draw)))
-            if self.annealing.accepts(proposed - energy, temperature, random):
-                self._move_to(candidate)
-                energy = proposed
-                accepted += 1
+        moves = [self.annealing.draw(self.raw, random) for _ in range(self.candidates)]
+        seeds = [derive(self.seed, "energy", iteration, j * (not self.common_random_numbers))
+                 for j in range(self.candidates + 1)]
+        together = self.together or (self.candidates if self._device.type == "cuda" else 1)
+        energy, tried, accepted = float(problem.energy(self.raw, seeds[0])), 0, 0
+        while tried < self.candidates:
+            ahead = moves[tried:tried + together]
+            noise = {name: torch.stack([move.noise[name] for move in ahead]) for name in self.raw}
+            proposed = self.annealing.propose(self.raw, problem.parameterization, temperature, noise)
+            energies = problem.energy(proposed, torch.tensor(seeds[tried + 1:tried + 1 + len(ahead)])).tolist()
+            for place, (move, there) in enumerate(zip(ahead, energies, strict=True)):
+                tried += 1
+                if self.annealing.accepts(there - energy, temperature, move.u):
+                    self._move_to({name: value[place] for name, value in proposed.items()})
+                    energy, accepted = there, accepted + 1
+                    break  # the centre has moved, and the others are to be proposed from there
         return accepted
 
 

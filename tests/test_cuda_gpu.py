@@ -13,7 +13,7 @@ from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic import Chaotic, Problem
 from fractal_exp.model import SVD, ForwardModel
 from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
-from fractal_exp.optimizers import Alternating, GradientDescent
+from fractal_exp.optimizers import Alternating, Annealing, GradientDescent
 from fractal_exp.recording import WARM_UP
 
 MISSING = ("torch finds no CUDA device here" if not torch.cuda.is_available() else
@@ -208,6 +208,13 @@ def test_a_recorded_fit_is_the_plain_one(build):
     torch.testing.assert_close(losses[0], losses[1], rtol=1e-3, atol=1e-4)
     assert losses[0, -10:].mean() < losses[0, 20:30].mean()
     assert_close(results[0].linear, results[1].linear, "linear", factor=1e4)
+
+
+def test_candidates_rendered_together_lead_to_where_single_ones_do():
+    codes = [small_fit(Alternating(every=5, candidates=7, annealing=Annealing(sharpness=1000), together=together,
+                                   cuda_graph=False), "cuda", iterations=20).reconstruct(small_target()).code
+             for together in (1, 7)]
+    assert_close(codes[0].linear, codes[1].linear, "linear", factor=1e4)
 
 
 def test_a_fit_begins_as_on_the_cpu():

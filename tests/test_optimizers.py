@@ -33,12 +33,14 @@ class Bowl:
         self.seeds = []
 
     def loss(self, raw, seed):
-        noise = torch.randn((), generator=torch.Generator().manual_seed(seed % 2**31)) * 1e-3
+        seeds = seed.flatten().tolist() if isinstance(seed, torch.Tensor) else [seed]
+        noise = torch.cat([torch.randn(1, generator=torch.Generator().manual_seed(each % 2**31)) for each in seeds])
+        noise = 1e-3 * (noise if isinstance(seed, torch.Tensor) else noise[0])
         total = raw["x"].square().sum((-2, -1)) + noise
         return total, {"bowl": total}
 
     def energy(self, raw, seed):
-        self.seeds.append(seed)
+        self.seeds += seed.tolist() if isinstance(seed, torch.Tensor) else [seed]
         return self.loss(raw, seed)[0]
 
 
@@ -100,7 +102,7 @@ def test_the_centre_moves_with_every_accepted_candidate():
 
         def energy(self, raw, seed):
             self.count -= 1
-            return torch.tensor(float(self.count))
+            return torch.full((1,) if isinstance(seed, torch.Tensor) else (), float(self.count))
 
     optimizer = Alternating(lr=1e-9, every=1, candidates=50, annealing=Annealing(spread=0.2))
     start = Bowl.parameterization.initial(2, torch.Generator().manual_seed(0))["x"]
@@ -110,17 +112,32 @@ def test_the_centre_moves_with_every_accepted_candidate():
     assert float(walked) > 0.2 * math.sqrt(50) / 3, "a walk of 50 steps, not one step from the start"
 
 
+@pytest.mark.parametrize("common", [True, False])
+@pytest.mark.parametrize("together", [3, 8, 50])
+def test_candidates_rendered_together_lead_to_where_single_ones_do(together, common):
+    outcomes = []
+    for count in 1, together:
+        optimizer = Alternating(every=5, candidates=8, together=count, common_random_numbers=common)
+        steps = run(optimizer, Bowl())
+        outcomes.append((optimizer.raw["x"], [step.accepted for step in steps]))
+    assert torch.equal(outcomes[0][0], outcomes[1][0]) and outcomes[0][1] == outcomes[1][1]
+    rates = [rate for rate in outcomes[0][1] if rate is not None]
+    assert min(rates) < 1 and max(rates) > 0, "some must be accepted and some not, or nothing is shown"
+
+
 def test_acceptance_follows_equation_7():
     annealing, random = Annealing(sharpness=10), torch.Generator().manual_seed(0)
-    taken = sum(annealing.accepts(0.05, 0.5, random) for _ in range(4000)) / 4000
+    taken = sum(annealing.accepts(0.05, 0.5, float(u)) for u in torch.rand(4000, generator=random)) / 4000
     assert taken == pytest.approx(math.exp(-1), abs=0.03)
-    assert annealing.accepts(-0.1, 0.5, random) and annealing.accepts(0, 0, random)
-    assert not annealing.accepts(0.1, 0, random) and not annealing.accepts(math.nan, 1, random)
+    assert annealing.accepts(-0.1, 0.5, 0.99) and annealing.accepts(0, 0, 0.99)
+    assert not annealing.accepts(0.1, 0, 0.0) and not annealing.accepts(math.nan, 1, 0.0)
 
 
 def test_proposals_have_the_stated_spread_and_are_projected():
     raw = SVD().initial(500, torch.Generator().manual_seed(0))
-    candidate = Annealing(spread=0.2).propose(raw, SVD(), 0.5, torch.Generator().manual_seed(1))
+    annealing = Annealing(spread=0.2)
+    move = annealing.draw(raw, torch.Generator().manual_seed(1))
+    candidate = annealing.propose(raw, SVD(), 0.5, move.noise)
     assert float((candidate["offset"] - raw["offset"]).std()) == pytest.approx(0.1, rel=0.1)
     torch.testing.assert_close(candidate["u"].mT @ candidate["u"], torch.eye(2).expand(500, 2, 2))
 

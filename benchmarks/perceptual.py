@@ -105,6 +105,9 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=30, help="of each timing, the fastest counts")
     parser.add_argument("--output", type=Path, default=RESULT)
     args = parser.parse_args()
+    if args.weights and not args.resolutions:
+        parser.error("the cost of other weights would stand beside the correlations of those in the package; name "
+                     "resolutions as well")
     distances: dict[str, Distance] = {"mse": losses.mse, "mip_mse": losses.mip_mse, "ssim": losses.dssim}
     if args.lpips_squeeze:
         distances["lpips_squeeze"] = perceptual.load("lpips_squeeze", args.lpips_squeeze)
@@ -118,7 +121,8 @@ def main() -> None:
             print(f"  {name:40s} {value:8.2f}")
         print(f"  lpips_alex (lpips package) over fractal  {cost['lpips_alex, lpips package'] / cost['fractal']:8.1f}")
     if not args.resolutions:
-        write(args.output, {"milliseconds": costs, "timed with torch": torch.__version__})
+        facts = json.loads(args.output.read_text()) if args.output.is_file() else {}
+        write(args.output, facts | {"milliseconds": costs, "timed with torch": torch.__version__})
         return
     truths = held_out.truths(args.count, args.copies, args.seed)
     tables = {}
@@ -141,10 +145,8 @@ def main() -> None:
 
 
 def write(path: Path, facts: dict) -> None:
-    """Put these facts into the file, beside those that it has."""
-    known = json.loads(path.read_text()) if path.is_file() else {}
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(known | facts, indent=1) + "\n")
+    path.write_text(json.dumps(facts, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 """The comparison in LPIPS's construction: the weighted squared difference of features of unit length.
 
 Written out, since PyTorch's own backward passes over the features cost a CPU more than the convolutions of a small
-network; of frozen weights on a CPU in one numba kernel each way, which is one pass instead of a dozen. One thread: the
-features of a small network are done before a second would have begun.
+network; of frozen weights on a CPU in one numba kernel each way, which is one pass instead of a dozen. It runs on one
+thread: the features of a small network are done before a second would have begun, and those of a large one are little
+beside its convolutions.
 """
 
 from __future__ import annotations
@@ -26,19 +27,32 @@ def unit_distance(a: Sequence[Tensor], b: Sequence[Tensor], weights: Sequence[Te
     """Sum over levels of the mean over pixels of sum_c w_c (u_c - v_c)², u and v being a and b scaled to length 1 along
     C (Zhang et al. 2018, equation 1); of each level (…,C,h,w), (…,C,h,w) and (C,) -> (…,); batches broadcast.
 
-    Differentiable in a and b, and in weights that ask for it. Raises `InputError` on levels of different sizes.
+    Differentiable in a and b, and in weights that ask for it. Raises `InputError` on levels that do not go together.
     """
-    for x, y in zip(a, b, strict=True):
-        if x.shape[-3:] != y.shape[-3:]:
-            raise InputError(f"features can only be compared with those of images as large, got {tuple(x.shape[-3:])} "
-                             f"and {tuple(y.shape[-3:])}; draw both images at one resolution")
-    if all(x.device.type == "cpu" and x.dtype == torch.float32 for x in (*a, *b)) and not weights[0].requires_grad:
-        batch = torch.broadcast_shapes(a[0].shape[:-3], b[0].shape[:-3])
+    batch = _check(a, b, weights)
+    plain = all(x.device.type == "cpu" and x.dtype == torch.float32 for x in (*a, *b, *weights))
+    if plain and not any(weight.requires_grad for weight in weights):
         a, b = (levels if levels[0].shape[:-3].numel() == 1 else [x.expand(*batch, *x.shape[-3:]) for x in levels]
                 for levels in (a, b))
         return _UnitDistance.apply(batch, *a, *b, *weights)
     levels = zip(a, b, weights, strict=True)
     return sum(squared_distance(unit_length(x), unit_length(y), weight) for x, y, weight in levels)
+
+
+def _check(a: Sequence[Tensor], b: Sequence[Tensor], weights: Sequence[Tensor]) -> torch.Size:
+    """The batch of the distances; the kernels themselves check no bounds."""
+    if not len(a) == len(b) == len(weights) > 0:
+        raise InputError(f"features must have as many levels as there are weights, got {len(a)} and {len(b)} for "
+                         f"{len(weights)}; take both from `features` of one distance")
+    for x, y, weight in zip(a, b, weights, strict=True):
+        if x.shape[-3:] != y.shape[-3:] or weight.shape != x.shape[-3:-2]:
+            raise InputError(f"features of one level must agree in channels and size, got {tuple(x.shape[-3:])}, "
+                             f"{tuple(y.shape[-3:])} and {tuple(weight.shape)} weights; draw both images at one "
+                             "resolution")
+        if x.shape[:-3] != a[0].shape[:-3] or y.shape[:-3] != b[0].shape[:-3]:
+            raise InputError(f"all levels must have one batch, got {tuple(x.shape[:-3])} and {tuple(y.shape[:-3])} "
+                             f"beside {tuple(a[0].shape[:-3])} and {tuple(b[0].shape[:-3])}")
+    return torch.broadcast_shapes(a[0].shape[:-3], b[0].shape[:-3])
 
 
 def unit_length(x: Tensor) -> Tensor:
@@ -72,7 +86,7 @@ class _UnitDistance(torch.autograd.Function):
     @once_differentiable
     def backward(ctx, cotangent: Tensor) -> tuple[Tensor | None, ...]:
         a, b, weights = _thirds([tensor.numpy() for tensor in ctx.saved_tensors])
-        cotangent = cotangent.flatten().numpy()
+        cotangent = cotangent.flatten().contiguous().numpy()
         sides = zip([*a, *b], [*b, *a], weights * 2, ctx.shapes, ctx.needs_input_grad[1:], strict=False)
         gradients = [_by_channel(_gradient(own, other, weight, cotangent), shape) if wanted else None
                      for own, other, weight, shape, wanted in sides]
@@ -97,9 +111,9 @@ def _by_channel(x: np.ndarray, shape: torch.Size) -> Tensor:
 
 @kernel(fastmath=_EXACT_ZERO)
 def _distances(a, b, weight):  # noqa: ANN001, ANN202
-    """(A,P,C), (B,P,C), (C,) -> (K,), K the larger of A and B, of which the other may be 1."""
+    """(A,P,C), (B,P,C), (C,) -> (K,): A and B are K, but for one that may be 1."""
     _, pixels, channels = a.shape
-    found = np.empty(max(len(a), len(b)), np.float32)
+    found = np.empty(len(a) if len(b) == 1 else len(b), np.float32)
     for k in range(len(found)):
         x, y, total = a[k % len(a)], b[k % len(b)], 0.0
         for p in range(pixels):

@@ -210,7 +210,7 @@ class Annealing:
 
     def propose(self, raw: Parameters, parameterization: Parameterization, temperature: float,
                 noise: Parameters) -> dict[str, Tensor]:
-        """A projected random neighbour of `raw`; with noise (…,) of further leading axes, as many of them."""
+        """A projected random neighbour of `raw`; noise may carry a leading batch axis, then as many neighbours."""
         std = self.spread * temperature
         return parameterization.project({name: value.detach() + std * noise[name] for name, value in raw.items()})
 
@@ -253,8 +253,10 @@ class Alternating(GradientDescent):
     are tried one after another, the centre moving with each accepted one, and Adam's moments are reset.
     common_random_numbers: render the current state and all candidates of a phase with the same start points and
     map indices, so that energies differ by the parameters alone; otherwise each render draws its own.
-    together: how many candidates are rendered as a batch (default: one on a CPU, all that are left on a GPU). Those
-    that follow an accepted one are rendered again, from where the centre then is, so the outcome is the same.
+    together: at most so many candidates are rendered as a batch (default: one on a CPU, any number on a GPU). Those
+    that follow an accepted one are rendered again, from where the centre then is, so that the outcome is the same, to
+    the rounding of energies. Not to waste many, a batch has one candidate after an accepted one, and twice as many as
+    the last after one of which none was. Memory grows with the batch.
     """
 
     def __init__(self, *, lr: float = 1e-2, every: int = 250, candidates: int = 10, until: float = 0.5,
@@ -282,12 +284,13 @@ class Alternating(GradientDescent):
     def _anneal(self, problem: Problem, iteration: int, temperature: float) -> int:
         random = generator(self.seed, "annealing", iteration)
         moves = [self.annealing.draw(self.raw, random) for _ in range(self.candidates)]
-        seeds = [derive(self.seed, "energy", iteration, j * (not self.common_random_numbers))
+        seeds = [derive(self.seed, "energy", iteration, 0 if self.common_random_numbers else j)
                  for j in range(self.candidates + 1)]
-        together = self.together or (self.candidates if self._device.type == "cuda" else 1)
-        energy, tried, accepted = float(problem.energy(self.raw, seeds[0])), 0, 0
+        most = self.together or (self.candidates if self._device.type == "cuda" else 1)
+        energy, tried, accepted, together = float(problem.energy(self.raw, seeds[0])), 0, 0, 1
         while tried < self.candidates:
             ahead = moves[tried:tried + together]
+            together = min(2 * together, most)
             noise = {name: torch.stack([move.noise[name] for move in ahead]) for name in self.raw}
             proposed = self.annealing.propose(self.raw, problem.parameterization, temperature, noise)
             energies = problem.energy(proposed, torch.tensor(seeds[tried + 1:tried + 1 + len(ahead)])).tolist()
@@ -295,7 +298,7 @@ class Alternating(GradientDescent):
                 tried += 1
                 if self.annealing.accepts(there - energy, temperature, move.u):
                     self._move_to({name: value[place] for name, value in proposed.items()})
-                    energy, accepted = there, accepted + 1
+                    energy, accepted, together = there, accepted + 1, 1
                     break  # the centre has moved, and the others are to be proposed from there
         return accepted
 

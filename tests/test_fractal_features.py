@@ -95,28 +95,56 @@ def test_a_batch_against_one_image_sums_its_gradient(file):
     torch.testing.assert_close(together, each)
 
 
-@pytest.mark.parametrize("batches", [((), ()), ((3,), ()), ((), (3,)), ((2, 1), (3,)), ((1,), (2, 3))])
-def test_the_kernels_agree_with_their_torch_twins(batches):
+@pytest.mark.parametrize("layout", [torch.contiguous_format, torch.channels_last])
+@pytest.mark.parametrize("batches", [((), ()), ((3,), ()), ((), (3,)), ((2, 1), (3,)), ((1,), (2, 3)), ((0,), ())])
+def test_the_kernels_agree_with_their_torch_twins(batches, layout):
     a, b = ([images(*batch, channels, side, side, seed=seed) for channels, side in ((8, 9), (24, 5))]
             for seed, batch in enumerate(batches))
     a[0][..., 2, 2] = 0  # a pixel without features
     weights, found = [images(8, seed=5), images(24, seed=6)], []
     for dtype in torch.float32, torch.float64:  # the kernels take single precision alone
-        sides = [[level.to(dtype, memory_format=torch.preserve_format).requires_grad_() for level in side]
-                 for side in (a, b)]
+        sides = [[laid_out(level.to(dtype), layout).requires_grad_() for level in side] for side in (a, b)]
         distance = unit_distance(*sides, [weight.to(dtype) for weight in weights])
-        cotangent = images(*distance.shape, seed=7)
-        found.append([distance, *torch.autograd.grad(distance, [*sides[0], *sides[1]], cotangent.to(dtype))])
+        cotangent = images(*distance.shape, seed=7).to(dtype)
+        found.append([distance, *torch.autograd.grad(distance, [*sides[0], *sides[1]], cotangent)])
     assert found[0][0].shape == torch.broadcast_shapes(*batches)
     for own, twin in zip(*found, strict=True):
-        finite = twin.abs() < 1e6  # where all features are 0 it is 10¹⁰, for a ReLU to undo
-        torch.testing.assert_close(own[finite], twin[finite].float(), rtol=1e-4, atol=1e-6)
+        assert own.isfinite().all()
+        known = twin.abs() < 1e6  # where all features are 0 it is 10¹⁰, for a ReLU to undo
+        torch.testing.assert_close(own[known], twin[known].float(), rtol=1e-4, atol=1e-6)
 
 
-def test_features_of_images_of_different_sizes_are_refused():
-    distance = perceptual.load("fractal")
-    with pytest.raises(InputError, match="images as large"):
-        distance.compare(distance.features(images(64, 64)), distance.features(images(96, 96)))
+def laid_out(level, layout):
+    """(…,C,h,w) in this memory format."""
+    return level.flatten(0, -4).contiguous(memory_format=layout).view_as(level) if level.ndim > 3 else (
+        level[None].contiguous(memory_format=layout)[0])
+
+
+@pytest.mark.parametrize("batches", [((), ()), ((3,), ()), ((), (3,))])
+def test_single_precision_has_the_gradients_of_double_precision(batches):
+    pair = [images(*batch, 47, 41, seed=seed) for seed, batch in enumerate(batches)]
+    gradients = []
+    for dtype in torch.float32, torch.float64:
+        inputs = [image.to(dtype).requires_grad_() for image in pair]
+        distance = perceptual.load("fractal").to(dtype)
+        gradients.append(torch.autograd.grad(distance(*inputs).sum(), inputs))
+    for own, twin in zip(*gradients, strict=True):
+        torch.testing.assert_close(own, twin.float(), rtol=1e-3, atol=1e-3 * float(twin.abs().max()))
+
+
+def level(*batch, channels=8, side=6):
+    return images(*batch, channels, side, side)
+
+
+@pytest.mark.parametrize(("a", "b", "weights", "message"), [
+    ([level()], [level(side=9)], [images(8)], "draw both images at one resolution"),
+    ([level()], [level()], [images(7)], r"got \(8, 6, 6\), \(8, 6, 6\) and \(7,\) weights"),
+    ([level()], [level()], [images(8)] * 2, "got 1 and 1 for 2"),
+    ([level(), level(2)], [level(), level(2)], [images(8)] * 2, "one batch"),
+])
+def test_features_that_do_not_go_together_are_refused(a, b, weights, message):
+    with pytest.raises(InputError, match=message):
+        unit_distance(a, b, weights)
 
 
 def test_the_term_keeps_the_features_of_its_target(monkeypatch):

@@ -234,7 +234,7 @@ class Problem:
         return float(self.loss(raw, seed)[0])
 
     @torch.no_grad()
-    def energy(self, raw: Parameters, seed: int) -> Tensor:
+    def energy(self, raw: Parameters, seed: int | Tensor) -> Tensor:
         return (self.model(raw, seed).image - self.target).square().mean((-2, -1))
 
     @torch.no_grad()

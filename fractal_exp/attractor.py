@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .ifs import IFS
-from .ops.address_tree import farthest_word
+from .ops.address_tree import farthest_word, lowered
 
 FRAME_SIDE = 1.5          # the longer side of a normalised attractor: 25% padding of the canvas [-1,1]²
 BOX_TOLERANCE = 1e-7      # of the box's longer side
@@ -45,13 +45,7 @@ def support_function(code: IFS) -> np.ndarray:
     shift = offset @ units.T
     table = units @ center + radius
     slack = 1 - np.linalg.norm(linear, ord=2, axis=(1, 2)).max()
-    for _ in range(MAX_SWEEPS):
-        swept = np.minimum(table, (_interpolate(table, first, weights) + shift).max(0))
-        decrease = (table - swept).max()
-        table = swept
-        if decrease <= 1e-7 * slack * radius:
-            break
-    return table
+    return lowered(table, first, weights, shift, 1e-7 * slack * radius, MAX_SWEEPS)
 
 
 def bounding_box(code: IFS) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""numba kernel that walks the address tree of an IFS for the word that reaches farthest in a direction."""
+"""numba kernels on the address tree of an IFS: how far it can reach at most, and the word that reaches farthest."""
 
 from __future__ import annotations
 
@@ -7,6 +7,28 @@ import math
 import numpy as np
 
 from .jit import kernel
+
+
+@kernel()
+def lowered(table, first, weights, shift, tolerance, sweeps):
+    """The upper bounds (K,) of the table after at most so many sweeps h_k <- min(h_k, max_i w_ik0 h_f + w_ik1 h_f+1 +
+    s_ik), f = first_ik; first (N,K), weights (N,K,2), shift (N,K). Ends where no bound falls by more than `tolerance`.
+    """
+    maps, directions = shift.shape
+    for _ in range(sweeps):
+        swept, fall = np.empty_like(table), 0.0
+        for k in range(directions):
+            highest = -math.inf
+            for i in range(maps):
+                f = first[i, k]
+                reach = weights[i, k, 0] * table[f] + weights[i, k, 1] * table[(f + 1) % directions] + shift[i, k]
+                highest = max(highest, reach)
+            swept[k] = min(table[k], highest)
+            fall = max(fall, table[k] - swept[k])
+        table = swept
+        if fall <= tolerance:
+            break
+    return table
 
 
 @kernel()

@@ -86,8 +86,7 @@ class Jacobian(ABC):
         return self.moved(alone)
 
     def _play(self, maps: Tensor, chances: Tensor) -> Tensor:
-        return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], length=430, warmup=30, seed=self.seed,
-                              trajectories=POINTS_PER_CELL * self.side**2 // 400 + 1, probabilities=chances)
+        return played(maps, chances, POINTS_PER_CELL * self.side**2, self.seed)
 
 
 class Played(Jacobian):
@@ -125,6 +124,12 @@ class Redrawn(Jacobian):
                 column[k] = (after - before) / (2 * nudge)
         for column in columns:
             yield column, torch.ones_like(column[0])
+
+
+def played(maps: Tensor, chances: Tensor, count: int, seed: int) -> Tensor:
+    """About so many points (P,2) of the chaos game with maps (N,6) and chances (N,)."""
+    return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], length=430, warmup=30, seed=seed,
+                          trajectories=count // 400 + 1, probabilities=chances)
 
 
 def _smooth(image: Tensor) -> Tensor:

@@ -26,8 +26,8 @@ class Levels:
     """What the grey levels of a picture say, shares of `supersample`² subpixels of each pixel: `measure` turns an image
     (R,R) into masses (R,R), `observe` draws a code as such a picture, with a seed, `dark` tells from a pixel's grey
     level and that around it what part of the pixel more mass can still light up, `shrunk` makes an image (S,S) of one,
-    as it would have been drawn were it smooth, and `nudge_px` is by how far an image has to move to be drawn
-    otherwise."""
+    as it would have been drawn were it smooth, `nudge_px` is by how far an image has to move to be drawn otherwise, and
+    `graded` whether a pixel shows a line thinner than itself."""
 
     supersample: int
     measure: Callable[[Tensor], Tensor]
@@ -35,6 +35,7 @@ class Levels:
     dark: Callable[[Tensor, Tensor], Tensor]
     shrunk: Callable[[Tensor, int], Tensor]
     nudge_px: float = 0.05
+    graded: bool = True
 
 
 def _poisson_density(image: Tensor) -> Tensor:
@@ -77,7 +78,7 @@ LEVELS = {
                        _mean),
     # whether a quarter of a pixel is covered
     "binary": Levels(SUPERSAMPLE, torch.clone, _drawn_white, lambda grey, around: 1 - around, _shrunk_binary,
-                     nudge_px=0.3),
+                     nudge_px=0.3, graded=False),
 }
 
 

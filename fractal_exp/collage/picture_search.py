@@ -18,7 +18,8 @@ from ..seeds import derive, generator
 from . import maps as affine
 from .births import candidates, flattened, mirrored, turned, visible_weights
 from .frame import Frame
-from .jacobian import Redrawn
+from .jacobian import Redrawn, played
+from .lines import profiled
 from .measure import binned, correction, halve
 from .picture import Drawn, Picture
 from .polish import fitted_into_frame, never, polished
@@ -29,12 +30,13 @@ PRICE = 0.04                   # of a map, in units of a drawing's noise
 CANDIDATES, MOVED, DRAWN = 24, 6, 3   # maps born in a move; those of them that are moved finely, and drawn
 WIDTHS = (1, 0.25, 0.03)       # times that of a new image, drawn as well
 THIN = 0.1                     # times its length: the width of an image that is a line
+PROFILED, PROFILE_POINTS = 2, 50_000   # lines drawn of those that the light along one tells of, from so many points
 SIZES = (0.02, 0.95)           # of the larger singular values at birth
 ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
 SETTLED, LENIENCE = 1.05, 0.005   # times the noise of a drawing, an error that the true code may have; more a move
 OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
-FAR = 30                       # noises from which on the frame tells nothing
+FAR = 30                       # times a drawing's noise: errors from which on the frame tells nothing
 UNSETTLED, CLOSE = 1.1, 6      # times a drawing's noise: errors between which the dearest polish is worth while,
 REDRAWN = 3                    # of so many steps
 ROOTS_ERROR, LOW = 30, 0.5     # times the error before, or this if that is lower: of a root that may be one
@@ -64,6 +66,7 @@ class PictureSearch:
         self.picture, self.masses, self.finest, self.seed = picture, masses, finest, seed
         self.price, self.late = PRICE * noise, late
         self.fixed, self.most = fixed, most
+        self._frame = Frame.of(picture.image)
         self._shown: Drawn | None = None
         self._measured: _Measures | None = None
         self._noise: tuple[Tensor, float] | None = None
@@ -78,8 +81,9 @@ class PictureSearch:
                 break
             rooted = min((self._rooted(best, chosen, order) for order in ORDERS), key=self._score)
             if self._score(rooted) < self._score(best):
-                return self._tiling(self._polished(rooted, POLISH // 2))
-        return self._tiling(best)
+                best = self._polished(rooted, POLISH // 2)
+                break
+        return self._tiling(self._in_frame(best))
 
     def step(self, now: Tiling, number: int) -> Tiling:
         """`now`, or a better neighbour."""
@@ -88,7 +92,7 @@ class PictureSearch:
         new = self._move(shown, g)(shown, g)
         if self._score(new) >= self._score(shown):
             return now
-        return self._tiling(self._polished(new, 1))
+        return self._tiling(self._in_frame(self._polished(new, 1)))
 
     def finish(self, now: Tiling) -> Tiling:
         """Polished once more, at last on several drawings at once, whose noise is less."""
@@ -116,10 +120,10 @@ class PictureSearch:
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), POLISH, near=near, late=self.late)
         noises = self.noises(self._tiling(self.picture.judge(best.maps, best.weights)))
         if UNSETTLED < noises < CLOSE and not self.late():
-            once = self.picture.within(Frame.of(self.picture.image))
+            once, careful = self.picture.within(self._frame), careful.within(self._frame)
             last = polished(once, once.judge(best.maps, best.weights), REDRAWN, late=self.late, slopes=Redrawn,
                             alone=True)
-            best = min(best, careful.judge(last.maps, last.weights), key=_error)
+            best = min((careful.judge(each.maps, each.weights) for each in (best, last)), key=_error)
         return best
 
     def judged(self, tiling: Tiling) -> Tiling:
@@ -163,7 +167,11 @@ class PictureSearch:
     def _turned(self, shown: Drawn, g: torch.Generator) -> Drawn:
         """A map turned or mirrored in its place."""
         gone = self._small(shown, g)
-        return self._fitted(self._grown(self.picture.without(shown, gone), shown, shown.maps[gone[0]], g), shown)
+        rest, old = self.picture.without(shown, gone), shown.maps[gone[0]]
+        found = [self._fitted(self._grown(rest, shown, old, g), shown)]
+        if self.picture.levels.graded and affine.thinness(old, self._measures(shown).fine) < THIN:
+            found += self._relaid(rest, shown, gone[0])
+        return min(found, key=_error)
 
     def _replaced(self, shown: Drawn, g: torch.Generator) -> Drawn:
         """Another map instead of one."""
@@ -240,6 +248,15 @@ class PictureSearch:
             drawings += [self._with(drawn, each, weights[0]) for each in mirrored(model, measure)]
         return min(drawings, key=_error)
 
+    def _relaid(self, rest: Drawn, shown: Drawn, gone: int) -> list[Drawn]:
+        """The rest of the code and the map that is gone, a line, the other ways that the light along it tells of."""
+        share = shown.chances[gone]
+        points = played(shown.maps, shown.chances, PROFILE_POINTS, derive(self.picture.seed, "profile"))
+        lines = profiled(shown.maps[gone], float(share), points, self.picture.image, rest.image,
+                         self.picture.levels.supersample)
+        drawings = [self._with(rest, each, share) for each in lines[:PROFILED]]
+        return [self._polished(each, 3, [len(each.maps) - 1]) for each in drawings]
+
     def _explained(self, drawn: Drawn, measures: _Measures, volume: Tensor) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile or their drawing shows. Where a map is
         missing, so are its copies in the drawing, which the other maps will show as soon as it is there; and what
@@ -284,8 +301,20 @@ class PictureSearch:
 
     def _drawn(self, now: Tiling) -> Drawn:
         if self._shown is None or self._shown.maps is not now.maps:
-            self._shown = self.picture.judge(now.maps, now.chances)
+            self._shown = self._framed(self.picture.judge(now.maps, now.chances))
         return self._shown
+
+    def _in_frame(self, drawn: Drawn) -> Drawn:
+        """Polished anew where the frame is asked for from here on."""
+        framed = self._framed(drawn)
+        return drawn if framed is drawn else self._polished(framed, POLISH // 2)
+
+    def _framed(self, drawn: Drawn) -> Drawn:
+        """Where a code is nearly found, the attractor has to fill the picture's frame as well, from then on."""
+        if self.picture.frame is self._frame or not drawn.error < FAR * self.picture.noise(drawn.code):
+            return drawn
+        self.picture = self.picture.within(self._frame)
+        return self.picture.judge(drawn.maps, drawn.weights)
 
 
 def without_superfluous(picture: Picture, drawn: Drawn, price: float, least: int, *, near: bool,

@@ -250,7 +250,7 @@ class Retouch(Stage):
         if self.problem.is_reduced and not self.problem.late():
             self.search = picture_search(self.problem, work.tiling.code, "finish", self.number)
         found, before = self.search.finish(work.tiling), work.before
-        if before is not None and self.problem.is_reduced:  # it was judged by another picture
+        if before is not None:  # it was judged by another picture, or without its frame
             before = self.search.judged(before)
         best = found if before is None or found.score < before.score else before
         if self.others and WRONG < self.search.noises(best) < HOPELESS:

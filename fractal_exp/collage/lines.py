@@ -1,0 +1,121 @@
+"""Maps whose images are lines: told by how the light runs along the line.
+
+No grid of the measure says which way the image of a line lies: across it there is nothing to see, and along it grey
+levels saturate where a subpixel is hit more than once. But how many subpixels of a row a line lights up follows from
+the measure projected onto one direction, so all directions and ends can be gone through without a drawing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from .measure import POINTS_PER_PIXEL
+
+DIRECTIONS, ENDS = 48, 24   # of projections, and places where a line may begin or end,
+REACH = 0.5                 # up to so many times its length beyond those where it does
+SHORTEST = 0.2              # times its length
+LARGEST = 0.98              # singular value
+BINS = 256                  # of a projected measure
+ASIDE = 1                   # pixels on each side of a line whose light may be its own
+
+
+@dataclass(frozen=True)
+class Course:
+    """A straight line on the canvas: where the coordinate number `main` (0 for x, 1 for y) is t, the other one is
+    height + slope · t, |slope| <= 1. Its rows are those of the pixels along `main`."""
+
+    main: int
+    slope: float
+    height: float
+
+    @classmethod
+    def of(cls, line: Tensor, points: Tensor) -> Course:
+        """That on which a map (6,) lays points (P,2), but for the width of their image."""
+        image = points @ line[:4].view(2, 2).T + line[4:]
+        middle = image.mean(0)
+        along = torch.linalg.svd(image - middle, full_matrices=False)[2][0]
+        main = int(along.abs().argmax())
+        slope = float(along[1 - main] / along[main])
+        return cls(main, slope, float(middle[1 - main]) - slope * float(middle[main]))
+
+    def map(self, row: Tensor, start: Tensor) -> Tensor:
+        """The map (6,) that sends a point x to where t = row·x + start on the line."""
+        rows = torch.stack([row, self.slope * row])
+        shift = torch.stack([start, self.height + self.slope * start])
+        return torch.cat([(rows if self.main == 0 else rows.flip(0)).flatten(),
+                          shift if self.main == 0 else shift.flip(0)])
+
+    def pixels(self, image: Tensor) -> Tensor:
+        """The image's (R,R) pixels on the line and beside it, (R,3), a row each, in ascending order of t; those beyond
+        its edge are dark."""
+        size = image.shape[0]
+        rows = image.T if self.main == 0 else image.flip(0)
+        centers = (2 * torch.arange(size) + 1) / size - 1
+        across = self.height + self.slope * centers
+        place = ((1 + (across if self.main == 1 else -across)) / 2 * size).floor().long()
+        columns = place[:, None] + torch.arange(-ASIDE, ASIDE + 1)
+        inside = (columns >= 0) & (columns < size)
+        return rows[torch.arange(size)[:, None], columns.clamp(0, size - 1)] * inside
+
+
+def profiled(line: Tensor, share: float, points: Tensor, target: Tensor, rest: Tensor, supersample: int) -> Tensor:
+    """Maps (K,6) to the line on which a map (6,) lays the measure, but in other ways along it: those whose light fits
+    best among all ends, in each direction of projection that is better than its neighbours, best first.
+
+    share: of the points, that the map has; points (P,2): of the measure; target, rest (R,R): the picture, and a drawing
+    without the map, in shares of supersample² subpixels.
+    """
+    given = line
+    line, points, target, rest = (each.double().cpu() for each in (line, points, target, rest))
+    course = Course.of(line, points)
+    light, variance = _missing(course.pixels(target), course.pixels(rest), supersample)
+    cells = supersample * (1 + abs(course.slope))  # subpixels of a row that the line crosses
+    thrown = POINTS_PER_PIXEL * target.numel() * share
+    own = points @ line[:4].view(2, 2)[course.main] + line[4 + course.main]
+    low, length = own.min(), own.max() - own.min()
+    spread = torch.linspace(-REACH, 1 + REACH, ENDS, dtype=torch.float64) * length + low
+    begins, ends = (each.flatten() for each in torch.meshgrid(spread, spread, indexing="ij"))
+    long = ends - begins > SHORTEST * length
+    begins, ends = begins[long, None], ends[long, None]
+    edges = torch.linspace(-1, 1, len(target) + 1, dtype=torch.float64)
+    inside = (edges - begins) / (ends - begins)
+
+    def best(direction: Tensor) -> tuple[Tensor, Tensor]:
+        projected = points @ direction
+        hits = thrown * _cumulated(projected, inside).diff()
+        lit = cells / supersample**2 * (1 - (-hits / cells).exp())
+        lengths = (ends - begins)[:, 0] / (projected.max() - projected.min())  # of the row
+        errors = ((lit - light).square() / variance).sum(1)
+        errors = errors.masked_fill(lengths * math.hypot(1, course.slope) > LARGEST, torch.inf)
+        k = errors.argmin()
+        row = direction * lengths[k]
+        return errors[k], course.map(row, begins[k, 0] - (points @ row).min())
+
+    angles = torch.arange(DIRECTIONS, dtype=torch.float64) * (2 * torch.pi / DIRECTIONS)
+    errors, maps = zip(*map(best, torch.stack([angles.cos(), angles.sin()], 1)), strict=True)
+    errors = torch.stack(errors)
+    lowest = (errors <= errors.roll(1)) & (errors <= errors.roll(-1)) & errors.isfinite()
+    return torch.stack(maps)[lowest][errors[lowest].argsort()].to(given)
+
+
+def _missing(wanted: Tensor, there: Tensor, supersample: int) -> tuple[Tensor, Tensor]:
+    """The light (R,), in pixels, that rows of pixels (R,n) lack beside what is there (R,n), where only dark subpixels
+    show it, and the variance (R,) of its counting error."""
+    least = 1 / supersample**2
+    dark = (1 - there).clamp_min(least)
+    counted = (there * (1 - there) + wanted * (1 - wanted)).clamp_min(least) * least
+    return ((wanted - there) / dark).sum(1), (counted / dark.square()).sum(1)
+
+
+def _cumulated(values: Tensor, places: Tensor) -> Tensor:
+    """The part of the values (P,) below each place, of which 0 is the least value and 1 the largest."""
+    low, high = values.min(), values.max()
+    counts = torch.histc((values - low) / (high - low).clamp_min(1e-12), BINS, 0, 1) / len(values)
+    below = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
+    places = (places * BINS).clamp(0, BINS)
+    index = places.long().clamp(max=BINS - 1)
+    return below[index] + (places - index) * (below[index + 1] - below[index])

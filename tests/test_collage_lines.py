@@ -1,0 +1,81 @@
+"""Maps whose images are lines, and the frame that tips too faint to be seen decide."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from fractal_exp import attractor, codes, suite
+from fractal_exp.collage import maps as affine
+from fractal_exp.collage.jacobian import played
+from fractal_exp.collage.lines import Course, profiled
+from fractal_exp.collage.measure import LEVELS
+from fractal_exp.collage.picture import Picture
+from fractal_exp.collage.picture_search import PictureSearch
+from fractal_exp.collage.search import Tiling
+
+
+def rotated(maps, degrees):
+    """The code (N,6) of the attractor turned about the origin."""
+    turn = math.radians(degrees)
+    rotation = torch.tensor([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    linear = rotation @ maps[:, :4].unflatten(1, (2, 2)) @ rotation.T
+    return torch.cat([linear.flatten(1), maps[:, 4:] @ rotation.T], 1)
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 90, 200])
+def test_the_light_along_a_line_tells_which_way_it_lies(degrees):
+    tree = affine.from_code(replace(codes.known("tree"), probabilities=None))
+    true = affine.from_code(attractor.normalize(affine.to_code(rotated(tree, degrees))))
+    stem = int(affine.volumes(true).argmin())
+    turn = math.radians(90 + degrees)  # the stem's direction
+    direction = torch.tensor([math.cos(turn), math.sin(turn)])
+    wrong = rotated(torch.tensor([[0, 0, 0.37, 0.33, 0, -0.335]]), degrees)[0]  # the same line, not the same projection
+    image, maps = suite.target(affine.to_code(true), 256), true.clone()
+    maps[stem, :4], maps[stem, 4:] = wrong[:4], true[stem, 4:] + 0.04 * direction
+    picture = Picture(image, LEVELS["density"])
+    shown = picture.judge(maps)
+    points = played(maps, shown.chances, 50_000, seed=0)
+    rest = picture.without(shown, [stem])
+    found = profiled(maps[stem], float(shown.chances[stem]), points, image, rest.image, 16)[0]
+    assert found.dtype == maps.dtype
+    row = direction @ found[:4].view(2, 2)  # along the line
+    assert float(row @ direction / row.norm()) > math.cos(math.radians(15))
+    ends, wanted = ((points @ each[:4].view(2, 2).T + each[4:]) @ direction for each in (found, true[stem]))
+    for end in (torch.amin, torch.amax):
+        assert float(end(ends, 0)) == pytest.approx(float(end(wanted, 0)), abs=0.1)
+
+
+def test_a_course_follows_its_line_over_the_pixels():
+    size, points = 64, torch.randn(500, 2, generator=torch.Generator().manual_seed(0)).double()
+    for line in ([0.0, 0, 0.2, 0.1, 0.3, -0.1], [0.2, 0.1, 0.06, 0.03, 0.1, -0.4], [-0.03, 0.02, 0.15, -0.1, 0, 0.2]):
+        line = torch.tensor(line).double()
+        course = Course.of(line, points)
+        image = points @ line[:4].view(2, 2).T + line[4:]
+        seen = image[(image.abs() < 1).all(1)]
+        drawn = torch.zeros(size, size).double()
+        drawn[((1 - seen[:, 1]) / 2 * size).long(), ((1 + seen[:, 0]) / 2 * size).long()] = 1
+        assert course.pixels(drawn).sum() == drawn.sum()  # every lit pixel is on the line or beside it
+        rows = ((1 + seen[:, course.main]) / 2 * size).long().unique()
+        assert course.pixels(drawn).sum(1).nonzero().flatten().tolist() == rows.tolist()
+        row = line[:4].view(2, 2)[course.main]
+        torch.testing.assert_close(course.map(row, line[4 + course.main]), line, atol=1e-6, rtol=0)
+
+
+def test_a_code_that_is_nearly_found_has_to_fill_the_frame():
+    code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
+    image, true = suite.target(code, 128), affine.from_code(code)
+
+    def search():
+        return PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
+
+    far, near, right = search(), search(), search()
+    off = true.clone()
+    off[:, 4] += 0.0005  # by 0.06 pixels to the right
+    errors = [each.noises(Tiling(maps, affine.volumes(maps), 0.0))
+              for each, maps in ((far, true[:2]), (near, off), (right, true))]
+    assert far.picture.frame is None and near.picture.frame is not None and right.picture.frame is not None
+    seen = Picture(image, LEVELS["density"]).judge(off).error / near.picture.noise(affine.to_code(off))
+    assert errors[1] > seen
+    assert right.settled(Tiling(true, affine.volumes(true), 0.0), 10)

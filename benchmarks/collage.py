@@ -30,7 +30,7 @@ from fractal_exp.evaluation.summary import summarize
 from fractal_exp.methods.collage import Collage
 
 METRICS = ["f1", "iou", "psnr", "ssim"]
-LAST_STAGES = "picture", "full size"   # whose last round counts
+LAST_STAGES = "picture", "frame", "full size"   # whose last round counts
 
 
 def recover(fractal: int | str, seed: int, kind: str, resolution: int, options: dict, folder: Path) -> pd.DataFrame:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -17,10 +18,21 @@ from .measure import POINTS_PER_PIXEL
 
 DIRECTIONS, ENDS = 48, 24   # of projections, and places where a line may begin or end,
 REACH = 0.5                 # up to so many times its length beyond those where it does
+FINER = 9                   # angles, and places of each end, between the neighbours of the best
 SHORTEST = 0.2              # times its length
 LARGEST = 0.98              # singular value
 BINS = 256                  # of a projected measure
 ASIDE = 1                   # pixels on each side of a line whose light may be its own
+
+
+class _Laid(NamedTuple):
+    """A map (6,) to the line, the angle of its projection, where its image begins and ends, and its error."""
+
+    error: float
+    angle: float
+    begin: Tensor
+    end: Tensor
+    map: Tensor
 
 
 @dataclass(frozen=True)
@@ -62,9 +74,11 @@ class Course:
         return rows[torch.arange(size)[:, None], columns.clamp(0, size - 1)] * inside
 
 
-def profiled(line: Tensor, share: float, points: Tensor, target: Tensor, rest: Tensor, supersample: int) -> Tensor:
-    """Maps (K,6) to the line on which a map (6,) lays the measure, but in other ways along it: those whose light fits
-    best among all ends, in each direction of projection that is better than its neighbours, best first.
+def profiled(line: Tensor, share: float, points: Tensor, target: Tensor, rest: Tensor, supersample: int,
+             count: int) -> Tensor:
+    """Maps (K,6), `count` at most, to the line on which a map (6,) lays the measure, but in other ways along it: those
+    whose light fits best among all ends, in each direction of projection that is better than its neighbours, best
+    first; none where the image is a point.
 
     share: of the points, that the map has; points (P,2): of the measure; target, rest (R,R): the picture, and a drawing
     without the map, in shares of supersample² subpixels.
@@ -77,29 +91,38 @@ def profiled(line: Tensor, share: float, points: Tensor, target: Tensor, rest: T
     thrown = POINTS_PER_PIXEL * target.numel() * share
     own = points @ line[:4].view(2, 2)[course.main] + line[4 + course.main]
     low, length = own.min(), own.max() - own.min()
-    spread = torch.linspace(-REACH, 1 + REACH, ENDS, dtype=torch.float64) * length + low
-    begins, ends = (each.flatten() for each in torch.meshgrid(spread, spread, indexing="ij"))
-    long = ends - begins > SHORTEST * length
-    begins, ends = begins[long, None], ends[long, None]
+    if not length > 0:
+        return given.new_zeros(0, 6)
     edges = torch.linspace(-1, 1, len(target) + 1, dtype=torch.float64)
-    inside = (edges - begins) / (ends - begins)
 
-    def best(direction: Tensor) -> tuple[Tensor, Tensor]:
+    def best(angle: float, begins: Tensor, ends: Tensor) -> _Laid:
+        begins, ends = (each.flatten() for each in torch.meshgrid(begins, ends, indexing="ij"))
+        long = ends - begins > SHORTEST * length
+        begins, ends = begins[long], ends[long]
+        direction = points.new_tensor([math.cos(angle), math.sin(angle)])
         projected = points @ direction
-        hits = thrown * _cumulated(projected, inside).diff()
+        hits = thrown * _cumulated(projected, (edges - begins[:, None]) / (ends - begins)[:, None]).diff()
         lit = cells / supersample**2 * (1 - (-hits / cells).exp())
-        lengths = (ends - begins)[:, 0] / (projected.max() - projected.min())  # of the row
+        lengths = (ends - begins) / (projected.max() - projected.min())  # of the row
         errors = ((lit - light).square() / variance).sum(1)
         errors = errors.masked_fill(lengths * math.hypot(1, course.slope) > LARGEST, torch.inf)
         k = errors.argmin()
         row = direction * lengths[k]
-        return errors[k], course.map(row, begins[k, 0] - (points @ row).min())
+        return _Laid(float(errors[k]), angle, begins[k], ends[k], course.map(row, begins[k] - (points @ row).min()))
 
-    angles = torch.arange(DIRECTIONS, dtype=torch.float64) * (2 * torch.pi / DIRECTIONS)
-    errors, maps = zip(*map(best, torch.stack([angles.cos(), angles.sin()], 1)), strict=True)
-    errors = torch.stack(errors)
-    lowest = (errors <= errors.roll(1)) & (errors <= errors.roll(-1)) & errors.isfinite()
-    return torch.stack(maps)[lowest][errors[lowest].argsort()].to(given)
+    def finer(coarse: _Laid) -> _Laid:
+        around = torch.linspace(-1, 1, FINER, dtype=torch.float64)
+        return min((best(coarse.angle + turn * float(offset), coarse.begin + step * around, coarse.end + step * around)
+                    for offset in around), key=lambda laid: laid.error)
+
+    turn, step = 2 * math.pi / DIRECTIONS, (1 + 2 * REACH) / (ENDS - 1) * length
+    places = torch.linspace(-REACH, 1 + REACH, ENDS, dtype=torch.float64) * length + low
+    laid = [best(turn * k, places, places) for k in range(DIRECTIONS)]
+    errors = [each.error for each in laid]
+    lowest = [k for k, error in enumerate(errors)
+              if error < math.inf and error <= min(errors[k - 1], errors[(k + 1) % DIRECTIONS])]
+    chosen = sorted(lowest, key=errors.__getitem__)[:count]
+    return torch.stack([finer(laid[k]).map for k in chosen]).to(given) if chosen else given.new_zeros(0, 6)
 
 
 def _missing(wanted: Tensor, there: Tensor, supersample: int) -> tuple[Tensor, Tensor]:

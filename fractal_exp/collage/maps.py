@@ -99,6 +99,16 @@ def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
 
 def thinness(one: Tensor, measure: BinnedMeasure) -> float:
     """The width of a map's (6,) image of the measure over its length, both standard deviations."""
+    width, length = _extents(one, measure)
+    return width / max(length, 1e-6)
+
+
+def width(one: Tensor, measure: BinnedMeasure) -> float:
+    """The standard deviation of a map's (6,) image of the measure across its length, canvas units."""
+    return _extents(one, measure)[0]
+
+
+def _extents(one: Tensor, measure: BinnedMeasure) -> tuple[float, float]:
     linear = one[:4].view(2, 2).double()
     spread = torch.linalg.eigvalsh(linear @ measure.covariance.double() @ linear.T)
-    return float((spread[0].clamp_min(0) / spread[1].clamp_min(1e-12)).sqrt())
+    return tuple(spread.clamp_min(0).sqrt().tolist())

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..ifs import PROBABILITY_FLOOR
 from ..ops.collage import BinnedMeasure, Descent, descend, pushforward
 from ..seeds import derive, generator
 from . import maps as affine
@@ -30,13 +31,14 @@ PRICE = 0.04                   # of a map, in units of a drawing's noise
 CANDIDATES, MOVED, DRAWN = 24, 6, 3   # maps born in a move; those of them that are moved finely, and drawn
 WIDTHS = (1, 0.25, 0.03)       # times that of a new image, drawn as well
 THIN = 0.1                     # times its length: the width of an image that is a line
+WIDEST_PX = 2                  # four standard deviations of it
 PROFILED, PROFILE_POINTS = 2, 50_000   # lines drawn of those that the light along one tells of, from so many points
 SIZES = (0.02, 0.95)           # of the larger singular values at birth
 ROUGHLY = Descent(steps=40, rate=0.02, prior=0.0, largest=0.98)
 FINELY = Descent(steps=20, rate=0.005, prior=0.0, largest=0.98)
 SETTLED, LENIENCE = 1.05, 0.005   # times the noise of a drawing, an error that the true code may have; more a move
 OWN_WEIGHTS = 0.8              # times the error with tied ones: what makes weights of its own worth it
-FAR = 30                       # times a drawing's noise: errors from which on the frame tells nothing
+FAR = 30                       # noises from which on the frame tells nothing
 UNSETTLED, CLOSE = 1.1, 6      # times a drawing's noise: errors between which the dearest polish is worth while,
 REDRAWN = 3                    # of so many steps
 ROOTS_ERROR, LOW = 30, 0.5     # times the error before, or this if that is lower: of a root that may be one
@@ -66,7 +68,6 @@ class PictureSearch:
         self.picture, self.masses, self.finest, self.seed = picture, masses, finest, seed
         self.price, self.late = PRICE * noise, late
         self.fixed, self.most = fixed, most
-        self._frame = Frame.of(picture.image)
         self._shown: Drawn | None = None
         self._measured: _Measures | None = None
         self._noise: tuple[Tensor, float] | None = None
@@ -81,9 +82,8 @@ class PictureSearch:
                 break
             rooted = min((self._rooted(best, chosen, order) for order in ORDERS), key=self._score)
             if self._score(rooted) < self._score(best):
-                best = self._polished(rooted, POLISH // 2)
-                break
-        return self._tiling(self._in_frame(best))
+                return self._tiling(self._polished(rooted, POLISH // 2))
+        return self._tiling(best)
 
     def step(self, now: Tiling, number: int) -> Tiling:
         """`now`, or a better neighbour."""
@@ -92,7 +92,7 @@ class PictureSearch:
         new = self._move(shown, g)(shown, g)
         if self._score(new) >= self._score(shown):
             return now
-        return self._tiling(self._in_frame(self._polished(new, 1)))
+        return self._tiling(self._polished(new, 1))
 
     def finish(self, now: Tiling) -> Tiling:
         """Polished once more, at last on several drawings at once, whose noise is less."""
@@ -120,15 +120,19 @@ class PictureSearch:
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), POLISH, near=near, late=self.late)
         noises = self.noises(self._tiling(self.picture.judge(best.maps, best.weights)))
         if UNSETTLED < noises < CLOSE and not self.late():
-            once, careful = self.picture.within(self._frame), careful.within(self._frame)
+            once = self.picture.within(Frame.of(self.picture.image))
             last = polished(once, once.judge(best.maps, best.weights), REDRAWN, late=self.late, slopes=Redrawn,
                             alone=True)
-            best = min((careful.judge(each.maps, each.weights) for each in (best, last)), key=_error)
+            best = min(best, careful.judge(last.maps, last.weights), key=_error)
         return best
 
     def judged(self, tiling: Tiling) -> Tiling:
         """The tiling with the error and score that it has here."""
-        return self._tiling(self.picture.judge(tiling.maps, tiling.weights))
+        return self._tiling(self.picture.judge(tiling.maps, tiling.chances))
+
+    def polished(self, tiling: Tiling) -> Tiling:
+        """The tiling with all maps polished."""
+        return self._tiling(self._polished(self.picture.judge(tiling.maps, tiling.chances), POLISH))
 
     def settled(self, now: Tiling, moves: int) -> bool:
         """Whether the code draws the picture as well as the true one would; after many moves, nearly as well."""
@@ -169,7 +173,7 @@ class PictureSearch:
         gone = self._small(shown, g)
         rest, old = self.picture.without(shown, gone), shown.maps[gone[0]]
         found = [self._fitted(self._grown(rest, shown, old, g), shown)]
-        if self.picture.levels.graded and affine.thinness(old, self._measures(shown).fine) < THIN:
+        if self.picture.levels.graded and self._is_line(old, shown) and not self.late():
             found += self._relaid(rest, shown, gone[0])
         return min(found, key=_error)
 
@@ -248,14 +252,23 @@ class PictureSearch:
             drawings += [self._with(drawn, each, weights[0]) for each in mirrored(model, measure)]
         return min(drawings, key=_error)
 
+    def _is_line(self, old: Tensor, shown: Drawn) -> bool:
+        """Whether the image of the map (6,) is thin, and within the pixels that it crosses."""
+        measure = self._measures(shown).fine
+        side = self.picture.image.shape[0]
+        return affine.thinness(old, measure) < THIN and 2 * side * affine.width(old, measure) < WIDEST_PX
+
     def _relaid(self, rest: Drawn, shown: Drawn, gone: int) -> list[Drawn]:
-        """The rest of the code and the map that is gone, a line, the other ways that the light along it tells of."""
-        share = shown.chances[gone]
+        """The rest of the code and the map that is gone, a line, in the other ways that the light along it tells of;
+        the hopeful ones polished."""
+        volumes = affine.volumes(rest.maps).sum() + PROBABILITY_FLOOR
+        share = PROBABILITY_FLOOR / volumes if rest.weights is None else shown.chances[gone]
         points = played(shown.maps, shown.chances, PROFILE_POINTS, derive(self.picture.seed, "profile"))
         lines = profiled(shown.maps[gone], float(share), points, self.picture.image, rest.image,
-                         self.picture.levels.supersample)
-        drawings = [self._with(rest, each, share) for each in lines[:PROFILED]]
-        return [self._polished(each, 3, [len(each.maps) - 1]) for each in drawings]
+                         self.picture.levels.supersample, PROFILED)
+        drawings = [self._with(rest, each, share) for each in lines]
+        return [self._polished(each, 3, [len(each.maps) - 1]) for each in drawings
+                if each.error < HOPEFUL * shown.error]
 
     def _explained(self, drawn: Drawn, measures: _Measures, volume: Tensor) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile or their drawing shows. Where a map is
@@ -301,20 +314,8 @@ class PictureSearch:
 
     def _drawn(self, now: Tiling) -> Drawn:
         if self._shown is None or self._shown.maps is not now.maps:
-            self._shown = self._framed(self.picture.judge(now.maps, now.chances))
+            self._shown = self.picture.judge(now.maps, now.chances)
         return self._shown
-
-    def _in_frame(self, drawn: Drawn) -> Drawn:
-        """Polished anew where the frame is asked for from here on."""
-        framed = self._framed(drawn)
-        return drawn if framed is drawn else self._polished(framed, POLISH // 2)
-
-    def _framed(self, drawn: Drawn) -> Drawn:
-        """Where a code is nearly found, the attractor has to fill the picture's frame as well, from then on."""
-        if self.picture.frame is self._frame or not drawn.error < FAR * self.picture.noise(drawn.code):
-            return drawn
-        self.picture = self.picture.within(self._frame)
-        return self.picture.judge(drawn.maps, drawn.weights)
 
 
 def without_superfluous(picture: Picture, drawn: Drawn, price: float, least: int, *, near: bool,

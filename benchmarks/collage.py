@@ -1,4 +1,4 @@
-"""How well collage search does on fractals of the random suite, by stage: after search, details, and the picture.
+"""How well collage search does on fractals of the random suite, by stage: search, details, the picture and its frame.
 
     python -m benchmarks.collage                             the hundred fractals of the published suite, grey
     python -m benchmarks.collage --kind binary --count 20    binary targets
@@ -95,7 +95,7 @@ def describe(table: pd.DataFrame) -> None:
                            for name in METRICS)
         print(f"{align:5s}{stage:8s} {scores}  at the ceiling {summary.attrs['ceiling_fraction']:.0%}  "
               f"{rows['seconds'].mean():.0f} s (at most {rows['seconds'].max():.0f})")
-    last = table[table["stage"] == table["stage"].iloc[-1]]
+    last = table[table["stage"] == table.groupby("fractal")["stage"].transform("last")]
     each = last.groupby(["fractal", "align"])
     wide = each[["f1"]].mean().unstack().set_axis(["f1 bbox", "f1 none"], axis=1)
     kept = last[last["align"] == "bbox"].groupby("fractal")

@@ -19,7 +19,8 @@ SIGMA_PX = 0.05           # of a misfit that counts as much as the counting erro
 class Frame:
     """Targets are brought to the canvas by their box: centred, the longer side from -0.75 to 0.75. That of the random
     suite and of the classics is the attractor's `visible_box`, that of a picture file the box of what is lit, which
-    for an attractor is nearly the same. What is lit may exceed the frame: the visible box leaves out the rarest tips.
+    leaves out faint tips: a fern's stem, some pixels. What is lit may exceed the frame: the visible box leaves out the
+    rarest tips.
 
     side: pixels a side of the picture.
     """

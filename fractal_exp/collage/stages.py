@@ -1,4 +1,4 @@
-"""The stages of collage search, in order, and the state that is handed from one to the next."""
+"""The stages of collage search, and the state that is handed from one to the next."""
 
 from __future__ import annotations
 
@@ -12,19 +12,16 @@ from torch import Tensor
 from ..checkpoint import Snapshot
 from ..ifs import IFS
 from ..seeds import derive
-from . import maps as affine
-from .frame import Frame
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture, reduced
-from .picture_search import CLOSE, FAR, PRICE, PictureSearch, without_superfluous
-from .polish import FRAMED, fitted_into_frame
+from .picture_search import FAR, PRICE, PictureSearch, without_superfluous
+from .polish import fitted_into_frame
 from .refine import grid_for
 from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
 WRONG, HOPELESS = 3, 100   # times a drawing's noise: picture errors between which another round is worth while
-MISSED_PX = 0.5  # of the frame: worth a search
 LARGEST = 512    # pixels a side of the picture that is searched,
 FULL = 1024      # and of a larger one that the code is polished on in the end,
 FULL_POLISH = 4  # in so many steps
@@ -262,47 +259,11 @@ class Retouch(Stage):
         return replace(work.done(best, 1 + self.others), before=None)
 
 
-class Framing(Stage):
-    """Where a code draws the picture nearly as well as the true one would, and yet its attractor misses the frame, a
-    tip too faint to be seen is wrong: moves are judged with the frame then. What comes of them is kept only if the
-    picture is drawn as well as before, since a frame that is not the attractor's, as in picture files that were centred
-    by what is lit, bends every code."""
-
-    name, ends = "frame", 0.97
-
-    def open(self, work: Work) -> None:
-        self.search = picture_search(self.problem, work.result.code, "frame")
-        self.frame = Frame.of(self.search.picture.image)
-        nearly = self.search.noises(self.search.judged(work.result)) < CLOSE
-        self.wanted = self.frame is not None and nearly and self._missed(work.result) > MISSED_PX
-        if self.wanted:
-            self.search.picture = self.search.picture.within(self.frame)
-
-    def begin(self, work: Work) -> Tiling:
-        return self.search.polished(work.result) if self.wanted else work.result
-
-    def settled(self, now: Tiling, moves: int) -> bool:
-        return not self.wanted or self.search.settled(now, moves)
-
-    def close(self, work: Work) -> Work:
-        if not self.wanted:
-            return work.done(work.result)
-        found, unframed = self.search.finish(work.tiling), self.search.picture.within(None)
-        seen = [unframed.judge(each.maps, each.chances).error for each in (work.result, found)]
-        better = seen[1] <= FRAMED * seen[0] and self._missed(found) < self._missed(work.result)
-        return work.done(replace(found, error=seen[1]) if better else work.result)
-
-    def _missed(self, tiling: Tiling) -> float:
-        """By how much the attractor misses the frame, pixels."""
-        chances = affine.normalized(tiling.weights)
-        return float(self.frame.misfit(tiling.maps, chances).abs().max())
-
-
 class Full(Stage):
     """The code polished on the picture at its full resolution, or on 1024², where the search was made on a smaller one:
     what is compared are 512² cells, in which a larger drawing only has less noise."""
 
-    name, ends = "full size", 0.98
+    name, ends = "full size", 0.99
 
     def open(self, work: Work) -> None:
         self.picture = self.problem.picture(self.problem.full_side, work.result.code, derive(self.problem.seed, "full"))
@@ -317,23 +278,6 @@ class Full(Stage):
 
     def close(self, work: Work) -> Work:
         return replace(work.done(work.tiling), before=None)
-
-
-def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_moves: int, picture_moves: int
-         ) -> list[Stage]:
-    """The stages in order; half as many islands in rounds after the first."""
-    stages, fewer = [], (islands + 1) // 2
-    for number in range(rounds):
-        count = fewer if number else islands
-        stages += [Island(problem, moves, 1000 * number + island, count - 1 - island) for island in range(count)]
-        stages += [Closing(problem, moves if islands > 1 else 0, number), Detail(problem, detail_moves, number)]
-        approach = [Approach(problem, 0, number)] if problem.is_reduced else []
-        others = (rounds - 1 - number) * (fewer + 3 + len(approach))
-        stages += [*approach, Retouch(problem, picture_moves, number, others)]
-        for stage in stages[-count - 3 - len(approach):] if number else []:
-            stage.ends = Retouch.ends
-    stages.append(Framing(problem, picture_moves // 2))
-    return [*stages, *([Full(problem, 0)] if problem.full_side > len(problem.image) else [])]
 
 
 def picture_search(problem: Problem, code: IFS, *path: str | int) -> PictureSearch:

@@ -8,10 +8,10 @@ from ..seeds import derive
 from . import maps as affine
 from .frame import Frame
 from .picture import Picture
-from .picture_search import CLOSE, DRAWINGS
+from .picture_search import DRAWINGS
 from .polish import FRAMED
 from .search import Tiling
-from .stages import Stage, Work, picture_search
+from .stages import WRONG, Stage, Work, picture_search
 
 MISSED_PX = 0.5   # of the frame: worth a search
 
@@ -30,7 +30,7 @@ class Framing(Stage):
         self.search.late = lambda: self.problem.part() >= self.ends  # what follows on a large picture matters more
         self.frame = Frame.of(self.search.picture.image)
         self.wanted = (self.frame is not None and self._missed(work.result) > MISSED_PX
-                       and self.search.noises(self.search.judged(work.result)) < CLOSE)
+                       and self.search.noises(self.search.judged(work.result)) < WRONG)
         if self.wanted:
             self.search.picture = self.search.picture.within(self.frame)
 

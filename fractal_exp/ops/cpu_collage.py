@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import float32, njit, prange
 
-from .jit import FAST, kernel
+from .jit import FUSED, kernel
 from .reference_collage import BETA_1, BETA_2, FLOOR, Descent
 
 EDGE = float32(1.001)
@@ -44,7 +44,7 @@ def _bin(m, x, y, size):
     return row * size + column, u - column, v - row
 
 
-@njit(fastmath=FAST)
+@njit(fastmath=FUSED)
 def _add(m, weight, samples, size, bins):
     for k in range(samples.shape[0]):
         o, fu, fv = _bin(m, samples[k, 0], samples[k, 1], size)
@@ -57,7 +57,7 @@ def _add(m, weight, samples, size, bins):
         bins[o + size + 1] += lower * fu
 
 
-@kernel(parallel=True, fastmath=FAST)
+@kernel(parallel=True, fastmath=FUSED)
 def _pushforward(maps, weights, samples, size, bins):
     for b in prange(maps.shape[0]):
         for n in range(maps.shape[1]):
@@ -65,7 +65,7 @@ def _pushforward(maps, weights, samples, size, bins):
                 _add(maps[b, n], weights[b, n], samples, size, bins[b])
 
 
-@njit(fastmath=FAST)
+@njit(fastmath=FUSED)
 def _pull(m, weight, samples, size, slope, gradient):
     """The gradient of the error by a map's six numbers into gradient[0:6], by its weight into gradient[6]."""
     ga = gb = gc = gd = ge = gf = gw = float32(0)
@@ -89,7 +89,7 @@ def _pull(m, weight, samples, size, slope, gradient):
     gradient[4], gradient[5], gradient[6] = ge * scale, gf * scale, gw
 
 
-@njit(fastmath=FAST)
+@njit(fastmath=FUSED)
 def _error(maps, weights, samples, roots, background, size, levels, bins, slope):
     """The collage error; leaves its derivative by each finest bin in slope[:size²]."""
     for i in range(size * size):
@@ -160,7 +160,7 @@ def _contract(m, largest):
     m[2], m[1] = g * r_scale + h * q_scale, g * r_scale - h * q_scale
 
 
-@kernel(parallel=True, fastmath=FAST)
+@kernel(parallel=True, fastmath=FUSED)
 def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, errors, steps, rate,
              weight_rate, decay, largest, prior, radius, strength, tied):
     count = maps.shape[1]

@@ -11,6 +11,9 @@ from numba import njit
 
 # All that reorders sums and fuses products, but NaN and infinity keep their meaning.
 FAST = {"reassoc", "contract", "arcp", "nsz"}
+# The same without reordering: which order LLVM takes differs between a process that compiles a kernel and one that
+# loads it, in the last bit, and a search that branches on it ends elsewhere.
+FUSED = FAST - {"reassoc"}
 
 _ONE_AT_A_TIME = threading.Lock()
 

@@ -1,4 +1,4 @@
-"""How well collage search does on fractals of the random suite, by stage: search, details, the picture and its frame.
+"""How well collage search does on fractals of the random suite, by stage: search, details and the picture.
 
     python -m benchmarks.collage                             the hundred fractals of the published suite, grey
     python -m benchmarks.collage --kind binary --count 20    binary targets
@@ -30,7 +30,7 @@ from fractal_exp.evaluation.summary import summarize
 from fractal_exp.methods.collage import Collage
 
 METRICS = ["f1", "iou", "psnr", "ssim"]
-LAST_STAGES = "picture", "frame", "full size"   # whose last round counts
+LAST_STAGES = "picture", "full size"   # whose last round counts
 
 
 def recover(fractal: int | str, seed: int, kind: str, resolution: int, options: dict, folder: Path) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Maps whose images are lines, and the frame that tips too faint to be seen decide."""
+"""Maps whose images are lines."""
 
 import math
 from dataclasses import replace
@@ -8,14 +8,10 @@ import torch
 
 from fractal_exp import attractor, codes, suite
 from fractal_exp.collage import maps as affine
-from fractal_exp.collage.frame import Frame
-from fractal_exp.collage.framing import Framing
 from fractal_exp.collage.jacobian import played
 from fractal_exp.collage.lines import Course, profiled
 from fractal_exp.collage.measure import LEVELS
 from fractal_exp.collage.picture import Picture
-from fractal_exp.collage.search import Tiling
-from fractal_exp.collage.stages import Problem, Work
 
 
 def rotated(maps, degrees):
@@ -77,77 +73,3 @@ def test_the_ways_a_line_may_lie_are_contractive():
     light[32] = 0.05
     found = profiled(torch.tensor([0.0, 0.9, 0, 0, 0, 0]), 0.1, flat, light, torch.zeros(64, 64), 16, 9)
     assert len(found) > 0 and float(affine.largest_singular(found).max()) < 1
-
-
-@pytest.fixture(scope="module")
-def fern():
-    code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
-    return code, suite.target(code, 128)
-
-
-def opened(image, work):
-    stage = Framing(Problem(image, LEVELS["density"], 0, 1, 256, None, None), moves=4)
-    stage.open(work)
-    return stage
-
-
-def found_with(maps):
-    return Work(best=Tiling(maps, affine.normalized(affine.volumes(maps)), 0.0))
-
-
-def framing(image, maps):
-    """The maps (N,6) after the stage, without moves, and whether it was wanted."""
-    work = found_with(maps)
-    stage = opened(image, work)
-    work = work.moved(stage.begin(work))
-    assert stage.wanted or stage.settled(work.tiling, 0)
-    return stage.close(work).result.maps, stage.wanted
-
-
-def short_stem(code):
-    """The fern's maps, the tip of the stem 1.3 pixels of 128 off, which hardly any point shows."""
-    maps = affine.from_code(code)
-    maps[int(code.linear.det().abs().argmin()), 5] += 0.02
-    return maps
-
-
-def test_a_code_that_fills_the_frame_is_left_alone(fern):
-    code, image = fern
-    maps, wanted = framing(image, affine.from_code(code))
-    assert not wanted and torch.equal(maps, affine.from_code(code))
-
-
-def test_a_tip_that_misses_the_frame_is_brought_home(fern):
-    code, image = fern
-    maps, frame = short_stem(code), Frame(128)
-    found, wanted = framing(image, maps)
-    before, after = (float(frame.misfit(each, affine.normalized(affine.volumes(each))).abs().max())
-                     for each in (maps, found))
-    assert wanted and before > 1 and after < 0.5
-
-
-@pytest.mark.parametrize("pixels", [0.8, 2])
-def test_a_frame_that_is_not_the_attractors_bends_no_code(fern, pixels):
-    code, _ = fern
-    moved = code.similar(1.0, (0.0, pixels * 2 / 128))  # as in a picture file that is centred by what is lit
-    image = LEVELS["density"].observe(moved, 128, 0)
-    assert Frame.of(image) is not None
-    true = affine.from_code(moved)
-    found, wanted = framing(image, true)
-    assert wanted and torch.equal(found, true)
-
-
-def test_an_interrupted_search_within_the_frame_goes_on_bit_for_bit(fern):
-    code, image = fern
-    work = found_with(short_stem(code))
-    stage = opened(image, work)
-    work = replace(work, tiling=stage.begin(work))
-    for number in range(2):
-        work = work.moved(stage.step(work.tiling, number))
-    resumed = Work.of(work.snapshot(), "cpu")
-    again = opened(image, resumed)
-    assert stage.wanted and again.wanted
-    ends = []
-    for one, now in ((stage, work), (again, resumed)):
-        ends.append(one.close(now.moved(one.step(now.tiling, 2))).result)
-    assert torch.equal(ends[0].maps, ends[1].maps) and torch.equal(ends[0].weights, ends[1].weights)

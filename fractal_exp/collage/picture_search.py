@@ -130,10 +130,6 @@ class PictureSearch:
         """The tiling with the error and score that it has here."""
         return self._tiling(self.picture.judge(tiling.maps, tiling.chances))
 
-    def polished(self, tiling: Tiling) -> Tiling:
-        """The tiling with all maps polished."""
-        return self._tiling(self._polished(self.picture.judge(tiling.maps, tiling.chances), POLISH))
-
     def settled(self, now: Tiling, moves: int) -> bool:
         """Whether the code draws the picture as well as the true one would; after many moves, nearly as well."""
         return self.noises(now) < SETTLED + LENIENCE * moves and len(now.maps) >= (self.fixed or 0)

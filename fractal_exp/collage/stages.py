@@ -1,4 +1,4 @@
-"""The stages of collage search, and the state that is handed from one to the next."""
+"""The stages of collage search, in order, and the state that is handed from one to the next."""
 
 from __future__ import annotations
 
@@ -263,7 +263,7 @@ class Full(Stage):
     """The code polished on the picture at its full resolution, or on 1024², where the search was made on a smaller one:
     what is compared are 512² cells, in which a larger drawing only has less noise."""
 
-    name, ends = "full size", 0.99
+    name, ends = "full size", 0.98
 
     def open(self, work: Work) -> None:
         self.picture = self.problem.picture(self.problem.full_side, work.result.code, derive(self.problem.seed, "full"))
@@ -278,6 +278,22 @@ class Full(Stage):
 
     def close(self, work: Work) -> Work:
         return replace(work.done(work.tiling), before=None)
+
+
+def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_moves: int, picture_moves: int
+         ) -> list[Stage]:
+    """The stages in order; half as many islands in rounds after the first."""
+    stages, fewer = [], (islands + 1) // 2
+    for number in range(rounds):
+        count = fewer if number else islands
+        stages += [Island(problem, moves, 1000 * number + island, count - 1 - island) for island in range(count)]
+        stages += [Closing(problem, moves if islands > 1 else 0, number), Detail(problem, detail_moves, number)]
+        approach = [Approach(problem, 0, number)] if problem.is_reduced else []
+        others = (rounds - 1 - number) * (fewer + 3 + len(approach))
+        stages += [*approach, Retouch(problem, picture_moves, number, others)]
+        for stage in stages[-count - 3 - len(approach):] if number else []:
+            stage.ends = Retouch.ends
+    return [*stages, *([Full(problem, 0)] if problem.full_side > len(problem.image) else [])]
 
 
 def picture_search(problem: Problem, code: IFS, *path: str | int) -> PictureSearch:

@@ -12,9 +12,8 @@ from torch import Tensor
 from ..checkpoint import Checkpoint
 from ..collage.measure import LEVELS, Levels, guess_levels
 from ..collage.memory import MemoryBudget
-from ..collage.plan import plan
 from ..collage.search import Tiling
-from ..collage.stages import Problem, Stage, Work
+from ..collage.stages import Problem, Stage, Work, plan
 from ..errors import InputError
 from ..ifs import IFS
 from .base import CodeReconstruction, Method, OnStep, Progress, check_device, check_target
@@ -30,8 +29,7 @@ class Collage(Method):
     measure, corrected for the saturation of its grey levels by what was found so far; refinement on grids up to
     `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove maps where
     the picture asks for it. If the code is still far from the picture, there is another round, `rounds` at most, with
-    half as many islands and the maps found so far in the mixture. Half as many moves again are made where the code
-    draws the picture and its attractor still misses the frame. An image beyond 512² is searched at a fraction of
+    half as many islands and the maps found so far in the mixture. An image beyond 512² is searched at a fraction of
     its size, and the code polished on the whole, or on 1024² of a still larger one.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the

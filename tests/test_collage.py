@@ -4,11 +4,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp import InputError, attractor, codes, invert, samples, suite
+from fractal_exp import IFS, InputError, attractor, codes, invert, ops, samples, suite
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.collage import maps as affine
 from fractal_exp.collage import stages
-from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
+from fractal_exp.collage.measure import LEVELS, Appearance, binned, desaturated, guess_levels, point_bins
 from fractal_exp.collage.picture import Drawn
 from fractal_exp.collage.picture_search import PictureSearch
 from fractal_exp.collage.search import Judge, Search, Tiling
@@ -81,6 +81,26 @@ def test_desaturation_brings_the_measure_of_a_saturated_picture_back():
     assert after < 0.5 * before
 
 
+@pytest.mark.parametrize(("levels", "kind"), [("density", "grey"), ("binary", "binary")])
+def test_a_true_code_looks_like_its_picture_however_much_that_hides(levels, kind):
+    code = attractor.normalize(suite.random_suite(6, 101)[5])
+    image = suite.target(code, 256, kind)
+    appearance = Appearance(image, LEVELS[levels], 64, seed=1)
+    masses = LEVELS[levels].measure(image)
+    played = ops.chaos_game(code.linear, code.offset, trajectories=500, length=430, warmup=30, seed=2,
+                            probabilities=code.sampling_probabilities())
+    hidden = float(collage_error(point_bins(played, 64)[None], binned(masses, 64))[0])
+    assert appearance.error(code) < 0.1 * hidden
+    fainter = IFS(code.linear * 0.9, code.offset)
+    assert appearance.error(fainter) > 10 * appearance.error(code)
+
+
+def test_a_code_that_draws_nothing_is_as_far_off_as_can_be(triangle):
+    _, image = triangle
+    beside = IFS(torch.eye(2).expand(2, 2, 2) * 0.1, torch.full((2, 2), 5.0))
+    assert Appearance(image, LEVELS["density"], 64).error(beside) == 1
+
+
 def test_grey_levels_are_told_apart():
     code = codes.known("fern")
     assert guess_levels(suite.target(code, 128)) == "density"
@@ -95,6 +115,11 @@ def test_the_triangle_is_found(triangle, kind, least):
     found = Collage(islands=2, moves=20, rounds=1, detail_moves=5, picture_moves=10).reconstruct(image).code
     table = evaluate(found, code, resolution=128, align="none")
     assert table.f1.mean() > least
+
+
+def searched(image, **options):
+    appearance = Appearance(image, LEVELS["density"], 64)
+    return Search(LEVELS["density"].measure(image), appearance, size=64, coarse=32, proposals=1, **options)
 
 
 def small(**options):
@@ -207,7 +232,7 @@ def test_time_ends_a_search_with_the_best_so_far(triangle):
 
 def test_a_search_never_returns_a_worse_state(triangle):
     _, image = triangle
-    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, judge=Judge(), proposals=1)
+    search = searched(image, judge=Judge())
     now = search.start(sets=4)
     for number in range(6):
         new = search.step(now, number)
@@ -272,7 +297,7 @@ def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
 
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     code, image = triangle
-    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, proposals=1)
+    search = searched(image)
     true = affine.from_code(code)
     wrong = affine.sending(affine.random_matrices(12, 0.2, 0.6, torch.Generator().manual_seed(1)),
                            torch.zeros(12, 2), torch.zeros(12, 2))

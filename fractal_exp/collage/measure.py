@@ -11,7 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 
 from .. import ops
 from ..ifs import IFS
-from ..ops.collage import BinnedMeasure, pushforward
+from ..ops.collage import BinnedMeasure, collage_error, pushforward
 
 SUPERSAMPLE = 16                       # of the pictures that carry a density (Section 5 of the paper)
 POINTS_PER_PIXEL = 50_000_000 / 1024**2
@@ -130,11 +130,22 @@ def halve(bins: Tensor, size: int) -> Tensor:
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
 
 
-def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
-    """The measure (G,G) of the attractor of maps (N,6) played with chances in proportion to weights (N,)."""
-    drawn = ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], trajectories=max(1, points // 400),
-                           length=430, warmup=30, probabilities=weights / weights.sum(), seed=seed)
-    return point_bins(drawn, size)
+class Appearance:
+    """What a picture (R,R) shows of a measure, on a grid of `size` cells a side. Codes are drawn as the picture was,
+    and both are taken at face value, so that whatever grey levels hide of the one they hide of the other."""
+
+    def __init__(self, image: Tensor, levels: Levels, size: int, seed: int = 0):
+        self.levels, self.resolution, self.seed = levels, image.shape[0], seed
+        masses = levels.measure(image)
+        self.total, self.shown = masses.sum(), binned(masses, size)
+
+    def error(self, code: IFS) -> float:
+        """The collage error of what the code's drawing shows, 1 if that is nothing."""
+        masses = self.levels.measure(self.levels.observe(code, self.resolution, self.seed).to(self.total))
+        if not bool(masses.any()):
+            return 1.0
+        bins = binned(masses, self.shown.size).bins * (masses.sum() / self.total)
+        return float(collage_error(bins[None], self.shown)[0])
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:

@@ -12,7 +12,7 @@ from torch import Tensor
 from ..checkpoint import Snapshot
 from ..ifs import IFS
 from ..seeds import derive
-from .measure import Levels, desaturated
+from .measure import Appearance, Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture, reduced
 from .picture_search import FAR, PRICE, PictureSearch, without_superfluous
@@ -120,7 +120,8 @@ class Problem:
     def search(self, masses: Tensor, wanted: int, seed: int, **options: object) -> Search:
         """On a grid of `wanted` cells a side, or what the picture can fill."""
         size = grid_for(masses.shape[0], wanted)
-        return Search(masses, size=size, coarse=size // 2, seed=seed, fixed=self.fixed, most=self.most,
+        appearance = Appearance(self.image, self.levels, size, derive(seed, "appearance"))
+        return Search(masses, appearance, size=size, coarse=size // 2, seed=seed, fixed=self.fixed, most=self.most,
                       proposals=self.proposals, **options)
 
 

@@ -53,6 +53,7 @@ def _mix(z):
 
 @njit(inline="always")
 def next_state(state):
+    """The stream's next state, 64 random bits: xorshift (Marsaglia 2003)."""
     state ^= state << uint64(13)
     state ^= state >> uint64(7)
     return state ^ (state << uint64(17))
@@ -132,6 +133,7 @@ def _backward(maps, seeds, points, indices, grad_points, partial):
 
 @njit(inline="always")
 def unless_held(x, g):
+    """The gradient by a coordinate, none where the coordinate is held at the escape radius."""
     return g if abs(x) < ESCAPE else float32(0)
 
 

@@ -160,6 +160,45 @@ def _contract(m, largest):
     m[2], m[1] = g * r_scale + h * q_scale, g * r_scale - h * q_scale
 
 
+@njit(fastmath=FUSED)
+def _total_volume(maps, weights):
+    total = 0.0
+    for n in range(maps.shape[0]):
+        if weights[n] > 0:
+            total += _volume(maps[n])
+    return total
+
+
+@njit(fastmath=FUSED)
+def _tie(maps, weights, total):
+    """Weights in proportion to the volumes, of the same total."""
+    volume = _total_volume(maps, weights)
+    for n in range(maps.shape[0]):
+        if weights[n] > 0:
+            weights[n] = total * _volume(maps[n]) / volume
+
+
+@njit(fastmath=FUSED)
+def _pass_on(m, g, by_volume):
+    """Turn the gradient by a tied weight, times the weight's slope by the volume, into one by the map's matrix."""
+    if m[0] * m[3] < m[1] * m[2]:
+        by_volume = -by_volume
+    g[0] += by_volume * m[3]
+    g[3] += by_volume * m[0]
+    g[1] -= by_volume * m[2]
+    g[2] -= by_volume * m[1]
+    g[6] = 0
+
+
+@njit(fastmath=FUSED)
+def _adam(g, first, second, k):
+    """The moments after step k, and what Adam makes of the gradient, which it replaces."""
+    for j in range(7):
+        first[j] = BETA_1 * first[j] + (1 - BETA_1) * g[j]
+        second[j] = BETA_2 * second[j] + (1 - BETA_2) * g[j] * g[j]
+        g[j] = first[j] / (1 - BETA_1**k) / (math.sqrt(second[j] / (1 - BETA_2**k)) + 1e-7)
+
+
 @kernel(parallel=True, fastmath=FUSED)
 def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, errors, steps, rate,
              weight_rate, decay, largest, prior, radius, strength, tied):
@@ -169,18 +208,11 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
         bins, slope = np.empty_like(roots), np.empty_like(roots)
         gradient = np.zeros((count, 7), np.float32)
         first, second = np.zeros((count, 7), np.float32), np.zeros((count, 7), np.float32)
-        total = 0.0
-        for n in range(count):
-            total += w[n]
+        total = w.sum()
         for k in range(1, steps + 1):
-            volume = 0.0
-            for n in range(count):
-                if w[n] > 0:
-                    volume += _volume(m[n])
             if tied:
-                for n in range(count):
-                    if w[n] > 0:
-                        w[n] = total * _volume(m[n]) / volume
+                _tie(m, w, total)
+            volume = _total_volume(m, w)
             _error(m, w, samples, roots, background, size, levels, bins, slope)
             pull = 0.0
             for n in range(count):
@@ -193,33 +225,17 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
                     continue
                 g = gradient[n]
                 if tied:
-                    by_volume = (g[6] - pull) * total / volume
-                    if m[n, 0] * m[n, 3] < m[n, 1] * m[n, 2]:
-                        by_volume = -by_volume
-                    g[0] += by_volume * m[n, 3]
-                    g[3] += by_volume * m[n, 0]
-                    g[1] -= by_volume * m[n, 2]
-                    g[2] -= by_volume * m[n, 1]
-                    g[6] = 0
+                    _pass_on(m[n], g, (g[6] - pull) * total / volume)
                 else:
                     g[6] *= w[n]
                     g[6] += prior * w[n] * math.log(w[n] * volume / (total * _volume(m[n])))
                 _push_off_identity(m[n], w[n], mean, covariance, radius, strength, g)
-                for j in range(7):
-                    first[n, j] = BETA_1 * first[n, j] + (1 - BETA_1) * g[j]
-                    second[n, j] = BETA_2 * second[n, j] + (1 - BETA_2) * g[j] * g[j]
-                    move = first[n, j] / (1 - BETA_1**k) / (math.sqrt(second[n, j] / (1 - BETA_2**k)) + 1e-7)
-                    if j < 6:
-                        m[n, j] -= rate * falling * move
-                    elif not tied:
-                        w[n] *= math.exp(-weight_rate * falling * move)
+                _adam(g, first[n], second[n], k)
+                for j in range(6):
+                    m[n, j] -= rate * falling * g[j]
+                if not tied:
+                    w[n] *= math.exp(-weight_rate * falling * g[6])
                 _contract(m[n], largest)
         if tied:
-            volume = 0.0
-            for n in range(count):
-                if w[n] > 0:
-                    volume += _volume(m[n])
-            for n in range(count):
-                if w[n] > 0:
-                    w[n] = total * _volume(m[n]) / volume
+            _tie(m, w, total)
         errors[b] = _error(m, w, samples, roots, background, size, levels, bins, slope)

@@ -11,7 +11,7 @@ from fractal_exp.collage import stages
 from fractal_exp.collage.measure import LEVELS, Appearance, binned, desaturated, guess_levels, point_bins
 from fractal_exp.collage.picture import Drawn
 from fractal_exp.collage.picture_search import PictureSearch
-from fractal_exp.collage.search import Judge, Search, Tiling
+from fractal_exp.collage.search import Search, Tiling
 from fractal_exp.collage.stages import Problem, Work, plan
 from fractal_exp.evaluation import evaluate
 from fractal_exp.methods.collage import Collage
@@ -85,20 +85,33 @@ def test_desaturation_brings_the_measure_of_a_saturated_picture_back():
 def test_a_true_code_looks_like_its_picture_however_much_that_hides(levels, kind):
     code = attractor.normalize(suite.random_suite(6, 101)[5])
     image = suite.target(code, 256, kind)
-    appearance = Appearance(image, LEVELS[levels], 64, seed=1)
     masses = LEVELS[levels].measure(image)
+    appearance = Appearance(masses, LEVELS[levels], 64, seed=1)
     played = ops.chaos_game(code.linear, code.offset, trajectories=500, length=430, warmup=30, seed=2,
                             probabilities=code.sampling_probabilities())
     hidden = float(collage_error(point_bins(played, 64)[None], binned(masses, 64))[0])
     assert appearance.error(code) < 0.1 * hidden
-    fainter = IFS(code.linear * 0.9, code.offset)
-    assert appearance.error(fainter) > 10 * appearance.error(code)
+    smaller = IFS(code.linear * 0.9, code.offset)
+    assert appearance.error(smaller) > 10 * appearance.error(code)
 
 
-def test_a_code_that_draws_nothing_is_as_far_off_as_can_be(triangle):
-    _, image = triangle
+def test_a_code_beside_the_canvas_looks_like_nothing_and_says_no_word(triangle, caplog):
+    code, image = triangle
+    appearance = Appearance(LEVELS["density"].measure(image), LEVELS["density"], 64)
     beside = IFS(torch.eye(2).expand(2, 2, 2) * 0.1, torch.full((2, 2), 5.0))
-    assert Appearance(image, LEVELS["density"], 64).error(beside) == 1
+    assert appearance.error(beside) == 1
+    halfway = code.similar(1.0, (1.0, 0.0))
+    assert 0.1 < appearance.error(halfway) < 2
+    assert not caplog.records
+
+
+def test_a_checkpoint_of_other_stages_is_refused(triangle):
+    code, _ = triangle
+    maps = affine.from_code(code)
+    snapshot = Work(best=Tiling(maps, affine.volumes(maps), 0.0)).snapshot()
+    older = replace(snapshot, numbers={k: v for k, v in snapshot.numbers.items() if k != "stages"})
+    with pytest.raises(InputError, match="got one of version 1; start anew with resume=false"):
+        Work.of(older, "cpu")
 
 
 def test_grey_levels_are_told_apart():
@@ -118,8 +131,8 @@ def test_the_triangle_is_found(triangle, kind, least):
 
 
 def searched(image, **options):
-    appearance = Appearance(image, LEVELS["density"], 64)
-    return Search(LEVELS["density"].measure(image), appearance, size=64, coarse=32, proposals=1, **options)
+    masses = LEVELS["density"].measure(image)
+    return Search(masses, Appearance(masses, LEVELS["density"], 64), size=64, coarse=32, proposals=1, **options)
 
 
 def small(**options):
@@ -232,7 +245,7 @@ def test_time_ends_a_search_with_the_best_so_far(triangle):
 
 def test_a_search_never_returns_a_worse_state(triangle):
     _, image = triangle
-    search = searched(image, judge=Judge())
+    search = searched(image)
     now = search.start(sets=4)
     for number in range(6):
         new = search.step(now, number)

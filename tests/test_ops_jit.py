@@ -51,22 +51,26 @@ def test_kernels_run_from_an_installation_that_cannot_be_written(tmp_path):
     assert done.stdout.split() == [str(package / "__init__.py"), "tensor(True)"]
 
 
-DESCENT = """
-import fractal_exp, torch
-from fractal_exp import attractor, codes, suite, threads
+SEARCHED = """
+import fractal_exp, hashlib, torch
+from fractal_exp import attractor, codes, ops, suite, threads
 from fractal_exp.collage import maps as affine
 from fractal_exp.collage.measure import LEVELS, binned
-from fractal_exp.ops.collage import Descent, descend
+from fractal_exp.ops.collage import Descent, descend, pushforward
 threads.use(1)
 code = attractor.normalize(codes.known("fern"))
 measure = binned(LEVELS["density"].measure(suite.target(code, 128)), 64)
-maps, weights, _ = descend(affine.from_code(code)[None] + 0.01, torch.full((1, 4), 0.25), measure, Descent(40))
-print(maps.flatten().tolist(), weights.flatten().tolist())
+maps, weights = affine.from_code(code)[None] + 0.01, torch.full((1, 4), 0.25)
+found = [*descend(maps, weights, measure, Descent(40)), *descend(maps, weights, measure, Descent(40, tied=True)),
+         pushforward(maps, weights, measure.samples, 64), ops.chaos_game(code.linear, code.offset, trajectories=100,
+         length=200, seed=0), LEVELS["density"].observe(code, 128, 0)]
+print([hashlib.sha256(each.numpy().tobytes()).hexdigest() for each in found])
 """
 
 
-def test_a_process_that_compiles_a_descent_and_one_that_loads_it_round_alike(tmp_path):
+def test_a_process_that_compiles_the_kernels_of_a_search_and_one_that_loads_them_round_alike(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    compiled, loaded = (subprocess.run([sys.executable, "-c", DESCENT], env=environment, capture_output=True, text=True,
-                                       check=True).stdout for _ in range(2))
+    run = [sys.executable, "-c", SEARCHED]
+    compiled, loaded = (subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout
+                        for _ in range(2))
     assert list(tmp_path.rglob("*.nbi")) and compiled == loaded

@@ -49,10 +49,11 @@ def _mean(image: Tensor, size: int) -> Tensor:
 
 def _observer(supersample: int) -> Callable[[IFS, int, int], Tensor]:
     def drawn(code: IFS, resolution: int, seed: int) -> Tensor:
-        from ..evaluation.render import render
+        from ..evaluation.render import render_with_info  # and no warning: candidates may well lie beside the canvas
 
-        return render(code.to("cpu"), resolution=resolution, points_in_view=round(POINTS_PER_PIXEL * resolution**2),
-                      supersample=supersample, seed=seed)
+        image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=supersample, seed=seed,
+                                    points_in_view=round(POINTS_PER_PIXEL * resolution**2))
+        return image
     return drawn
 
 
@@ -108,8 +109,13 @@ def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
                       for values in (masses, masses * x, -masses * x.T))
     lit = weight > 0
     samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
-    hats = _hats(resolution, size).to(masses.device)
-    return BinnedMeasure(samples, hats.T @ masses @ hats, levels)
+    return BinnedMeasure(samples, _spread(masses, size), levels)
+
+
+def _spread(masses: Tensor, size: int) -> Tensor:
+    """The masses (R,R) of pixels in bilinear bins (G,G)."""
+    hats = _hats(masses.shape[0], size).to(masses.device)
+    return hats.T @ masses @ hats
 
 
 def _hats(resolution: int, size: int) -> Tensor:
@@ -132,19 +138,20 @@ def halve(bins: Tensor, size: int) -> Tensor:
 
 class Appearance:
     """What a picture (R,R) shows of a measure, on a grid of `size` cells a side. Codes are drawn as the picture was,
-    and both are taken at face value, so that whatever grey levels hide of the one they hide of the other."""
+    and both are taken at face value, so that whatever grey levels hide of the one they hide of the other; nearly so
+    where the picture was made smaller. masses (R,R): of the picture, as `levels` has them."""
 
-    def __init__(self, image: Tensor, levels: Levels, size: int, seed: int = 0):
-        self.levels, self.resolution, self.seed = levels, image.shape[0], seed
-        masses = levels.measure(image)
+    def __init__(self, masses: Tensor, levels: Levels, size: int, seed: int = 0):
+        self.levels, self.resolution, self.seed = levels, masses.shape[0], seed
         self.total, self.shown = masses.sum(), binned(masses, size)
 
     def error(self, code: IFS) -> float:
-        """The collage error of what the code's drawing shows, 1 if that is nothing."""
+        """The collage error of what the code's drawing shows; 1 if that is nothing, and more if it is much too bright.
+        What lies outside the canvas is not seen."""
         masses = self.levels.measure(self.levels.observe(code, self.resolution, self.seed).to(self.total))
         if not bool(masses.any()):
             return 1.0
-        bins = binned(masses, self.shown.size).bins * (masses.sum() / self.total)
+        bins = _spread(masses / masses.sum(), self.shown.size) * (masses.sum() / self.total)
         return float(collage_error(bins[None], self.shown)[0])
 
 

@@ -175,10 +175,10 @@ class Search:
         count, error = len(sets[best][0]), float(errors[best])
         if error > 1.5 * now.error + 8 * self.judge.price:
             return now
-        new = self.pruned(maps[best, :count], weights[best, :count], error)
-        if new.score > now.score:  # without the drawing
+        kept = self.pruned(maps[best, :count], weights[best, :count], error)
+        if self.cheap_score(*kept) > now.score:  # the last steps seldom make up for it, and a drawing is dear
             return now
-        new = self.judged(*self.move(new.maps, new.weights, POLISH))
+        new = self.judged(*self.move(*kept[:2], POLISH))
         return self.unique(new) if new.score < now.score else now
 
     def _ruined(self, now: Tiling, g: torch.Generator) -> tuple[Tensor, Tensor, bool, int]:
@@ -208,12 +208,10 @@ class Search:
 
     def _simplest(self, maps: Tensor, weights: Tensor, error: float) -> Tiling:
         """The set without what is not needed, judged."""
-        fewer = self.pruned(maps, weights, error)
-        return self.unique(self.judged(fewer.maps, fewer.weights, fewer.error))
+        return self.unique(self.judged(*self.pruned(maps, weights, error)))
 
-    def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Tiling:
-        """The set without the maps whose removal, after the others have moved, does not worsen the cheap score, which
-        is the one it has."""
+    def pruned(self, maps: Tensor, weights: Tensor, error: float) -> tuple[Tensor, Tensor, float]:
+        """The set without the maps whose removal, after the others have moved, does not worsen the cheap score."""
         score = self.cheap_score(maps, weights, error)
         while len(maps) > 2:
             n = len(maps)
@@ -237,7 +235,7 @@ class Search:
             if best[0] >= score and not too_many:
                 break
             score, maps, weights, error = best
-        return Tiling(maps, weights, error, score)
+        return maps, weights, error
 
     def unique(self, now: Tiling) -> Tiling:
         """The set with maps of nearly the same image made one, if that is better: two halves of a map hold each other

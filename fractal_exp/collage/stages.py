@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..checkpoint import Snapshot
+from ..errors import InputError
 from ..ifs import IFS
 from ..seeds import derive
 from .measure import Appearance, Levels, desaturated
@@ -26,6 +27,7 @@ LARGEST = 512    # pixels a side of the picture that is searched,
 FULL = 1024      # and of a larger one that the code is polished on in the end,
 FULL_POLISH = 4  # in so many steps
 TILINGS = "tiling", "best", "before"   # of `Work`
+STAGES = 2       # the version of the stages and their scores, which checkpoints name
 DETAIL = Judge(price=1e-4, prior=0.03)
 
 
@@ -61,11 +63,16 @@ class Work:
         if self.pool is not None:
             tensors["pool"] = self.pool
         numbers = {name: [t.error, t.score] for name, t in kept.items()}
-        return Snapshot(self.step, tensors, {"stage": self.stage, "scores": list(self.scores), **numbers})
+        return Snapshot(self.step, tensors, {"stages": STAGES, "stage": self.stage, "scores": list(self.scores),
+                                             **numbers})
 
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> Work:
+        """Raises `InputError` on a snapshot of other stages, or of scores that were reckoned otherwise."""
         tensors, numbers = {name: t.to(device) for name, t in snapshot.tensors.items()}, snapshot.numbers
+        if numbers.get("stages") != STAGES:
+            raise InputError(f"expected a checkpoint of collage search in its version {STAGES}, got one of version "
+                             f"{numbers.get('stages', 1)}; start anew with resume=false")
         tilings = {name: Tiling(tensors[f"{name}/maps"], tensors[f"{name}/weights"], *numbers[name])
                    for name in TILINGS if name in numbers}
         return cls(numbers["stage"], snapshot.iteration, **tilings, pool=tensors.get("pool"),
@@ -120,7 +127,7 @@ class Problem:
     def search(self, masses: Tensor, wanted: int, seed: int, **options: object) -> Search:
         """On a grid of `wanted` cells a side, or what the picture can fill."""
         size = grid_for(masses.shape[0], wanted)
-        appearance = Appearance(self.image, self.levels, size, derive(seed, "appearance"))
+        appearance = Appearance(self.masses, self.levels, size, derive(seed, "appearance"))
         return Search(masses, appearance, size=size, coarse=size // 2, seed=seed, fixed=self.fixed, most=self.most,
                       proposals=self.proposals, **options)
 

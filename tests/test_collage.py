@@ -4,14 +4,14 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, attractor, codes, invert, ops, samples, suite
+from fractal_exp import IFS, InputError, attractor, codes, invert, samples, suite
 from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.collage import maps as affine
 from fractal_exp.collage import stages
-from fractal_exp.collage.measure import LEVELS, Appearance, binned, desaturated, guess_levels, point_bins
+from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
 from fractal_exp.collage.picture import Drawn
 from fractal_exp.collage.picture_search import PictureSearch
-from fractal_exp.collage.search import Search, Tiling
+from fractal_exp.collage.search import Judge, Search, Tiling
 from fractal_exp.collage.stages import Problem, Work, plan
 from fractal_exp.evaluation import evaluate
 from fractal_exp.methods.collage import Collage
@@ -81,39 +81,6 @@ def test_desaturation_brings_the_measure_of_a_saturated_picture_back():
     assert after < 0.5 * before
 
 
-@pytest.mark.parametrize(("levels", "kind"), [("density", "grey"), ("binary", "binary")])
-def test_a_true_code_looks_like_its_picture_however_much_that_hides(levels, kind):
-    code = attractor.normalize(suite.random_suite(6, 101)[5])
-    image = suite.target(code, 256, kind)
-    masses = LEVELS[levels].measure(image)
-    appearance = Appearance(masses, LEVELS[levels], 64, seed=1)
-    played = ops.chaos_game(code.linear, code.offset, trajectories=500, length=430, warmup=30, seed=2,
-                            probabilities=code.sampling_probabilities())
-    hidden = float(collage_error(point_bins(played, 64)[None], binned(masses, 64))[0])
-    assert appearance.error(code) < 0.1 * hidden
-    smaller = IFS(code.linear * 0.9, code.offset)
-    assert appearance.error(smaller) > 10 * appearance.error(code)
-
-
-def test_a_code_beside_the_canvas_looks_like_nothing_and_says_no_word(triangle, caplog):
-    code, image = triangle
-    appearance = Appearance(LEVELS["density"].measure(image), LEVELS["density"], 64)
-    beside = IFS(torch.eye(2).expand(2, 2, 2) * 0.1, torch.full((2, 2), 5.0))
-    assert appearance.error(beside) == 1
-    halfway = code.similar(1.0, (1.0, 0.0))
-    assert 0.1 < appearance.error(halfway) < 2
-    assert not caplog.records
-
-
-def test_a_checkpoint_of_other_stages_is_refused(triangle):
-    code, _ = triangle
-    maps = affine.from_code(code)
-    snapshot = Work(best=Tiling(maps, affine.volumes(maps), 0.0)).snapshot()
-    older = replace(snapshot, numbers={k: v for k, v in snapshot.numbers.items() if k != "stages"})
-    with pytest.raises(InputError, match="got one of version 1; start anew with resume=false"):
-        Work.of(older, "cpu")
-
-
 def test_grey_levels_are_told_apart():
     code = codes.known("fern")
     assert guess_levels(suite.target(code, 128)) == "density"
@@ -130,9 +97,18 @@ def test_the_triangle_is_found(triangle, kind, least):
     assert table.f1.mean() > least
 
 
-def searched(image, **options):
-    masses = LEVELS["density"].measure(image)
-    return Search(masses, Appearance(masses, LEVELS["density"], 64), size=64, coarse=32, proposals=1, **options)
+def test_a_candidate_beside_the_canvas_is_drawn_without_a_word(caplog):
+    beside = IFS(torch.eye(2).expand(2, 2, 2) * 0.1, torch.full((2, 2), 5.0))
+    assert not bool(LEVELS["density"].observe(beside, 64, 0).any()) and not caplog.records
+
+
+def test_a_checkpoint_of_other_stages_is_refused(triangle):
+    code, _ = triangle
+    maps = affine.from_code(code)
+    snapshot = Work(best=Tiling(maps, affine.volumes(maps), 0.0)).snapshot()
+    older = replace(snapshot, numbers={k: v for k, v in snapshot.numbers.items() if k != "stages"})
+    with pytest.raises(InputError, match="got one of version 1; start anew with resume=false"):
+        Work.of(older, "cpu")
 
 
 def small(**options):
@@ -245,7 +221,7 @@ def test_time_ends_a_search_with_the_best_so_far(triangle):
 
 def test_a_search_never_returns_a_worse_state(triangle):
     _, image = triangle
-    search = searched(image)
+    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, judge=Judge(), proposals=1)
     now = search.start(sets=4)
     for number in range(6):
         new = search.step(now, number)
@@ -310,7 +286,7 @@ def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
 
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     code, image = triangle
-    search = searched(image)
+    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, proposals=1)
     true = affine.from_code(code)
     wrong = affine.sending(affine.random_matrices(12, 0.2, 0.6, torch.Generator().manual_seed(1)),
                            torch.zeros(12, 2), torch.zeros(12, 2))

@@ -11,7 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 
 from .. import ops
 from ..ifs import IFS
-from ..ops.collage import BinnedMeasure, collage_error, pushforward
+from ..ops.collage import BinnedMeasure, pushforward
 
 SUPERSAMPLE = 16                       # of the pictures that carry a density (Section 5 of the paper)
 POINTS_PER_PIXEL = 50_000_000 / 1024**2
@@ -109,13 +109,8 @@ def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
                       for values in (masses, masses * x, -masses * x.T))
     lit = weight > 0
     samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
-    return BinnedMeasure(samples, _spread(masses, size), levels)
-
-
-def _spread(masses: Tensor, size: int) -> Tensor:
-    """The masses (R,R) of pixels in bilinear bins (G,G)."""
-    hats = _hats(masses.shape[0], size).to(masses.device)
-    return hats.T @ masses @ hats
+    hats = _hats(resolution, size).to(masses.device)
+    return BinnedMeasure(samples, hats.T @ masses @ hats, levels)
 
 
 def _hats(resolution: int, size: int) -> Tensor:
@@ -136,23 +131,11 @@ def halve(bins: Tensor, size: int) -> Tensor:
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
 
 
-class Appearance:
-    """What a picture (R,R) shows of a measure, on a grid of `size` cells a side. Codes are drawn as the picture was,
-    and both are taken at face value, so that whatever grey levels hide of the one they hide of the other; nearly so
-    where the picture was made smaller. masses (R,R): of the picture, as `levels` has them."""
-
-    def __init__(self, masses: Tensor, levels: Levels, size: int, seed: int = 0):
-        self.levels, self.resolution, self.seed = levels, masses.shape[0], seed
-        self.total, self.shown = masses.sum(), binned(masses, size)
-
-    def error(self, code: IFS) -> float:
-        """The collage error of what the code's drawing shows; 1 if that is nothing, and more if it is much too bright.
-        What lies outside the canvas is not seen."""
-        masses = self.levels.measure(self.levels.observe(code, self.resolution, self.seed).to(self.total))
-        if not bool(masses.any()):
-            return 1.0
-        bins = _spread(masses / masses.sum(), self.shown.size) * (masses.sum() / self.total)
-        return float(collage_error(bins[None], self.shown)[0])
+def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
+    """The measure (G,G) of the attractor of maps (N,6) played with chances in proportion to weights (N,)."""
+    drawn = ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], trajectories=max(1, points // 400),
+                           length=430, warmup=30, probabilities=weights / weights.sum(), seed=seed)
+    return point_bins(drawn, size)
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:

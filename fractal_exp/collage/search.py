@@ -14,10 +14,10 @@ from torch import Tensor
 from ..ifs import IFS
 from ..ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ..ops.reference_collage import displacement_squared
-from ..seeds import generator
+from ..seeds import derive, generator
 from . import maps as affine
 from .births import LARGE, MEDIUM, SMALL, births
-from .measure import Appearance, binned
+from .measure import attractor_bins, binned
 
 SLACK = 0.5          # the part of the measure that is there already: see `Search`
 LEAST = 0.002        # weight in a mixture
@@ -49,16 +49,17 @@ class Tiling:
 
 @dataclass(frozen=True)
 class Judge:
-    """score = collage error + `drawing` · error of the code's drawing + `price` a map + half of `prior` ·
-    sum w log² (w / p), p in proportion to |det| + 0.01."""
+    """score = collage error + `attractor` · error of the attractor's own measure, of `points` points + `price` a map
+    + half of `prior` · sum w log² (w / p), p in proportion to |det| + 0.01."""
 
     price: float = 2e-4
     prior: float = 0.01
-    drawing: float = 0.5
+    attractor: float = 0.5
+    points: int = 200_000
 
 
 class Search:
-    """One measure at one resolution, searched from a state or from nothing, and judged by its appearance as well.
+    """One measure at one resolution, searched from a state or from nothing.
 
     Maps explain the measure in addition to `SLACK` of itself. Without slack, a set that leaves anything out is
     punished so hard that wrong maps are kept to fill the holes; with it, a map is worth what it explains, whatever
@@ -69,10 +70,10 @@ class Search:
     derives from the seed and the number of the step.
     """
 
-    def __init__(self, masses: Tensor, appearance: Appearance, *, size: int, coarse: int, judge: Judge | None = None,
-                 seed: int = 0, fine_details: bool = False, fixed: int | None = None, most: int | None = None,
-                 proposals: int = 2, count: int = 48, kept: int = 4):
-        self.judge, self.appearance = judge or Judge(), appearance
+    def __init__(self, masses: Tensor, *, size: int, coarse: int, judge: Judge | None = None, seed: int = 0,
+                 fine_details: bool = False, fixed: int | None = None, most: int | None = None, proposals: int = 2,
+                 count: int = 48, kept: int = 4):
+        self.judge = judge or Judge()
         self.measure, self.coarse = binned(masses, size), binned(masses, coarse)
         self.slack = SLACK * self.measure.bins
         self.seed, self.fine_details = seed, fine_details
@@ -81,7 +82,7 @@ class Search:
     # -- judging ------------------------------------------------------------------------------------------------------
 
     def cheap_score(self, maps: Tensor, weights: Tensor, error: float) -> float:
-        """The score without the drawing, which costs more than all the rest."""
+        """The score without the attractor, which costs more than all the rest."""
         share, tied = weights / weights.sum(), affine.volumes(maps)
         untied = float((share * (share / (tied / tied.sum())).log().square()).sum())
         near = (1 - displacement_squared(maps, self.measure.mean, self.measure.covariance)
@@ -97,8 +98,9 @@ class Search:
 
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Tiling:
         """The tiling with its score."""
-        found = Tiling(maps, weights, error, self.cheap_score(maps, weights, error))
-        return replace(found, score=found.score + self.judge.drawing * self.appearance.error(found.code))
+        bins = attractor_bins(maps, weights, self.measure.size, points=self.judge.points, seed=derive(self.seed, "a"))
+        far = float(collage_error(bins[None], self.measure)[0])
+        return Tiling(maps, weights, error, self.cheap_score(maps, weights, error) + self.judge.attractor * far)
 
     def moved(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
         """A batch (B,N,6), (B,N) after descent on the whole measure."""
@@ -143,12 +145,12 @@ class Search:
         best = torch.from_numpy(best[found[best] >= min(LEAST, found.max())].copy())
         weights = torch.from_numpy(found).float()[best]
         weights = (1 - SLACK) * (weights / weights.sum()).to(pool)
-        return self._simplest(*self.move(pool[best.to(pool.device)], weights, LONG))
+        return self.unique(self.pruned(*self.move(pool[best.to(pool.device)], weights, LONG)))
 
     def resume(self, maps: Tensor, weights: Tensor) -> Tiling:
         """The tiling of maps found elsewhere, moved and pruned by this measure."""
         weights = (1 - SLACK) * weights / weights.sum()
-        return self._simplest(*self.move(maps, weights, Descent(steps=100, rate=0.004)))
+        return self.unique(self.pruned(*self.move(maps, weights, Descent(steps=100, rate=0.004))))
 
     # -- one step -----------------------------------------------------------------------------------------------------
 
@@ -175,10 +177,10 @@ class Search:
         count, error = len(sets[best][0]), float(errors[best])
         if error > 1.5 * now.error + 8 * self.judge.price:
             return now
-        kept = self.pruned(maps[best, :count], weights[best, :count], error)
-        if self.cheap_score(*kept) > now.score:  # the last steps seldom make up for it, and a drawing is dear
+        new = self.pruned(maps[best, :count], weights[best, :count], error)
+        if new.score > 1.3 * now.score:
             return now
-        new = self.judged(*self.move(*kept[:2], POLISH))
+        new = self.judged(*self.move(new.maps, new.weights, POLISH))
         return self.unique(new) if new.score < now.score else now
 
     def _ruined(self, now: Tiling, g: torch.Generator) -> tuple[Tensor, Tensor, bool, int]:
@@ -206,12 +208,8 @@ class Search:
 
     # -- simplifying --------------------------------------------------------------------------------------------------
 
-    def _simplest(self, maps: Tensor, weights: Tensor, error: float) -> Tiling:
-        """The set without what is not needed, judged."""
-        return self.unique(self.judged(*self.pruned(maps, weights, error)))
-
-    def pruned(self, maps: Tensor, weights: Tensor, error: float) -> tuple[Tensor, Tensor, float]:
-        """The set without the maps whose removal, after the others have moved, does not worsen the cheap score."""
+    def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Tiling:
+        """The set without the maps whose removal, after the others have moved, does not worsen the score."""
         score = self.cheap_score(maps, weights, error)
         while len(maps) > 2:
             n = len(maps)
@@ -235,7 +233,7 @@ class Search:
             if best[0] >= score and not too_many:
                 break
             score, maps, weights, error = best
-        return maps, weights, error
+        return self.judged(maps, weights, error)
 
     def unique(self, now: Tiling) -> Tiling:
         """The set with maps of nearly the same image made one, if that is better: two halves of a map hold each other

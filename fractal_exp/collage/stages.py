@@ -13,7 +13,7 @@ from ..checkpoint import Snapshot
 from ..errors import InputError
 from ..ifs import IFS
 from ..seeds import derive
-from .measure import Appearance, Levels, desaturated
+from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture, reduced
 from .picture_search import FAR, PRICE, PictureSearch, without_superfluous
@@ -127,8 +127,7 @@ class Problem:
     def search(self, masses: Tensor, wanted: int, seed: int, **options: object) -> Search:
         """On a grid of `wanted` cells a side, or what the picture can fill."""
         size = grid_for(masses.shape[0], wanted)
-        appearance = Appearance(self.masses, self.levels, size, derive(seed, "appearance"))
-        return Search(masses, appearance, size=size, coarse=size // 2, seed=seed, fixed=self.fixed, most=self.most,
+        return Search(masses, size=size, coarse=size // 2, seed=seed, fixed=self.fixed, most=self.most,
                       proposals=self.proposals, **options)
 
 

@@ -1,4 +1,4 @@
-"""How well collage search does on fractals of the random suite, by stage: search, details and the picture.
+"""How well collage search does on fractals of the random suite, by stage: search, details, picture, last digits.
 
     python -m benchmarks.collage                             the hundred fractals of the published suite, grey
     python -m benchmarks.collage --kind binary --count 20    binary targets
@@ -30,7 +30,7 @@ from fractal_exp.evaluation.summary import summarize
 from fractal_exp.methods.collage import Collage
 
 METRICS = ["f1", "iou", "psnr", "ssim"]
-LAST_STAGES = "picture", "full size"   # whose last round counts
+LAST_STAGES = "picture", "full size", "last digits"   # whose last round counts
 
 
 def recover(fractal: int | str, seed: int, kind: str, resolution: int, options: dict, folder: Path) -> pd.DataFrame:
@@ -93,7 +93,7 @@ def describe(table: pd.DataFrame) -> None:
         means = summary[summary["zoom_class"] == "all"].set_index("metric")
         scores = "  ".join(f"{name} {means['mean'][name]:.3f} [{means['low'][name]:.3f}, {means['high'][name]:.3f}]"
                            for name in METRICS)
-        print(f"{align:5s}{stage:8s} {scores}  at the ceiling {summary.attrs['ceiling_fraction']:.0%}  "
+        print(f"{align:5s}{stage:12s} {scores}  at the ceiling {summary.attrs['ceiling_fraction']:.0%}  "
               f"{rows['seconds'].mean():.0f} s (at most {rows['seconds'].max():.0f})")
     last = table[table["stage"] == table.groupby("fractal")["stage"].transform("last")]
     each = last.groupby(["fractal", "align"])

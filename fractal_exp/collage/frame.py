@@ -12,7 +12,6 @@ from . import maps as affine
 
 SHORT, LONG = 0.93, 1.17  # times the frame's side: what the lit pixels of a picture that fills it span
 BEYOND_PX = 1.0           # from here on a misfit counts in proportion, no longer in its square
-SIGMA_PX = 0.05           # of a misfit that counts as much as the counting error of one pixel
 
 
 @dataclass(frozen=True)
@@ -22,10 +21,11 @@ class Frame:
     leaves out faint tips: a fern's stem, some pixels. What is lit may exceed the frame: the visible box leaves out the
     rarest tips.
 
-    side: pixels a side of the picture.
+    side: pixels a side of the picture; sigma_px: of a misfit that counts as much as the counting error of one pixel.
     """
 
     side: int
+    sigma_px: float = 0.05
 
     @classmethod
     def of(cls, image: Tensor) -> Frame | None:
@@ -65,13 +65,12 @@ class Frame:
         return torch.stack([low[along] + FRAME_SIDE / 2, high[along] - FRAME_SIDE / 2,
                             (low[across] + high[across]) / 2]) * (self.side / 2)
 
-    @staticmethod
-    def penalty(misfit: Tensor) -> tuple[float, Tensor]:
+    def penalty(self, misfit: Tensor) -> tuple[float, Tensor]:
         """Huber's of a misfit (3,), in counting errors of a pixel, and the weights (3,) that it gives residuals: what
         weighs less than in proportion cannot spoil a code that is wrong for other reasons."""
         size = misfit.abs() / BEYOND_PX
-        value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (BEYOND_PX / SIGMA_PX) ** 2
-        return float(value), size.clamp_min(1).rsqrt() / SIGMA_PX
+        value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (BEYOND_PX / self.sigma_px) ** 2
+        return float(value), size.clamp_min(1).rsqrt() / self.sigma_px
 
 
 def _box(tips: list) -> tuple[Tensor, Tensor]:

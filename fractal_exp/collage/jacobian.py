@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import torch
 from torch import Tensor
@@ -25,15 +25,18 @@ LARGEST = 0.9995           # singular value
 
 class Jacobian(ABC):
     """How the stabilised drawing changes with the parameters of some maps, each in units of a pixel's displacement, as
-    normal equations over all grids, and over the frame if the picture has one."""
+    normal equations over all grids, and over the frame if the picture has one. held: entries (map, column) that
+    stay."""
 
-    def __init__(self, picture: Picture, drawn: Drawn, moving: Sequence[int], number: int):
+    def __init__(self, picture: Picture, drawn: Drawn, moving: Sequence[int], number: int,
+                 held: Collection[tuple[int, int]] = ()):
         self.maps, self.side = drawn.maps, picture.side
         self.seed = derive(picture.seed, "jacobian", number)
         self.points = self._play(drawn.maps, drawn.chances)
         self.mean, spread = self.points.mean(0), self.points.std(0).clamp_min(1e-3)
         pixel = 2 / picture.side
-        self.units = [(i, j, pixel if j > 3 else pixel / float(spread[j % 2])) for i in moving for j in range(6)]
+        self.units = [(i, j, pixel if j > 3 else pixel / float(spread[j % 2])) for i in moving for j in range(6)
+                      if (i, j) not in held]
         count = len(self.units)
         self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
         for residual, (columns, slope) in zip(picture.residuals(drawn.image), self.grids(picture, drawn), strict=True):

@@ -116,8 +116,8 @@ class PictureSearch:
         """Polished on several drawings at once, whose noise is less, and into the frame; and where more than noise is
         left, by the slopes of drawings."""
         careful = Picture(self.picture.image, self.picture.levels, self.seed, DRAWINGS, self.picture.maps_at_once)
-        near = self.noises(self._tiling(found)) < FAR
-        best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), POLISH, near=near, late=self.late)
+        frame = Frame.of(self.picture.image) if self.noises(self._tiling(found)) < FAR else None
+        best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), POLISH, frame, late=self.late)
         noises = self.noises(self._tiling(self.picture.judge(best.maps, best.weights)))
         if UNSETTLED < noises < CLOSE and not self.late():
             once = self.picture.within(Frame.of(self.picture.image))

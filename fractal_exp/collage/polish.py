@@ -6,7 +6,7 @@ drawings, so a true code stays where it is. Only the Jacobian is approximate (`j
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import torch
@@ -26,18 +26,20 @@ def never() -> bool:
 
 
 def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] | None = None, *, patience: int = 1,
-             late: Callable[[], bool] = never, slopes: type[Jacobian] = Played, alone: bool = False) -> Drawn:
+             late: Callable[[], bool] = never, slopes: type[Jacobian] = Played, alone: bool = False,
+             held: Collection[tuple[int, int]] = ()) -> Drawn:
     """The code after at most so many steps of Levenberg and Marquardt, never worse. moving: the maps that may move, in
     turn if they are more than `picture.maps_at_once`; patience: after how many steps in vain to stop; late: whether to
     stop; slopes: where the Jacobian is got from; alone: whether each parameter is tried alone where they lead nowhere
-    together, as is done for a single map."""
+    together, as is done for a single map; held: entries (map, column) that stay, a translation's only with those of its
+    row, since matrices turn about the attractor's mean."""
     damping, idle = 1e-2, 0
     moving = list(moving if moving is not None else range(len(drawn.maps)))
     turns = [moving[i:i + picture.maps_at_once] for i in range(0, len(moving), picture.maps_at_once)]
     for number in range(steps * len(turns)):
         if late() or idle == patience * len(turns):
             break
-        jacobian = slopes(picture, drawn, turns[number % len(turns)], number)
+        jacobian = slopes(picture, drawn, turns[number % len(turns)], number, held)
         before = drawn.error
         for _ in range(2):
             better = _stride(picture, drawn, jacobian, jacobian.solve(damping))
@@ -52,18 +54,17 @@ def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] |
     return drawn
 
 
-def fitted_into_frame(picture: Picture, start: Drawn, steps: int, *, near: bool,
-                      late: Callable[[], bool] = never) -> Drawn:
+def fitted_into_frame(picture: Picture, start: Drawn, steps: int, frame: Frame | None, *,
+                      late: Callable[[], bool] = never, held: Collection[tuple[int, int]] = ()) -> Drawn:
     """The drawing polished such that the attractor fills the frame of its picture, which tells of tips too faint to be
-    seen, unless it has none, the code is not nearly found (`near`), or the picture is drawn notably worse for it."""
-    frame = Frame.of(picture.image) if near else None
+    seen, unless there is none, or the picture is drawn notably worse for it."""
     if frame is not None:
         within = picture.within(frame)
-        found = polished(within, within.judge(start.maps, start.weights), steps, patience=2, late=late)
+        found = polished(within, within.judge(start.maps, start.weights), steps, patience=2, late=late, held=held)
         seen = picture.error(found.image)
         if seen <= FRAMED * start.error:
             return replace(found, error=seen)
-    return polished(picture, start, steps, patience=2, late=late)
+    return polished(picture, start, steps, patience=2, late=late, held=held)
 
 
 def _stride(picture: Picture, drawn: Drawn, jacobian: Jacobian, step: Tensor) -> Drawn | None:

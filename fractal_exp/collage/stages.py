@@ -13,12 +13,14 @@ from ..checkpoint import Snapshot
 from ..errors import InputError
 from ..ifs import IFS
 from ..seeds import derive
+from .frame import Frame
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture, reduced
-from .picture_search import FAR, PRICE, PictureSearch, without_superfluous
+from .picture_search import DRAWINGS, FAR, PRICE, PictureSearch, without_superfluous
 from .polish import fitted_into_frame
 from .refine import grid_for
+from .rounding import Rounding
 from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
@@ -27,7 +29,7 @@ LARGEST = 512    # pixels a side of the picture that is searched,
 FULL = 1024      # and of a larger one that the code is polished on in the end,
 FULL_POLISH = 4  # in so many steps
 TILINGS = "tiling", "best", "before"   # of `Work`
-STAGES = 2       # the version of the stages and their scores, which checkpoints name
+STAGES = 3       # the version of the stages and their scores, which checkpoints name
 DETAIL = Judge(price=1e-4, prior=0.03)
 
 
@@ -118,11 +120,11 @@ class Problem:
         """Whether the search is made on a smaller picture than the one given."""
         return self.image is not self.given
 
-    def picture(self, size: int, code: IFS, seed: int) -> Picture:
+    def picture(self, size: int, code: IFS, seed: int, drawings: int = 1) -> Picture:
         """The picture at this size as a judge of codes, within the memory there is; `code` is the best so far."""
         whole = size == self.given.shape[0]
         image = self.given if whole else reduced(self.given, size, code, self.levels, seed)
-        return Picture(image, self.levels, seed, maps_at_once=self.memory.maps_at_once(size))
+        return Picture(image, self.levels, seed, drawings, maps_at_once=self.memory.maps_at_once(size))
 
     def search(self, masses: Tensor, wanted: int, seed: int, **options: object) -> Search:
         """On a grid of `wanted` cells a side, or what the picture can fill."""
@@ -280,7 +282,28 @@ class Full(Stage):
         noise, late = self.picture.noise(start.code), self.problem.late
         near = start.error < FAR * noise
         start = without_superfluous(self.picture, start, PRICE * noise, self.problem.fixed or 0, near=near, late=late)
-        drawn = fitted_into_frame(self.picture, start, FULL_POLISH, near=near, late=late)
+        frame = Frame.of(self.picture.image) if near else None
+        drawn = fitted_into_frame(self.picture, start, FULL_POLISH, frame, late=late)
+        return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
+
+    def close(self, work: Work) -> Work:
+        return replace(work.done(work.tiling), before=None)
+
+
+class LastDigits(Stage):
+    """Of a code that is nearly found: simple numbers rounded, and the frame filled exactly."""
+
+    name, ends = "last digits", 0.99
+
+    def open(self, work: Work) -> None:
+        seed, drawings = derive(self.problem.seed, "last digits"), 1 if self.problem.full_side > LARGEST else DRAWINGS
+        self.picture = self.problem.picture(self.problem.full_side, work.result.code, seed, drawings)
+
+    def begin(self, work: Work) -> Tiling:
+        found, hasty = work.result, self.picture.hasty()
+        if hasty.judge(found.maps, found.chances).error > FAR * hasty.noise(found.code):
+            return found
+        drawn = Rounding(self.picture, self.problem.late)(self.picture.judge(found.maps, found.chances))
         return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)
 
     def close(self, work: Work) -> Work:
@@ -300,7 +323,8 @@ def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_move
         stages += [*approach, Retouch(problem, picture_moves, number, others)]
         for stage in stages[-count - 3 - len(approach):] if number else []:
             stage.ends = Retouch.ends
-    return [*stages, *([Full(problem, 0)] if problem.full_side > len(problem.image) else [])]
+    full = [Full(problem, 0)] if problem.full_side > len(problem.image) else []
+    return [*stages, *full, LastDigits(problem, 0)]
 
 
 def picture_search(problem: Problem, code: IFS, *path: str | int) -> PictureSearch:

@@ -30,7 +30,8 @@ class Collage(Method):
     `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove maps where
     the picture asks for it. If the code is still far from the picture, there is another round, `rounds` at most, with
     half as many islands and the maps found so far in the mixture. An image beyond 512² is searched at a fraction of
-    its size, and the code polished on the whole, or on 1024² of a still larger one.
+    its size, and the code polished on the whole, or on 1024² of a still larger one. In the end entries near to simple
+    numbers are rounded and the input's frame is filled exactly, unless it is drawn worse for it.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
     points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at

@@ -1,0 +1,136 @@
+"""Entries near to simple numbers are rounded, if the picture allows it.
+
+A picture tells a matrix to some hundredths of a pixel, and how a line came to be next to not. Where simple numbers are
+so near and draw the picture as well, they are likelier than those found (the shorter description; Rissanen 1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+from torch import Tensor
+
+from .frame import Frame
+from .jacobian import Jacobian, Played, Redrawn
+from .picture import Drawn, Picture
+from .polish import fitted_into_frame, never, polished
+from .simple_maps import Line, Spread, mirrored_offsets
+
+WORSE = 1.02              # times the least error so far, that rounding may cost: what was found follows its picture's
+                          # noise. Making a line must cost nothing, since of many one is chosen
+LIKELY, STEPS = 3, 3      # lines that are polished, in so many steps,
+POLISH = 8                # and of all maps, what is not rounded
+FRAMED_PX, EXACT_PX = 0.5, 0.002   # misfit of a frame that is meant to be filled, and sigma of one that is
+
+Held = frozenset[tuple[int, int]]   # entries (map, column) that are simple
+
+
+class Rounding:
+    """Of codes that nearly draw the picture; late: whether time is up."""
+
+    def __init__(self, picture: Picture, late: Callable[[], bool] = never):
+        self.picture, self.late, self.frame = picture, late, Frame.of(picture.image)
+        self._least = float("inf")
+
+    def __call__(self, start: Drawn) -> Drawn:
+        """The drawing with all that is simple rounded and the frame filled exactly, each unless it is drawn worse."""
+        self._least = start.error
+        best, held = self._matrices(start, frozenset())
+        first = held
+        for i in range(len(best.maps)):
+            best, held = self._line(best, held, i)
+        if held != first:
+            best, held = self._matrices(best, held)
+        return self._framed(best, held)
+
+    def _framed(self, best: Drawn, held: Held) -> Drawn:
+        """With the frame filled exactly, if it is meant to be, and what is nearly its own mirror image made so."""
+        picture = self.picture
+        if self.late():
+            return best
+        if self.frame is not None and float(self.frame.misfit(best.maps, best.chances).abs().max()) < FRAMED_PX:
+            picture = self.picture.within(replace(self.frame, sigma_px=EXACT_PX))
+            filled = polished(picture, picture.judge(best.maps, best.weights), POLISH, patience=2, late=self.late,
+                              held=held)
+            best = self._accepted(replace(filled, error=self.picture.error(filled.image))) or best
+        maps = mirrored_offsets(best.maps, 2 / picture.side)
+        if picture.judge(maps, best.weights).error <= WORSE * picture.judge(best.maps, best.weights).error:
+            best = self._accepted(self.picture.judge(maps, best.weights)) or best
+        return best
+
+    def _matrices(self, best: Drawn, held: Held) -> tuple[Drawn, Held]:
+        """With matrices near simple ones rounded, as often as others come near by that."""
+        while not self.late():
+            spread, maps, new = Spread.of(best, self.picture), best.maps.clone(), held
+            for i, one in enumerate(best.maps):
+                simple = None if _matrix(i) <= held else spread.rounded(one)
+                if simple is not None:
+                    maps[i], new = simple, new | _matrix(i)
+            tried = self._tried(best, maps, new) if new > held else None
+            if tried is None:
+                break
+            best, held = tried, new
+        return best, held
+
+    def _line(self, best: Drawn, held: Held, i: int) -> tuple[Drawn, Held]:
+        """With one map made a line along an axis, if it is nearly one."""
+        if self.late() or _matrix(i) <= held:
+            return best, held
+        spread, hasty = Spread.of(best, self.picture), self.picture.hasty()
+        likely = [(self._polished(hasty, drawn, line, held, i), line)
+                  for drawn, line in _likeliest(hasty, best, i, spread.lines(best.maps[i]), LIKELY)]
+        if not likely:
+            return best, held
+        rough, line = min(likely, key=_error)
+        again = self.picture.judge(rough.maps, rough.weights)
+        drawn = self._polished(self.picture, again, line, held, i, Redrawn)
+        new = held | {(i, j) for j in line.held}
+        tried = self._tried(best, drawn.maps, new, worse=1)
+        return (best, held) if tried is None else self._scaled(tried, new, i, line)
+
+    def _scaled(self, best: Drawn, held: Held, i: int, line: Line) -> tuple[Drawn, Held]:
+        """With the scale of a map that is a line rounded."""
+        if self.late():
+            return best, held
+        spread, line = Spread.of(best, self.picture), replace(line, one=best.maps[i])
+        (drawn, _), *_ = _likeliest(self.picture, best, i, spread.rescaled(line), 1)
+        tried = self._tried(best, drawn.maps, held | _matrix(i))
+        return (best, held) if tried is None else (tried, held | _matrix(i))
+
+    def _polished(self, picture: Picture, drawn: Drawn, line: Line, held: Held, i: int,
+                  slopes: type[Jacobian] = Played) -> Drawn:
+        """With the line by itself polished."""
+        return polished(picture, drawn, STEPS, [i], late=self.late, slopes=slopes,
+                        held=held | {(i, j) for j in line.held})
+
+    def _tried(self, best: Drawn, maps: Tensor, held: Held, worse: float = WORSE) -> Drawn | None:
+        """All that is not held polished, or None if it is drawn worse."""
+        start = self.picture.judge(maps, best.weights)
+        return self._accepted(fitted_into_frame(self.picture, start, POLISH, self.frame, late=self.late, held=held),
+                              worse)
+
+    def _accepted(self, drawn: Drawn, worse: float = WORSE) -> Drawn | None:
+        """The drawing, or None if its error is higher than so many times the least so far."""
+        if drawn.error > worse * self._least:
+            return None
+        self._least = min(self._least, drawn.error)
+        return drawn
+
+
+def _likeliest(picture: Picture, best: Drawn, i: int, lines: Iterable[Line], count: int) -> list[tuple[Drawn, Line]]:
+    """The lines in the place of a map that draw the picture best, so many."""
+    drawings = []
+    for line in lines:
+        maps = best.maps.clone()
+        maps[i] = line.one
+        drawings.append((picture.judge(maps, best.weights), line))
+    return sorted(drawings, key=_error)[:count]
+
+
+def _matrix(i: int) -> Held:
+    return frozenset((i, j) for j in range(4))
+
+
+def _error(found: tuple[Drawn, object]) -> float:
+    return found[0].error

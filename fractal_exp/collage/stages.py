@@ -24,7 +24,7 @@ from .rounding import Rounding
 from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
-WRONG, HOPELESS = 3, 100   # times a drawing's noise: picture errors between which another round is worth while
+WRONG, HOPELESS = 1.2, 100   # times a drawing's noise: picture errors between which another round is worth while
 LARGEST = 512    # pixels a side of the picture that is searched,
 FULL = 1024      # and of a larger one that the code is polished on in the end,
 FULL_POLISH = 4  # in so many steps

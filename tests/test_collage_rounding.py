@@ -133,6 +133,22 @@ def test_the_last_stage_ends_the_work_and_keeps_codes_that_are_far_off(triangle,
         assert torch.equal(done.result.maps, maps) == kept
 
 
+def test_no_other_round_begins_for_what_rounding_alone_mends(triangle, monkeypatch):
+    code, image = triangle
+    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
+    stages = plan(problem, rounds=2, islands=1, moves=0, detail_moves=0, picture_moves=0)
+    number, stage = next((k, each) for k, each in enumerate(stages) if each.name == "picture")
+    maps = off(affine.from_code(code).float(), 0.02)
+    tiling = Tiling(maps, affine.normalized(affine.volumes(maps)), 0.0)
+    work = Work(stage=number, best=tiling, pool=maps)
+    stage.open(work)
+    monkeypatch.setattr(stage.search, "finish", stage.search.judged)
+    assert 1.5 < stage.search.noises(stage.search.judged(tiling)) < 100
+    assert stage.close(replace(work, tiling=tiling)).stage == len(stages) - 1
+    monkeypatch.setattr(stage.search, "simplified", lambda now: None)
+    assert stage.close(replace(work, tiling=tiling)).stage == number + 1
+
+
 def test_nothing_is_rounded_when_time_is_up(triangle):
     maps, picture = pictured(triangle[0])
     start = picture.judge(off(maps, 0.02))

@@ -25,6 +25,7 @@ from .measure import binned, correction, halve
 from .picture import Drawn, Picture
 from .polish import fitted_into_frame, never, polished
 from .refine import grid_for, refined
+from .rounding import Rounding
 from .search import Tiling
 
 PRICE = 0.04                   # of a map, in units of a drawing's noise
@@ -115,7 +116,7 @@ class PictureSearch:
     def _last_polish(self, found: Drawn) -> Drawn:
         """Polished on several drawings at once, whose noise is less, and into the frame; and where more than noise is
         left, by the slopes of drawings."""
-        careful = Picture(self.picture.image, self.picture.levels, self.seed, DRAWINGS, self.picture.maps_at_once)
+        careful = self._careful()
         frame = Frame.of(self.picture.image) if self.noises(self._tiling(found)) < FAR else None
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), POLISH, frame, late=self.late)
         noises = self.noises(self._tiling(self.picture.judge(best.maps, best.weights)))
@@ -125,6 +126,15 @@ class PictureSearch:
                             alone=True)
             best = min(best, careful.judge(last.maps, last.weights), key=_error)
         return best
+
+    def _careful(self) -> Picture:
+        return Picture(self.picture.image, self.picture.levels, self.seed, DRAWINGS, self.picture.maps_at_once)
+
+    def simplified(self, now: Tiling) -> Tiling | None:
+        """With simple numbers rounded, or None if there are none."""
+        careful = self._careful()
+        found, held = Rounding(careful, self.late).simplified(careful.judge(now.maps, now.chances))
+        return self._tiling(self.picture.judge(found.maps, found.weights)) if held else None
 
     def judged(self, tiling: Tiling) -> Tiling:
         """The tiling with the error and score that it has here."""

@@ -35,14 +35,16 @@ class Rounding:
 
     def __call__(self, start: Drawn) -> Drawn:
         """The drawing with all that is simple rounded and the frame filled exactly, each unless it is drawn worse."""
+        return self._framed(*self.simplified(start))
+
+    def simplified(self, start: Drawn) -> tuple[Drawn, Held]:
+        """The drawing with all that is simple rounded, unless it is drawn worse, and what was."""
         self._least = start.error
         best, held = self._matrices(start, frozenset())
         first = held
         for i in range(len(best.maps)):
             best, held = self._line(best, held, i)
-        if held != first:
-            best, held = self._matrices(best, held)
-        return self._framed(best, held)
+        return (best, held) if held == first else self._matrices(best, held)
 
     def _framed(self, best: Drawn, held: Held) -> Drawn:
         """With the frame filled exactly, if it is meant to be, and what is nearly its own mirror image made so."""

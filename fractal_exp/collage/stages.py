@@ -17,7 +17,7 @@ from .frame import Frame
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture, reduced
-from .picture_search import DRAWINGS, FAR, PRICE, PictureSearch, without_superfluous
+from .picture_search import DRAWINGS, FAR, LOW, PRICE, PictureSearch, without_superfluous
 from .polish import fitted_into_frame
 from .refine import grid_for
 from .rounding import Rounding
@@ -262,10 +262,16 @@ class Retouch(Stage):
         if before is not None and self.problem.is_reduced:  # it was judged by another picture
             before = self.search.judged(before)
         best = found if before is None or found.score < before.score else before
-        if self.others and WRONG < self.search.noises(best) < HOPELESS:
+        if self.others and self._is_wrong(best):
+            simple = self.search.simplified(best)
+            best = best if simple is None or self._is_wrong(simple) else simple
+        if self.others and self._is_wrong(best):
             pool = torch.cat([work.pool, found.maps])
             return replace(work.done(None), before=best, pool=pool, scores=())
         return replace(work.done(best, 1 + self.others), before=None)
+
+    def _is_wrong(self, tiling: Tiling) -> bool:
+        return WRONG < self.search.noises(tiling) < HOPELESS
 
 
 class Full(Stage):
@@ -301,7 +307,7 @@ class LastDigits(Stage):
 
     def begin(self, work: Work) -> Tiling:
         found, hasty = work.result, self.picture.hasty()
-        if hasty.judge(found.maps, found.chances).error > FAR * hasty.noise(found.code):
+        if hasty.judge(found.maps, found.chances).error > max(FAR * hasty.noise(found.code), LOW):
             return found
         drawn = Rounding(self.picture, self.problem.late)(self.picture.judge(found.maps, found.chances))
         return Tiling(drawn.maps, drawn.chances, drawn.error, drawn.error)

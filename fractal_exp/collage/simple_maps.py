@@ -17,7 +17,7 @@ from .jacobian import LARGEST, played
 from .picture import Drawn, Picture
 
 NEAR_PX = 0.05             # root mean square over the attractor of what a matrix moves by rounding, at most that
-LEAST_SIDE = 256           # of a picture of so many pixels a side: in coarser ones any matrix is near a simple one
+LEAST_SIDE = 256           # of a picture of so many pixels a side: in coarser ones many a matrix is near a simple one
 LINE_PX, THIN = 1.0, 0.1   # standard deviation across of an image that may be a line along an axis; times its length
 SYMMETRIC_PX = 0.1         # between offsets that may be the same
 EDGE = 1e-6                # off the middle, canvas units: on either side of the edge of pixels that lies there

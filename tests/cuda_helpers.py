@@ -13,8 +13,8 @@ from torch import Tensor
 from fractal_exp import View, attractor, codes
 from fractal_exp.evaluation.render import _address_tree, _window
 from fractal_exp.ops import chaos_game, cuda_histogram, histogram, splat
+from fractal_exp.ops.cpu_histogram import COUNTED
 from fractal_exp.ops.cuda_launch import DEVICE
-from fractal_exp.ops.histogram import COUNTED
 
 
 def play(backend: str, dtype: torch.dtype, code: tuple[Tensor, Tensor], game: dict) -> tuple[Tensor, ...]:

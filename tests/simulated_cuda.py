@@ -11,7 +11,7 @@ from ops_helpers import random_code
 from fractal_exp import View, attractor, codes
 from fractal_exp.evaluation.render import _address_tree, _window
 from fractal_exp.ops import cuda_histogram, cuda_launch, cuda_splat
-from fractal_exp.ops.histogram import COUNTED, LIT
+from fractal_exp.ops.cpu_histogram import COUNTED, LIT
 
 pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
 

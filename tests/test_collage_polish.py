@@ -43,10 +43,13 @@ def test_both_jacobians_lead_to_the_true_code(triangle, slopes):
 
 def test_drawings_lead_nearer_than_bins_where_images_end_at_the_edge_of_a_pixel(triangle):
     code, image = triangle
-    picture = Picture(image, LEVELS["density"])
-    by_bins = polished(picture, picture.judge(displaced(code, 0.05)), 10)
-    again = polished(picture, by_bins, 4, slopes=Redrawn, alone=True)
-    assert again.error < 0.95 * by_bins.error
+    before = after = 0.0
+    for seed in range(4):
+        picture = Picture(image, LEVELS["density"], seed)
+        by_bins = polished(picture, picture.judge(displaced(code, 0.05)), 10)
+        before += by_bins.error
+        after += polished(picture, by_bins, 4, slopes=Redrawn, alone=True).error
+    assert after < 0.96 * before
 
 
 def test_the_frame_is_that_of_targets_and_of_nothing_else(fern, triangle):

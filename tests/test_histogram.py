@@ -6,8 +6,8 @@ import torch
 from scipy import stats
 
 from fractal_exp import IFS, View, attractor, codes, ops
-from fractal_exp.evaluation.render import _address_tree, _window
-from fractal_exp.ops import histogram
+from fractal_exp.evaluation.render import _address_tree, _window, render_with_info
+from fractal_exp.ops import cpu_histogram, histogram
 from fractal_exp.suite import random_suite
 
 BINS = 16
@@ -24,9 +24,9 @@ WINDOWS = [  # the fern's frond, a dragon's boundary, codes whose maps overlap, 
 
 def sampled(code: IFS, view: View, thrown: float, seeds: range = range(1)) -> np.ndarray:
     """Counts (BINS²,) of points in the window, `thrown` at the whole attractor in all."""
-    canvas, tree = histogram.planes(BINS, histogram.COUNTED), _address_tree(code)
+    canvas, tree = histogram.planes(BINS, cpu_histogram.COUNTED), _address_tree(code)
     for seed in seeds:
-        tree.scatter(_window(view, BINS), thrown / len(seeds), seed=(seed,), canvas=canvas, mode=histogram.COUNTED)
+        tree.scatter(_window(view, BINS), thrown / len(seeds), seed=(seed,), canvas=canvas, mode=cpu_histogram.COUNTED)
     return canvas.sum(0).ravel()
 
 
@@ -61,6 +61,34 @@ def test_the_same_distribution_as_rejection(code, view):
     assert np.abs(at_once - 10 * twin).sum() < 0.1 * at_once.sum() + 10 * np.sqrt(twin).sum()
 
 
+@pytest.mark.parametrize("name", ["fern", "sierpinski_triangle"])
+def test_points_under_several_words_draw_as_well_as_independent_ones(name):
+    """Where a word gets a point twice, or neighbours in an orbit, less is lit, or drawings differ by more."""
+    code = attractor.normalize(codes.known(name))
+    alone, reused = (torch.stack([render_with_info(code, resolution=64, supersample=16, points_in_view=200_000,
+                                                   seed=seed, reuse=reuse)[0] for seed in range(24)])
+                     for reuse in (1, 8))
+    assert float(reused.mean()) == pytest.approx(float(alone.mean()), rel=0.005)
+    lit = alone.mean(0) > 0.05
+    assert float(((reused.mean(0) - alone.mean(0))[lit] ** 2).mean()) < 1.4 * 2 / 24 * float(alone.var(0)[lit].mean())
+    assert float(reused.var(0)[lit].mean()) == pytest.approx(float(alone.var(0)[lit].mean()), rel=0.15)
+
+
+def test_a_point_and_the_next_of_its_orbit_do_not_clump():
+    """Drawings of this code, whose orbits are slow, differ no more than chaos games of independent points."""
+    code, side = attractor.normalize(random_suite(2, 101)[1]), 64
+    drawings = [render_with_info(code, resolution=side, supersample=16, points_in_view=200_000, seed=seed, reuse=8)[0]
+                for seed in range(24)]
+    games = []
+    for seed in range(24):
+        points = ops.chaos_game(code.linear, code.offset, trajectories=200_000, length=100, warmup=99, seed=seed,
+                                probabilities=code.sampling_probabilities()).numpy()
+        counts = np.histogram2d(-points[:, 1], points[:, 0], 16 * side, [[-1, 1], [-1, 1]])[0]
+        games.append((counts > 0).reshape(side, 16, side, 16).mean((1, 3)))
+    expected = float(np.var(games, 0, ddof=1).mean())
+    assert float(torch.stack(drawings).var(0).mean()) == pytest.approx(expected, rel=0.06)
+
+
 def test_the_test_sees_a_wrong_distribution():
     code, view = attractor.normalize(codes.known("fern")), View((0.05, -0.1), 4)
     p = code.sampling_probabilities() * torch.tensor([1.0, 1.0, 1.1, 1.0])
@@ -82,7 +110,7 @@ def test_counts_are_poisson_from_seed_to_seed():
 def test_poisson_variates(mean):
     state, draws = np.uint64(12345), []
     for _ in range(4000):
-        state, count = histogram._poisson(mean, np.uint64(state))
+        state, count = cpu_histogram.poisson(mean, np.uint64(state))
         draws.append(count)
     draws = np.array(draws, float)
     assert draws.mean() == pytest.approx(mean, abs=4.5 * np.sqrt(mean / 4000))
@@ -101,5 +129,5 @@ def test_poisson_variates(mean):
 def test_box_mean():
     canvas = (np.random.default_rng(0).random((12, 12)) < 0.4).astype(np.uint8)
     out = np.empty((4, 4), np.float32)
-    histogram.box_mean(canvas, 3, out)
+    cpu_histogram.box_mean(canvas, 3, out)
     np.testing.assert_allclose(out, canvas.reshape(4, 3, 4, 3).mean((1, 3)), rtol=1e-6)

@@ -16,6 +16,7 @@ from ..ops.collage import BinnedMeasure, pushforward
 SUPERSAMPLE = 16                       # of the pictures that carry a density (Section 5 of the paper)
 POINTS_PER_PIXEL = 50_000_000 / 1024**2
 THRESHOLD = 0.25                       # of a binary picture
+REUSE = 8                              # words under which a point of the invariant measure is put in a drawing
 INSIDE = 1 / 64                        # a grey level that counts as lit
 TRUST = 4                              # power of the agreement with which a correction is trusted
 DENSITY_SHARE = 0.25                   # of inner pixels that are not white, from which on grey levels mean density
@@ -52,7 +53,7 @@ def _observer(supersample: int) -> Callable[[IFS, int, int], Tensor]:
         from ..evaluation.render import render_with_info  # and no warning: candidates may well lie beside the canvas
 
         image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=supersample, seed=seed,
-                                    points_in_view=round(POINTS_PER_PIXEL * resolution**2))
+                                    points_in_view=round(POINTS_PER_PIXEL * resolution**2), reuse=REUSE)
         return image
     return drawn
 

@@ -17,7 +17,8 @@ from .. import attractor
 from ..errors import InputError
 from ..ifs import IFS, View
 from ..ops import cuda_launch, histogram
-from ..ops.histogram import COUNTED, LIT, AddressTree, Window
+from ..ops.cpu_histogram import COUNTED, LIT, box_mean
+from ..ops.histogram import AddressTree, Window
 
 log = logging.getLogger(__name__)
 
@@ -100,13 +101,13 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
 
 
 def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-                     supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu"
-                     ) -> tuple[Tensor, RenderInfo]:
-    """`render`, and what it did instead of a warning."""
+                     supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
+                     reuse: int = 1) -> tuple[Tensor, RenderInfo]:
+    """`render`, and what it did instead of a warning; on the CPU quicker by dependent points, see `AddressTree`."""
     _check_memory(resolution)
     check_device(device)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
-    plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode)
+    plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode, reuse)
     image, drawn = np.zeros((resolution, resolution), np.float32), 0
     for tile in _tiles(plan, view or View(), resolution, wanted, supersample, seed, mode, device):
         target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
@@ -150,8 +151,10 @@ def tone_map(density: Tensor, white: float | None = None) -> Tensor:
     return (torch.log1p(density) / math.log1p(white)).clamp(max=1.0)
 
 
-def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str) -> _Plan:
-    for name, value in (("resolution", resolution), ("points_in_view", points), ("supersample", supersample)):
+def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
+          reuse: int = 1) -> _Plan:
+    for name, value in (("resolution", resolution), ("points_in_view", points), ("supersample", supersample),
+                        ("reuse", reuse)):
         if not isinstance(value, Integral) or value < 1:
             raise InputError(f"{name} must be an integer of at least 1, got {value!r}")
     if supersample > MAX_SUPERSAMPLE:
@@ -162,11 +165,11 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
         raise InputError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
-    tree = _address_tree(code)
+    tree = _address_tree(code, reuse)
     return _weigh(tree, _window(view, resolution), points, seed)
 
 
-def _address_tree(code: IFS) -> AddressTree:
+def _address_tree(code: IFS, reuse: int = 1) -> AddressTree:
     """The code with the smallest rectangle that is certain to hold its attractor."""
     h = attractor.support_function(code)
     quarter = len(h) // 4
@@ -178,7 +181,7 @@ def _address_tree(code: IFS) -> AddressTree:
     center = axes @ np.array([h[k] - h[k + 2 * quarter], h[k + quarter] - h[k + 3 * quarter]]) / 2
     slack = 1 + 1e-9  # covers the rounding of all this
     hull = axes * np.array([along[k], across[k]]) / 2 * slack
-    return AddressTree.of(code.linear, code.offset, code.sampling_probabilities(), center, hull)
+    return AddressTree.of(code.linear, code.offset, code.sampling_probabilities(), center, hull, reuse)
 
 
 def _window(view: View, size: int) -> Window:
@@ -244,7 +247,7 @@ def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, .
     if mode == COUNTED:
         return canvas.sum(0), drawn
     pixels = np.empty((window.size // factor, window.size // factor), np.float32)
-    histogram.box_mean(canvas[0], factor, pixels)
+    box_mean(canvas[0], factor, pixels)
     return pixels, drawn
 
 

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float32, njit, prange
+from numba import float32, int32, intp, njit, prange
 
 from .jit import FUSED, kernel
 from .reference_collage import BETA_1, BETA_2, FLOOR, Descent
 
 EDGE = float32(1.001)
 
+# A division that may raise, as Python's does, keeps LLVM from taking several cells at once.
+vectorized = njit(fastmath=FUSED, error_model="numpy")
+
 
 def pushforward(maps: np.ndarray, weights: np.ndarray, samples: np.ndarray, size: int) -> np.ndarray:
     """See `reference_collage.pushforward`."""
     bins = np.zeros((len(maps), size * size), np.float32)
-    _pushforward(maps, weights, samples, size, bins)
+    _pushforward(maps, weights, np.ascontiguousarray(samples.T), size, bins)
     return bins.reshape(len(maps), size, size)
 
 
@@ -26,57 +29,69 @@ def descend(maps: np.ndarray, weights: np.ndarray, samples: np.ndarray, roots: n
     """See `reference_collage.descend`."""
     maps, weights = maps.copy(), weights.copy()
     errors = np.empty(len(maps), np.float32)
-    _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, errors, how.steps,
-             how.rate, how.weight_rate, how.decay, how.largest, how.prior, how.identity_radius, how.identity_weight,
-             how.tied)
+    _descend(maps, weights, np.ascontiguousarray(samples.T), roots, mean, covariance, backgrounds, chosen, size, levels,
+             errors, how.steps, how.rate, how.weight_rate, how.decay, how.largest, how.prior, how.identity_radius,
+             how.identity_weight, how.tied)
     return maps, weights, errors
 
 
-@njit(inline="always")
-def _bin(m, x, y, size):
-    """The lower left of the four bins that share a mapped point, and the shares of the next ones."""
-    half = float32(0.5 * size)
-    u = (m[0] * x + m[1] * y + m[4] + float32(1)) * half - float32(0.5)
-    v = (float32(1) - (m[2] * x + m[3] * y + m[5])) * half - float32(0.5)
-    u = min(max(u, float32(0)), size - EDGE)
-    v = min(max(v, float32(0)), size - EDGE)
-    column, row = int(u), int(v)
-    return row * size + column, u - column, v - row
+@vectorized
+def _locate(m, samples, size, corner, right, down):
+    """Of samples (3,K), the lower left of the four bins that share each when it is mapped, and the shares of the next
+    ones to the right and down, into (K,) each."""
+    half, last, side = float32(0.5 * size), float32(size) - EDGE, int32(size)
+    a, b, e = m[0] * half, m[1] * half, (m[4] + float32(1)) * half - float32(0.5)
+    c, d, f = -m[2] * half, -m[3] * half, (float32(1) - m[5]) * half - float32(0.5)
+    x, y = samples[0], samples[1]
+    for k in range(corner.shape[0]):
+        u = min(max(a * x[k] + b * y[k] + e, float32(0)), last)
+        v = min(max(c * x[k] + d * y[k] + f, float32(0)), last)
+        column, row = int32(u), int32(v)
+        corner[k] = row * side + column
+        right[k] = u - float32(column)
+        down[k] = v - float32(row)
 
 
-@njit(fastmath=FUSED)
-def _add(m, weight, samples, size, bins):
-    for k in range(samples.shape[0]):
-        o, fu, fv = _bin(m, samples[k, 0], samples[k, 1], size)
-        mass = weight * samples[k, 2]
-        lower = mass * fv
-        upper = mass - lower
-        bins[o] += upper * (1 - fu)
-        bins[o + 1] += upper * fu
-        bins[o + size] += lower * (1 - fu)
-        bins[o + size + 1] += lower * fu
+@vectorized
+def _add(weight, mass, corner, right, down, size, bins):
+    """Share out the masses (K,) of located samples."""
+    for k in range(corner.shape[0]):
+        o = intp(corner[k])
+        whole = weight * mass[k]
+        lower = whole * down[k]
+        upper = whole - lower
+        beside = upper * right[k]
+        bins[o] += upper - beside
+        bins[o + 1] += beside
+        beside = lower * right[k]
+        bins[o + size] += lower - beside
+        bins[o + size + 1] += beside
 
 
 @kernel(parallel=True, fastmath=FUSED)
 def _pushforward(maps, weights, samples, size, bins):
+    count = samples.shape[1]
     for b in prange(maps.shape[0]):
+        corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
         for n in range(maps.shape[1]):
             if weights[b, n] > 0:
-                _add(maps[b, n], weights[b, n], samples, size, bins[b])
+                _locate(maps[b, n], samples, size, corner, right, down)
+                _add(weights[b, n], samples[2], corner, right, down, size, bins[b])
 
 
-@njit(fastmath=FUSED)
-def _pull(m, weight, samples, size, slope, gradient):
+@vectorized
+def _pull(weight, samples, corner, right, down, size, slope, gradient):
     """The gradient of the error by a map's six numbers into gradient[0:6], by its weight into gradient[6]."""
     ga = gb = gc = gd = ge = gf = gw = float32(0)
-    for k in range(samples.shape[0]):
-        x, y, mass = samples[k, 0], samples[k, 1], samples[k, 2]
-        o, fu, fv = _bin(m, x, y, size)
-        d00, d01, d10, d11 = slope[o], slope[o + 1], slope[o + size], slope[o + size + 1]
-        upper = d00 + (d01 - d00) * fu
-        lower = d10 + (d11 - d10) * fu
+    for k in range(corner.shape[0]):
+        x, y, mass = samples[0, k], samples[1, k], samples[2, k]
+        o, fu, fv = intp(corner[k]), right[k], down[k]
+        upper, lower = slope[o], slope[o + size]
+        across, below = slope[o + 1] - upper, slope[o + size + 1] - lower
+        upper += across * fu
+        lower += below * fu
         gw += mass * (upper + (lower - upper) * fv)
-        du = mass * ((d01 - d00) * (1 - fv) + (d11 - d10) * fv)
+        du = mass * (across + (below - across) * fv)
         dv = mass * (upper - lower)
         ga += du * x
         gb += du * y
@@ -89,38 +104,67 @@ def _pull(m, weight, samples, size, slope, gradient):
     gradient[4], gradient[5], gradient[6] = ge * scale, gf * scale, gw
 
 
-@njit(fastmath=FUSED)
-def _error(maps, weights, samples, roots, background, size, levels, bins, slope):
-    """The collage error; leaves its derivative by each finest bin in slope[:size²]."""
-    for i in range(size * size):
-        bins[i] = background[i]
+@vectorized
+def _halve(fine, coarse):
+    """The sums of 2 × 2 cells."""
+    for r in range(coarse.shape[0]):
+        upper, lower, sums = fine[2 * r], fine[2 * r + 1], coarse[r]
+        for c in range(sums.shape[0]):
+            sums[c] = upper[2 * c] + upper[2 * c + 1] + lower[2 * c] + lower[2 * c + 1]
+
+
+@vectorized
+def _hand_down(coarse, fine):
+    """Add to 2 × 2 cells what the cell that they make up has."""
+    for r in range(coarse.shape[0]):
+        upper, lower, shared = fine[2 * r], fine[2 * r + 1], coarse[r]
+        for c in range(shared.shape[0]):
+            upper[2 * c] += shared[c]
+            upper[2 * c + 1] += shared[c]
+            lower[2 * c] += shared[c]
+            lower[2 * c + 1] += shared[c]
+
+
+@njit
+def _grid(flat, size, level):
+    """The cells of a level, of `size` >> level a side, among those of all levels, the finest first."""
+    start, side = 0, size
+    for _ in range(level):
+        start, side = start + side * side, side // 2
+    return flat[start:start + side * side].reshape(side, side)
+
+
+@njit
+def _tile(maps, weights, samples, background, size, levels, bins, corner, right, down):
+    """The measure that the maps make up on all levels; corner, right and down are (N,K), see `_locate`."""
+    bins[:size * size] = background
     for n in range(maps.shape[0]):
         if weights[n] > 0:
-            _add(maps[n], weights[n], samples, size, bins)
-    start, side = 0, size
-    for _ in range(levels - 1):
-        half = side // 2
-        coarser = start + side * side
-        for r in range(half):
-            for c in range(half):
-                i = start + 2 * r * side + 2 * c
-                bins[coarser + r * half + c] = bins[i] + bins[i + 1] + bins[i + side] + bins[i + side + 1]
-        start, side = coarser, half
-    total = float32(0)
+            _locate(maps[n], samples, size, corner[n], right[n], down[n])
+            _add(weights[n], samples[2], corner[n], right[n], down[n], size, bins)
+    for level in range(1, levels):
+        _halve(_grid(bins, size, level - 1), _grid(bins, size, level))
+
+
+@vectorized
+def _slopes(bins, roots, size, levels, slope):
+    """The derivative of the collage error by each finest bin, in slope[:size²]."""
     share = float32(1 / levels)
     for i in range(roots.shape[0]):
         root = np.sqrt(bins[i] + float32(FLOOR))
-        difference = root - roots[i]
+        slope[i] = share * (root - roots[i]) / root
+    for level in range(levels - 1, 0, -1):
+        _hand_down(_grid(slope, size, level), _grid(slope, size, level - 1))
+
+
+@vectorized
+def _error(bins, roots, levels):
+    """The collage error."""
+    total = float32(0)
+    for i in range(roots.shape[0]):
+        difference = np.sqrt(bins[i] + float32(FLOOR)) - roots[i]
         total += difference * difference
-        slope[i] = share * difference / root
-    for _ in range(levels - 1):  # from the coarsest down to the finest
-        finer = start - 4 * side * side
-        double = 2 * side
-        for r in range(double):
-            for c in range(double):
-                slope[finer + r * double + c] += slope[start + (r // 2) * side + c // 2]
-        start, side = finer, double
-    return total * share
+    return total * float32(1 / levels)
 
 
 @njit(inline="always")
@@ -206,6 +250,8 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
     for b in prange(maps.shape[0]):
         m, w, background = maps[b], weights[b], backgrounds[chosen[b]]
         bins, slope = np.empty_like(roots), np.empty_like(roots)
+        located = count, samples.shape[1]
+        corner, right, down = np.empty(located, np.int32), np.empty(located, np.float32), np.empty(located, np.float32)
         gradient = np.zeros((count, 7), np.float32)
         first, second = np.zeros((count, 7), np.float32), np.zeros((count, 7), np.float32)
         total = w.sum()
@@ -213,11 +259,12 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
             if tied:
                 _tie(m, w, total)
             volume = _total_volume(m, w)
-            _error(m, w, samples, roots, background, size, levels, bins, slope)
+            _tile(m, w, samples, background, size, levels, bins, corner, right, down)
+            _slopes(bins, roots, size, levels, slope)
             pull = 0.0
             for n in range(count):
                 if w[n] > 0:
-                    _pull(m[n], w[n], samples, size, slope, gradient[n])
+                    _pull(w[n], samples, corner[n], right[n], down[n], size, slope, gradient[n])
                     pull += gradient[n, 6] * w[n] / total
             falling = decay ** (k / steps)
             for n in range(count):
@@ -238,4 +285,5 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
                 _contract(m[n], largest)
         if tied:
             _tie(m, w, total)
-        errors[b] = _error(m, w, samples, roots, background, size, levels, bins, slope)
+        _tile(m, w, samples, background, size, levels, bins, corner, right, down)
+        errors[b] = _error(bins, roots, levels)

@@ -16,10 +16,10 @@ import torch
 from numba import cuda, float64, int64, uint64
 from torch import Tensor
 
-from . import histogram
 from .cpu_chaos_game import next_state, start
+from .cpu_histogram import BURN_IN, COUNTED, CUT, GUIDE_BITS, LIT
 from .cuda_launch import blocks_of, launch
-from .histogram import BURN_IN, COUNTED, CUT, LIT, AddressTree, Window
+from .histogram import AddressTree, Window
 
 THREADS = 128
 FEWEST = 64           # points a thread throws, at the least: it takes BURN_IN steps before the first
@@ -78,7 +78,7 @@ def _thrower(mark: Callable[..., Any]) -> Any:
         inside = int64(0)
         for k in range(first - BURN_IN, last):
             state = next_state(uint64(state))
-            i = int64(guide[int64(state >> uint64(64 - histogram.GUIDE_BITS))])
+            i = int64(guide[int64(state >> uint64(64 - GUIDE_BITS))])
             while int64(state >> uint64(32)) >= thresholds[i]:
                 i += 1
             new_x = maps[i, 0] * x + (maps[i, 1] * y + maps[i, 4])

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange, uint64
 
 from ..ops.cpu_chaos_game import GUIDE_BITS, guide_of, next_state, start
-from ..ops.histogram import box_mean
+from ..ops.cpu_histogram import box_mean
 from ..ops.jit import kernel
 
 WARMUP = 32

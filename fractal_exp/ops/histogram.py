@@ -7,6 +7,10 @@ is handed down the tree and words that miss the window are dropped. A word that 
 points are left to expect, gets its random number of points, and those beside the window are rejected. What lands in
 the window is distributed exactly as the chaos game's points that land there, however rare those are, and however many
 words there are: those of few points are never looked into.
+
+The points of the invariant measure come from a few chaos games for each share of the work. Under a small word a point
+and the next one of its orbit lie close together, so a few thousand are kept and taken in an order in which they do not
+follow each other: images of two seeds then differ as much as ones of independent points.
 """
 
 from __future__ import annotations

@@ -1,0 +1,104 @@
+"""What collage search does all the time: descents, beside their plain-torch twin, and drawings, beside others.
+
+    python -m benchmarks.search_steps                      half a minute
+    python -m benchmarks.search_steps --json steps.json
+
+One thread, as `benchmarks.collage` gives each fractal. A descent is 40 steps on a fractal of the random suite at 64²;
+its floor is the time of its floating-point operations at the rate of a large matrix product, measured in the same run,
+which scattered sums cannot reach. A drawing is that of 3.1 million points on 4096² subpixels by which a code is judged
+at 256²: with each point of the invariant measure under eight words, with independent points (what targets are drawn
+with), and by the chaos game; its floor is the time of writing and reading the subpixels, at the rate of a large copy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import torch
+
+from fractal_exp import IFS, attractor, ops, suite, threads
+from fractal_exp.collage.measure import LEVELS, POINTS_PER_PIXEL, SUPERSAMPLE, binned
+from fractal_exp.evaluation.render import render_with_info
+from fractal_exp.ops.collage import Descent, descend
+
+from .ops import _timed, machine_limits
+
+STEPS, GRID, SIDE = 40, 64, 256
+OPERATIONS = 55, 12   # of a step: for each sample and map, and for each bin
+BATCHES = {"24 births of one map": (24, 1), "6 codes of eight maps": (6, 8)}
+DRAWINGS = {"as the search": 8, "of independent points": 1}
+
+
+def best(call: Callable[[], object], repeats: int) -> float:
+    """Milliseconds, after one run that compiles."""
+    call()
+    return 1e3 * min(_timed(call) for _ in range(repeats))
+
+
+def descents(image: torch.Tensor, flops: float, repeats: int) -> list[dict]:
+    measure = binned(LEVELS["density"].measure(image), GRID)
+    rows, generator = [], torch.Generator().manual_seed(0)
+    for name, (codes, maps) in BATCHES.items():
+        start = 0.3 * torch.randn(codes, maps, 6, generator=generator)
+        weights = torch.full((codes, maps), 1 / maps)
+        call = partial(descend, start, weights, measure, Descent(STEPS))
+        kernel, twin = best(partial(call, backend="cpu"), repeats), best(partial(call, backend="torch"), 2)
+        counted = maps * len(measure.samples) * OPERATIONS[0] + len(measure.roots) * OPERATIONS[1]
+        floor = 1e3 * STEPS * codes * counted / flops
+        rows.append({"descent": name, "samples": len(measure.samples), "ms": kernel, "twin_ms": twin,
+                     "twin_ratio": twin / kernel, "floor_ms": floor, "of_floor": floor / kernel})
+    return rows
+
+
+def drawings(code: IFS, bandwidth: float, repeats: int) -> list[dict]:
+    points = round(POINTS_PER_PIXEL * SIDE**2)
+    floor = 1e3 * 2 * (SUPERSAMPLE * SIDE)**2 / bandwidth
+    draw = partial(render_with_info, code, resolution=SIDE, supersample=SUPERSAMPLE, points_in_view=points)
+    calls = {name: partial(draw, reuse=reuse) for name, reuse in DRAWINGS.items()}
+    calls["of the chaos game"] = partial(_played, code, points)
+    times = {name: best(call, repeats) for name, call in calls.items()}
+    return [{"drawing": name, "ms": ms, "ratio": ms / times["as the search"], "floor_ms": floor, "of_floor": floor / ms}
+            for name, ms in times.items()]
+
+
+def _played(code: IFS, points: int) -> torch.Tensor:
+    """The operations of this package that are there for the gradient, and torch's for the rest."""
+    played = ops.chaos_game(code.linear, code.offset, trajectories=points // 1000, length=1010, warmup=10,
+                            probabilities=code.sampling_probabilities())
+    side = SUPERSAMPLE * SIDE
+    column, row = ((played * torch.tensor([1.0, -1.0]) + 1) * (side / 2)).long().clamp(0, side - 1).unbind(-1)
+    canvas = torch.zeros(side * side)
+    canvas[row * side + column] = 1
+    return torch.nn.functional.avg_pool2d(canvas.view(1, side, side), SUPERSAMPLE)[0]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=20)
+    parser.add_argument("--json", type=Path, metavar="PATH", help="also write the figures here")
+    arguments = parser.parse_args()
+    threads.use(1)
+    code = replace(attractor.normalize(next(code for code in suite.random_suite() if len(code) == 8)),
+                   probabilities=None)
+    bandwidth, flops = machine_limits()
+    report = {"bytes_per_second": bandwidth, "flops_per_second": flops,
+              "descents": descents(suite.target(code, SIDE), flops, arguments.repeats),
+              "drawings": drawings(code, bandwidth, arguments.repeats)}
+    for row in report["descents"]:
+        print(f"descent of {row['descent']}, {row['samples']} samples: {row['ms']:.1f} ms; plain torch "
+              f"{row['twin_ms']:.0f} ms, {row['twin_ratio']:.0f} times slower; floor {row['floor_ms']:.2f} ms, "
+              f"{row['of_floor']:.0%} reached")
+    for row in report["drawings"]:
+        print(f"drawing {row['drawing']}: {row['ms']:.1f} ms, {row['ratio']:.1f} times the search's; floor "
+              f"{row['floor_ms']:.1f} ms, {row['of_floor']:.0%} reached")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(report, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

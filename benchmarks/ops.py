@@ -102,12 +102,12 @@ def machine_limits() -> tuple[float, float]:
     """Bytes per second of a large copy (read and written) and operations per second of a large matrix product."""
     source, matrix = torch.ones(1 << 26), torch.ones(2048, 2048)
     target = torch.empty_like(source)
-    copy = min(_timed(lambda: target.copy_(source)) for _ in range(8))
-    product = min(_timed(lambda: matrix @ matrix) for _ in range(8))
+    copy = min(timed(lambda: target.copy_(source)) for _ in range(8))
+    product = min(timed(lambda: matrix @ matrix) for _ in range(8))
     return 2 * source.nbytes / copy, 2 * 2048**3 / product
 
 
-def _timed(call: Callable[[], object]) -> float:
+def timed(call: Callable[[], object]) -> float:
     start = time.perf_counter()
     call()
     return time.perf_counter() - start

@@ -6,8 +6,8 @@
 One thread, as `benchmarks.collage` gives each fractal. A descent is 40 steps on a fractal of the random suite at 64²;
 its floor is the time of its floating-point operations at the rate of a large matrix product, measured in the same run,
 which scattered sums cannot reach. A drawing is that of 3.1 million points on 4096² subpixels by which a code is judged
-at 256²: with each point of the invariant measure under eight words, with independent points (what targets are drawn
-with), and by the chaos game; its floor is the time of writing and reading the subpixels, at the rate of a large copy.
+at 256²: with a point of the invariant measure under up to eight words, with each under one (as targets are drawn), and
+by the chaos game; its floor is the time of writing and reading the subpixels, at the rate of a large copy.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from pathlib import Path
 import torch
 
 from fractal_exp import IFS, attractor, ops, suite, threads
-from fractal_exp.collage.measure import LEVELS, POINTS_PER_PIXEL, SUPERSAMPLE, binned
+from fractal_exp.collage.measure import LEVELS, POINTS_PER_PIXEL, REUSE, SUPERSAMPLE, binned
 from fractal_exp.evaluation.render import render_with_info
 from fractal_exp.ops.collage import Descent, descend
 
-from .ops import _timed, machine_limits
+from .ops import machine_limits, timed
 
 STEPS, GRID, SIDE = 40, 64, 256
 OPERATIONS = 55, 12   # of a step: for each sample and map, and for each bin
 BATCHES = {"24 births of one map": (24, 1), "6 codes of eight maps": (6, 8)}
-DRAWINGS = {"as the search": 8, "of independent points": 1}
+DRAWINGS = {"as the search": REUSE, "with each point used once": 1}
 
 
 def best(call: Callable[[], object], repeats: int) -> float:
     """Milliseconds, after one run that compiles."""
     call()
-    return 1e3 * min(_timed(call) for _ in range(repeats))
+    return 1e3 * min(timed(call) for _ in range(repeats))
 
 
 def descents(image: torch.Tensor, flops: float, repeats: int) -> list[dict]:

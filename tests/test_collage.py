@@ -37,6 +37,12 @@ def test_the_kernel_pushes_measures_forward_as_its_twin_does():
     torch.testing.assert_close(ours.sum((1, 2)), torch.ones(4))
 
 
+def test_a_map_of_nan_leaves_the_canvas_nowhere():
+    measure, maps, weights = problem()
+    pushed = pushforward(torch.full_like(maps, torch.nan), weights, measure.samples, 32)
+    torch.testing.assert_close(pushed.sum((1, 2)), torch.ones(4))
+
+
 @pytest.mark.parametrize("tied", [False, True])
 @pytest.mark.parametrize("steps", [0, 1, 10])
 def test_the_kernel_descends_as_its_twin_does(tied, steps):

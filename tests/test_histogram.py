@@ -63,7 +63,7 @@ def test_the_same_distribution_as_rejection(code, view):
 
 @pytest.mark.parametrize("name", ["fern", "sierpinski_triangle"])
 def test_points_under_several_words_draw_as_well_as_independent_ones(name):
-    """Where a word gets a point twice, or neighbours in an orbit, less is lit, or drawings differ by more."""
+    """Where a word gets a point twice, less is lit."""
     code = attractor.normalize(codes.known(name))
     alone, reused = (torch.stack([render_with_info(code, resolution=64, supersample=16, points_in_view=200_000,
                                                    seed=seed, reuse=reuse)[0] for seed in range(24)])
@@ -87,6 +87,19 @@ def test_a_point_and_the_next_of_its_orbit_do_not_clump():
         games.append((counts > 0).reshape(side, 16, side, 16).mean((1, 3)))
     expected = float(np.var(games, 0, ddof=1).mean())
     assert float(torch.stack(drawings).var(0).mean()) == pytest.approx(expected, rel=0.06)
+
+
+@pytest.mark.parametrize("reuse", [1, 8])
+@pytest.mark.parametrize("chances", [[1.0], [0.999, 0.001]])
+def test_words_under_a_map_that_has_nearly_all_the_chance_are_not_split_for_ever(chances, reuse):
+    linear = torch.eye(2) * torch.tensor([0.9, 0.5])[:, None, None]
+    offset = torch.tensor([[0.0, 0.0], [0.4, 0.0]])
+    code = IFS(linear[:len(chances)], offset[:len(chances)], torch.tensor(chances))
+    tree = _address_tree(code, reuse)
+    tally = tree.scatter(_window(View(), 64), 20_000, seed=(0,), canvas=histogram.planes(64, cpu_histogram.LIT),
+                         mode=cpu_histogram.LIT)
+    assert tally.visited < 1_000_000
+    assert tally.kept == tally.thrown == pytest.approx(20_000, rel=0.05)
 
 
 def test_the_test_sees_a_wrong_distribution():

@@ -98,17 +98,18 @@ def test_a_million_times_zoom_is_exact_to_a_pixel():
     assert checked >= 20
 
 
-def test_the_same_seed_gives_the_same_image_on_any_number_of_threads():
+@pytest.mark.parametrize("reuse", [1, 8])
+@pytest.mark.parametrize("mode", ["occupancy", "density"])
+def test_the_same_seed_gives_the_same_image_on_any_number_of_threads(mode, reuse):
     code, view = attractor.normalize(random_suite(1)[0]), View((0.1, 0.2), 3)
-    arguments = {"resolution": 64, "points_in_view": 50_000, "seed": 5}
+    arguments = {"resolution": 64, "points_in_view": 50_000, "mode": mode, "reuse": reuse}
     try:
         threads.use(1)
-        one = [render(code, view, mode=mode, **arguments) for mode in ("occupancy", "density")]
+        one, _ = render_with_info(code, view, seed=5, **arguments)
     finally:
         threads.use()
-    for image, mode in zip(one, ("occupancy", "density"), strict=True):
-        assert torch.equal(image, render(code, view, mode=mode, **arguments))
-        assert not torch.equal(image, render(code, view, mode=mode, **arguments | {"seed": 6}))
+    assert torch.equal(one, render_with_info(code, view, seed=5, **arguments)[0])
+    assert not torch.equal(one, render_with_info(code, view, seed=6, **arguments)[0])
 
 
 @pytest.mark.parametrize("mode", ["occupancy", "density"])

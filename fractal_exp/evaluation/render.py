@@ -103,7 +103,7 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
 def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
                      supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
                      reuse: int = 1) -> tuple[Tensor, RenderInfo]:
-    """`render`, and what it did instead of a warning; on the CPU quicker by dependent points, see `AddressTree`."""
+    """`render`, and what it did instead of a warning; `reuse` (CPU only) as in `AddressTree`, for quicker drawings."""
     _check_memory(resolution)
     check_device(device)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view

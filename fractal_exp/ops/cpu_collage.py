@@ -44,8 +44,8 @@ def _locate(m, samples, size, corner, right, down):
     c, d, f = -m[2] * half, -m[3] * half, (float32(1) - m[5]) * half - float32(0.5)
     x, y = samples[0], samples[1]
     for k in range(corner.shape[0]):
-        u = min(max(a * x[k] + b * y[k] + e, float32(0)), last)
-        v = min(max(c * x[k] + d * y[k] + f, float32(0)), last)
+        u = min(last, max(float32(0), a * x[k] + b * y[k] + e))  # in this order, which makes 0 of NaN
+        v = min(last, max(float32(0), c * x[k] + d * y[k] + f))
         column, row = int32(u), int32(v)
         corner[k] = row * side + column
         right[k] = u - float32(column)

@@ -12,8 +12,10 @@ from .jit import kernel
 
 ORBITS = 16          # chaos games that a task keeps going, to hide the latency of a step
 BURN_IN = 256        # steps that lead from a fixed point to the invariant measure
-LEAST_POOL, LARGEST_POOL = 256, 1 << 14  # points of the invariant measure that a task keeps, powers of two,
-SHARES = 8           # and the least number of words that share them, so that none gets a point twice
+LEAST_POOL, LARGEST_POOL = 256, 1 << 14  # points of the invariant measure that a task keeps, powers of two
+REFILLS = 8          # how often a task comes by new ones, at most, before the largest pool is too small for that
+SHARES = 8           # a word is split until its points are so small a part of those kept: none lies twice under it
+LEVELS = 512         # but no deeper below the word that the task began with
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
 FEW = 64.0           # expected points under a word, below which throwing them is cheaper than a look at its children
 SMALL = 1 / 8        # of the window's side: words that reach no further are drawn and tested, not split
@@ -139,33 +141,33 @@ def _warm_up(maps, thresholds, guide, state):
 def _new_pool(expected):
     """Room for points (P,2) of the invariant measure, for a task of which so many are expected."""
     size = LEAST_POOL
-    while size < LARGEST_POOL and 8 * size <= expected:
+    while size < LARGEST_POOL and REFILLS * size <= expected:
         size *= 2
     return np.empty((size, 2))
 
 
 @njit
 def _fill(pool, maps, thresholds, guide, state, orbits):
-    """The next points of the orbits into the pool (P,2); the next random state. A point and the next one of its orbit
-    lie close together under a small word, and would make its points clump: they are put far from each other."""
+    """The next points of the orbits into the pool (P,2); the next random state. Those that follow each other in an
+    orbit are alike where a map is slow, and would make a word's points clump: they are put .38 P from each other."""
     size = len(pool)
-    stride = int(GOLDEN_RATIO * size) | 1
+    length, stride = size // ORBITS, int(GOLDEN_RATIO * size) | 1
     for k in range(size):
         j = k & (ORBITS - 1)
         state, bits = _random(state)
         x, y = _step(maps, _pick(bits, thresholds, guide), orbits[j, 0], orbits[j, 1])
         orbits[j, 0], orbits[j, 1] = x, y
-        shuffled = (k * stride) & (size - 1)
+        shuffled = (j * length + k // ORBITS) * stride & (size - 1)
         pool[shuffled, 0], pool[shuffled, 1] = x, y
     return state
 
 
 @njit
-def _throw(pool, word, size, canvas, plane, mode):
-    """Put points (P,2) under a word; how many fell into the window."""
+def _throw(pool, begin, end, word, size, canvas, plane, mode):
+    """Put so much of the pool (P,2) under a word; how many points fell into the window."""
     a, b, c, d, x, y = word[0], word[1], word[2], word[3], word[4], word[5]
     kept = 0
-    for k in range(len(pool)):
+    for k in range(begin, end):
         px, py = pool[k, 0], pool[k, 1]
         column, row = a * px + (b * py + x), c * px + (d * py + y)
         if 0 <= column < size and 0 <= row < size:
@@ -240,11 +242,12 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
     n = len(maps)
     state, orbits = _warm_up(maps, thresholds, guide, state)
     pool, uses = _new_pool(jobs[:, 7].sum()), reuse
-    at = len(pool)
+    at, deepest = len(pool), 0.0
     word, stack, top, job = np.empty(8), np.empty((64 * n, 8)), 0, 0
     while top > 0 or job < len(jobs):
         if top == 0:
             word[:] = jobs[job]
+            deepest = word[6] + LEVELS
             job += 1
         else:
             top -= 1
@@ -256,7 +259,7 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
             return
         if where < 0:
             continue
-        if leaf and (SHARES * word[7] <= len(pool) or word[6] >= MAX_DEPTH):
+        if leaf and (SHARES * word[7] <= len(pool) or word[6] >= deepest):
             state, count = poisson(word[7], state)
             done[1] += count
             while count > 0:
@@ -265,7 +268,7 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
                     if uses >= reuse:
                         state, uses = _fill(pool, maps, thresholds, guide, state, orbits), 0
                 taken = min(count, len(pool) - at)
-                done[0] += _throw(pool[at:at + taken], word, size, canvas, plane, mode)
+                done[0] += _throw(pool, at, at + taken, word, size, canvas, plane, mode)
                 at, count = at + taken, count - taken
             continue
         if top + n > len(stack):

@@ -8,9 +8,9 @@ points are left to expect, gets its random number of points, and those beside th
 the window is distributed exactly as the chaos game's points that land there, however rare those are, and however many
 words there are: those of few points are never looked into.
 
-The points of the invariant measure come from a few chaos games for each share of the work. Under a small word a point
-and the next one of its orbit lie close together, so a few thousand are kept and taken in an order in which they do not
-follow each other: images of two seeds then differ as much as ones of independent points.
+The points of the invariant measure come from a few chaos games for each share of the work, some hundreds to thousands
+at a time, and are taken in an order in which neighbours of an orbit do not follow each other. Where a map is slow these
+are alike, and a small word's points would clump.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ import numpy as np
 from numba import get_num_threads
 from torch import Tensor
 
-from .cpu_histogram import DRY, GUIDE_BITS, LIT, cut, place, scatter
+from . import cpu_histogram as kernels
+from .cpu_histogram import DRY, GUIDE_BITS, LIT
 
-TASKS = 64           # shares of the work, each with its own random stream: no result depends on the number of threads;
-FEWER = 16           # where points are reused, since each task has to come by its own
+TASKS = 64   # shares of the work, each with its own random stream: no result depends on the number of threads
+FEWER = 16   # of them for a tree that reuses points, since each comes by its own; more threads than that stay idle
 
 
 class Window(NamedTuple):
@@ -51,9 +52,9 @@ class Tally(NamedTuple):
 @dataclass(frozen=True)
 class AddressTree:
     """A contractive code made ready for sampling: `maps` (N,6) rows a b c d e f about `center`, and a rectangle with
-    half sides `hull` (2,2, as columns) about `center` that holds the attractor for certain. A point of the invariant
-    measure is put under `reuse` words: 1 for independent points; 8 are drawn in half the time, each of the same
-    distribution, but f_v(x) and f_w(x) with the same x."""
+    half sides `hull` (2,2, as columns) about `center` that holds the attractor for certain. A point x of the
+    invariant measure is put under up to `reuse` words, f_v(x), f_w(x), …: with 8 a drawing takes half the time of one
+    with 1, and is no noisier pixel by pixel, but the brightness of large parts may vary up to twice as much."""
 
     maps: np.ndarray
     mass: np.ndarray
@@ -81,7 +82,7 @@ class AddressTree:
     def within(self, window: Window) -> bool:
         """Whether the whole attractor lies in the window for certain."""
         root = self._root(window)
-        return place(*root, self.hull, float(window.size))[0] == 1
+        return kernels.place(*root, self.hull, float(window.size))[0] == 1
 
     def scatter(self, window: Window, thrown: float, *, seed: tuple[int, ...], canvas: np.ndarray | None = None,
                 mode: int = DRY, tasks: int | None = None, budget: float = math.inf) -> Tally:
@@ -100,8 +101,8 @@ class AddressTree:
         each = min(budget / tasks, float(sys.maxsize // 2))
         size = float(window.size)
         jobs = self.cut(window, thrown, 8 * tasks, whole=reuse > 1)
-        scatter(self.maps, self.mass, self.thresholds, self.guide, self.hull, size, jobs, each, seeds, canvas, mode,
-                reuse, tally)
+        kernels.scatter(self.maps, self.mass, self.thresholds, self.guide, self.hull, size, jobs, each, seeds, canvas,
+                        mode, reuse, tally)
         kept, drawn, visited, cut_short = (int(total) for total in tally.sum(0))
         return Tally(kept, drawn, visited, cut_short == 0)
 
@@ -110,8 +111,8 @@ class AddressTree:
         them all that lie in it: a map to pixels a b c d x y, the depth, the number of points to expect. Large words
         that are to be drawn whole come in parts, so that there are at least about `pieces`; those that are to stay
         `whole` are split instead, like all others."""
-        return cut(self.maps, self.mass, self.hull, float(window.size), self._root(window), float(thrown), pieces,
-                   whole)
+        return kernels.cut(self.maps, self.mass, self.hull, float(window.size), self._root(window), float(thrown),
+                           pieces, whole)
 
     def _root(self, window: Window) -> np.ndarray:
         """The empty word, as a map from points about `center` to pixels (column, row)."""

@@ -25,14 +25,14 @@ DENSITY_SHARE = 0.25                   # of inner pixels that are not white, fro
 @dataclass(frozen=True)
 class Levels:
     """What the grey levels of a picture say, shares of `supersample`² subpixels of each pixel: `measure` turns an image
-    (R,R) into masses (R,R), `observe` draws a code as such a picture, with a seed, `dark` tells from a pixel's grey
-    level and that around it what part of the pixel more mass can still light up, `shrunk` makes an image (S,S) of one,
-    as it would have been drawn were it smooth, `nudge_px` is by how far an image has to move to be drawn otherwise, and
-    `graded` whether a pixel shows a line thinner than itself."""
+    (R,R) into masses (R,R), `observe` draws a code as such a picture, with its side, a seed, and how often a point may
+    be used, `dark` tells from a pixel's grey level and that around it what part of the pixel more mass can still light
+    up, `shrunk` makes an image (S,S) of one, as it would have been drawn were it smooth, `nudge_px` is by how far an
+    image has to move to be drawn otherwise, and `graded` whether a pixel shows a line thinner than itself."""
 
     supersample: int
     measure: Callable[[Tensor], Tensor]
-    observe: Callable[[IFS, int, int], Tensor]
+    observe: Callable[..., Tensor]
     dark: Callable[[Tensor, Tensor], Tensor]
     shrunk: Callable[[Tensor, int], Tensor]
     nudge_px: float = 0.05
@@ -48,18 +48,19 @@ def _mean(image: Tensor, size: int) -> Tensor:
     return adaptive_avg_pool2d(image[None], size)[0]
 
 
-def _observer(supersample: int) -> Callable[[IFS, int, int], Tensor]:
-    def drawn(code: IFS, resolution: int, seed: int) -> Tensor:
+def _observer(supersample: int) -> Callable[..., Tensor]:
+    def drawn(code: IFS, resolution: int, seed: int, reuse: int = REUSE) -> Tensor:
         from ..evaluation.render import render_with_info  # and no warning: candidates may well lie beside the canvas
 
         image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=supersample, seed=seed,
-                                    points_in_view=round(POINTS_PER_PIXEL * resolution**2), reuse=REUSE)
+                                    points_in_view=round(POINTS_PER_PIXEL * resolution**2), reuse=reuse)
         return image
     return drawn
 
 
-def _drawn_white(code: IFS, resolution: int, seed: int) -> Tensor:
-    return (_observer(SUPERSAMPLE)(code, resolution, seed) > THRESHOLD).float()
+def _drawn_white(code: IFS, resolution: int, seed: int, reuse: int = 1) -> Tensor:
+    # each point once: where all of an image is a little brighter, many pixels pass the threshold together
+    return (_observer(SUPERSAMPLE)(code, resolution, seed, reuse) > THRESHOLD).float()
 
 
 def _shrunk_density(image: Tensor, size: int) -> Tensor:

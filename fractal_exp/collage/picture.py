@@ -94,7 +94,8 @@ class Picture:
     def draw(self, code: IFS, *path: int | str) -> Tensor:
         """(R,R), as the target was drawn; the same path of a random stream gives the same points."""
         resolution = self.image.shape[0]
-        images = [self.levels.observe(code, resolution, derive(self.seed, *path, *([n] if n else [])))
+        once = {"reuse": 1} if self.drawings > 1 else {}  # where a percent of the error counts
+        images = [self.levels.observe(code, resolution, derive(self.seed, *path, *([n] if n else [])), **once)
                   for n in range(self.drawings)]
         return torch.stack(images).mean(0).to(self.image)
 

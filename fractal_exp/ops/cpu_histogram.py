@@ -283,6 +283,7 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
 
 @kernel(parallel=True)
 def scatter(maps, mass, thresholds, guide, hull, size, jobs, budget, seeds, canvas, mode, reuse, tally):
+    """Work off the words (J,8) of `cut` by as many tasks as there are seeds; tally (tasks,4) receives what they did."""
     tasks = len(seeds)
     for task in prange(tasks):
         plane = get_thread_id() if mode == COUNTED else 0

@@ -86,6 +86,19 @@ def test_a_stem_becomes_a_line_along_its_axis():
     assert torch.allclose(found.maps[1:, :4], maps[1:, :4], atol=1e-6)
 
 
+@pytest.mark.parametrize(("scale", "end"), [(0.51, -0.3755), (0.5, -0.376), (0.49, -0.378)])
+def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
+    maps, picture = pictured(codes.known("tree"))
+    crooked = off(maps, 0.01)
+    crooked[0] = torch.tensor([5e-4, 1e-4, -3e-4, scale, 3e-4, end])
+    start = picture.judge(crooked)
+    found = Rounding(picture)(start)
+    frame = Frame.of(picture.image)
+    before, after = (float(frame.misfit(drawn.maps, drawn.chances).abs().max()) for drawn in (start, found))
+    assert after < 0.002 < 0.04 < before
+    assert found.error < 0.1 * start.error
+
+
 def test_lines_are_none_of_maps_with_wide_images(triangle):
     maps, picture = pictured(triangle[0])
     spread = Spread.of(picture.judge(maps), picture)

@@ -14,11 +14,12 @@ from torch import Tensor
 from .frame import Frame
 from .jacobian import Jacobian, Played, Redrawn
 from .picture import Drawn, Picture
-from .polish import fitted_into_frame, never, polished
-from .simple_maps import Line, Spread, mirrored_offsets
+from .polish import FRAMED, fitted_into_frame, never, polished
+from .simple_maps import EDGE, Line, Spread, mirrored_offsets
 
 WORSE = 1.02              # times the least error so far, that rounding may cost: what was found follows its picture's
-                          # noise. Making a line must cost nothing, since of many one is chosen
+                          # noise. Making a line must cost nothing, since of many one is chosen,
+MIRRORED = 1.05           # and making a code symmetric may cost more, since it fixes many numbers at once
 LIKELY, STEPS = 3, 3      # lines that are polished, in so many steps,
 POLISH = 8                # and of all maps, what is not rounded
 FRAMED_PX, EXACT_PX = 0.5, 0.002   # misfit of a frame that is meant to be filled, and sigma of one that is
@@ -34,8 +35,11 @@ class Rounding:
         self._least = float("inf")
 
     def __call__(self, start: Drawn) -> Drawn:
-        """The drawing with all that is simple rounded and the frame filled exactly, each unless it is drawn worse."""
-        return self._framed(*self.simplified(start))
+        """The drawing with the frame filled exactly, all that is simple rounded and what is nearly its own mirror image
+        made so, each unless it is drawn worse."""
+        best, held = self.simplified(self._filled(start, frozenset()))
+        best = self._symmetric(best)
+        return self._symmetric(self._filled(best, held)) if held else best
 
     def simplified(self, start: Drawn) -> tuple[Drawn, Held]:
         """The drawing with all that is simple rounded, unless it is drawn worse, and what was."""
@@ -46,20 +50,32 @@ class Rounding:
             best, held = self._line(best, held, i)
         return (best, held) if held == first else self._matrices(best, held)
 
-    def _framed(self, best: Drawn, held: Held) -> Drawn:
-        """With the frame filled exactly, if it is meant to be, and what is nearly its own mirror image made so."""
-        picture = self.picture
-        if self.late():
+    def _filled(self, best: Drawn, held: Held) -> Drawn:
+        """With the frame filled exactly, if it is meant to be, unless the picture is drawn notably worse for it."""
+        if self.late() or self.frame is None or self._misfit(best) > FRAMED_PX:
             return best
-        if self.frame is not None and float(self.frame.misfit(best.maps, best.chances).abs().max()) < FRAMED_PX:
-            picture = self.picture.within(replace(self.frame, sigma_px=EXACT_PX))
-            filled = polished(picture, picture.judge(best.maps, best.weights), POLISH, patience=2, late=self.late,
-                              held=held)
-            best = self._accepted(replace(filled, error=self.picture.error(filled.image))) or best
-        maps = mirrored_offsets(best.maps, 2 / picture.side)
-        if picture.judge(maps, best.weights).error <= WORSE * picture.judge(best.maps, best.weights).error:
-            best = self._accepted(self.picture.judge(maps, best.weights)) or best
-        return best
+        self.frame = replace(self.frame, sigma_px=EXACT_PX)
+        within = self.picture.within(self.frame)
+        held |= {(i, 4 + axis) for i, axis in _in_the_middle(best.maps) if {(i, 2 * axis), (i, 2 * axis + 1)} <= held}
+        filled = polished(within, within.judge(best.maps, best.weights), POLISH, patience=2, late=self.late, held=held)
+        seen = self.picture.error(filled.image)
+        return replace(filled, error=seen) if seen <= FRAMED * best.error else best
+
+    def _misfit(self, drawn: Drawn) -> float:
+        return float(self.frame.misfit(drawn.maps, drawn.chances).abs().max())
+
+    def _symmetric(self, best: Drawn) -> Drawn:
+        """With offsets made symmetric that nearly are, those in the middle of the canvas on its better side, unless it
+        is drawn worse."""
+        maps = mirrored_offsets(best.maps, 2 / self.picture.side)
+        if self.late() or bool((maps == best.maps).all()):
+            return best
+        found = self.picture.judge(maps, best.weights)
+        for i, axis in _in_the_middle(maps):
+            other = found.maps.clone()
+            other[i, 4 + axis] *= -1
+            found = min(found, self.picture.judge(other, best.weights), key=lambda drawn: drawn.error)
+        return found if found.error <= MIRRORED * best.error else best
 
     def _matrices(self, best: Drawn, held: Held) -> tuple[Drawn, Held]:
         """With matrices near simple ones rounded, as often as others come near by that."""
@@ -96,7 +112,7 @@ class Rounding:
         if self.late():
             return best, held
         spread, line = Spread.of(best, self.picture), replace(line, one=best.maps[i])
-        (drawn, _), *_ = _likeliest(self.picture, best, i, spread.rescaled(line), 1)
+        (drawn, _), *_ = _likeliest(self.picture.within(self.frame), best, i, spread.rescaled(line), 1)
         tried = self._tried(best, drawn.maps, held | _matrix(i))
         return (best, held) if tried is None else (tried, held | _matrix(i))
 
@@ -128,6 +144,12 @@ def _likeliest(picture: Picture, best: Drawn, i: int, lines: Iterable[Line], cou
         maps[i] = line.one
         drawings.append((picture.judge(maps, best.weights), line))
     return sorted(drawings, key=_error)[:count]
+
+
+def _in_the_middle(maps: Tensor) -> list[list[int]]:
+    """The maps (M,6) and axes [i, k] that send the origin so near to an axis of the canvas as `mirrored_offsets`
+    does."""
+    return (maps[:, 4:].abs() <= EDGE).nonzero().tolist()
 
 
 def _matrix(i: int) -> Held:

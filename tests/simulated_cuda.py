@@ -8,7 +8,7 @@ import torch
 from cuda_helpers import check_chaos_game, check_histogram, check_numbers, check_splat, draw, play, scatter
 from ops_helpers import random_code
 
-from fractal_exp import View, attractor, codes
+from fractal_exp import IFS, View, attractor, codes
 from fractal_exp.evaluation.render import _address_tree, _window
 from fractal_exp.ops import cuda_histogram, cuda_launch, cuda_splat
 from fractal_exp.ops.cpu_histogram import COUNTED, LIT
@@ -76,9 +76,24 @@ def test_images_without_gradient_are_drawn_in_shares(monkeypatch):
 
 
 @pytest.mark.parametrize("view", [View(), View((0.05, -0.1), 4)], ids=["whole", "a frond"])
-def test_histogram_has_the_distribution_of_the_cpus(view, monkeypatch):
-    monkeypatch.setattr(cuda_histogram, "FEWEST", 4)  # points of a thread follow from each other: few are independent
+def test_histogram_has_the_distribution_of_the_cpus(view):
     check_histogram(view, bins=8, thrown=4000)
+
+
+def test_points_under_a_word_do_not_follow_each_other():
+    spiral = 0.98 * torch.tensor([[math.cos(0.1), -math.sin(0.1)], [math.sin(0.1), math.cos(0.1)]])
+    code = attractor.normalize(IFS(torch.stack([spiral, 0.2 * torch.eye(2)]), torch.tensor([[0.0, 0], [1, 0]])))
+    tree, (side, tiles, points) = _address_tree(code), (16, 8, 64)
+    words = torch.tensor([[side / 2, 0, 0, side / 2, side * (column + 0.5), side * (row + 0.5)]  # each on its own tile
+                          for row in range(tiles) for column in range(tiles)], dtype=torch.float64)
+    canvas, kept = torch.zeros(side * tiles, side * tiles, dtype=torch.int32), torch.zeros(1, dtype=torch.int64)
+    tables = (torch.from_numpy(table) for table in (tree.maps, tree.thresholds.astype("i8"), tree.guide.astype("i4")))
+    cuda_launch.launch(cuda_histogram.KERNELS[COUNTED], 1, 64, words, points * torch.arange(1, len(words) + 1), *tables,
+                       1, 64, canvas, kept)
+    assert int(kept) == int(canvas.sum()) == points * len(words)
+    shares = canvas.view(tiles, side, tiles, side).sum((0, 2)) / kept
+    independent = float(shares.square().sum()) * points * (points - 1) * len(words)
+    assert float((canvas * (canvas - 1)).sum()) < 1.1 * independent  # points that share their pixel
 
 
 def test_histogram_lights_the_pixels_that_it_counts():

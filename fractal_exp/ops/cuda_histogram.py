@@ -1,8 +1,10 @@
 """Points of an attractor sorted into the pixels of a window, on an NVIDIA GPU: the distribution of `histogram`.
 
 The CPU cuts the address tree into words that share out the window's points (see `histogram`) and draws how many points
-each gets; every GPU thread then throws an equal share of them, whichever words they belong to. Words are not searched
-further: what of them lies beside the window is rejected. float64 throughout, for deep zooms.
+each gets; every GPU thread then throws an equal share of them, whichever words they belong to: one here, the next as
+many places on as there are threads. So neighbours of an orbit, which are alike where a map is slow, do not come under
+one word, and the threads of a warp work on the same word at a time. Words are not searched further: what of them lies
+beside the window is rejected. float64 throughout, for deep zooms.
 """
 
 from __future__ import annotations
@@ -45,8 +47,9 @@ def scatter(tree: AddressTree, window: Window, thrown: float, *, seed: tuple[int
     share = max(FEWEST, blocks_of(total, MOST_THREADS))
     tables = [torch.from_numpy(np.ascontiguousarray(table)).to(device) for table in (
         words[:, :6], ends.astype(np.int64), tree.maps, tree.thresholds.astype(np.int64), tree.guide.astype(np.int32))]
-    launch(KERNELS[mode], blocks_of(blocks_of(total, share), THREADS), THREADS, *tables,
-           int(random.integers(2**63)), share, canvas, kept)
+    threads = blocks_of(total, share)
+    launch(KERNELS[mode], blocks_of(threads, THREADS), THREADS, *tables, int(random.integers(2**63)), threads, canvas,
+           kept)
     return canvas, int(kept)
 
 
@@ -59,24 +62,15 @@ def box_mean(canvas: Tensor, factor: int) -> Tensor:
 def _thrower(mark: Callable[..., Any]) -> Any:
     """The kernel that throws points and marks those that land in the window."""
     @cuda.jit
-    def throw(words, ends, maps, thresholds, guide, seed, share, canvas, kept):
-        thread = cuda.grid(1)
-        first = thread * share
-        last = min(first + share, ends[ends.size - 1])
-        if first >= last:
+    def throw(words, ends, maps, thresholds, guide, seed, threads, canvas, kept):
+        thread, total = cuda.grid(1), ends[ends.size - 1]
+        if thread >= min(threads, total):
             return
-        size = canvas.shape[0]
-        low, job = 0, ends.size - 1
-        while low < job:  # the word that point number `first` is under
-            middle = (low + job) // 2
-            if first < ends[middle]:
-                job = middle
-            else:
-                low = middle + 1
+        size, job = canvas.shape[0], 0
         state, start_x, start_y = start(seed, thread)
         x, y = float64(start_x), float64(start_y)
         inside = int64(0)
-        for k in range(first - BURN_IN, last):
+        for k in range(thread - BURN_IN * threads, total, threads):
             state = next_state(uint64(state))
             i = int64(guide[int64(state >> uint64(64 - GUIDE_BITS))])
             while int64(state >> uint64(32)) >= thresholds[i]:
@@ -84,9 +78,14 @@ def _thrower(mark: Callable[..., Any]) -> Any:
             new_x = maps[i, 0] * x + (maps[i, 1] * y + maps[i, 4])
             y = maps[i, 2] * x + (maps[i, 3] * y + maps[i, 5])
             x = new_x
-            if k >= first:
-                while k >= ends[job]:
-                    job += 1
+            if k >= 0:
+                last = ends.size - 1
+                while job < last:  # the word that point number k is under
+                    middle = (job + last) // 2
+                    if k < ends[middle]:
+                        last = middle
+                    else:
+                        job = middle + 1
                 column = words[job, 0] * x + (words[job, 1] * y + words[job, 4])
                 row = words[job, 2] * x + (words[job, 3] * y + words[job, 5])
                 if column >= 0 and column < size and row >= 0 and row < size:

@@ -86,6 +86,15 @@ def test_a_stem_becomes_a_line_along_its_axis():
     assert torch.allclose(found.maps[1:, :4], maps[1:, :4], atol=1e-6)
 
 
+def test_dust_on_the_edges_of_pixels_is_moved_to_their_better_side():
+    maps, picture = pictured(codes.known("cantor_dust"), 256)
+    start = picture.judge(off(maps * (1 - 3e-4), 0.003, 256))
+    found = Rounding(picture)(start)
+    assert torch.allclose(found.maps[:, :4], maps[:, :4], atol=1e-7)
+    assert found.maps[:, 4:].abs().unique().numel() <= 2
+    assert found.error < 0.1 * start.error
+
+
 @pytest.mark.parametrize(("scale", "end"), [(0.51, -0.3755), (0.5, -0.376), (0.49, -0.378)])
 def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
     maps, picture = pictured(codes.known("tree"))
@@ -129,6 +138,15 @@ def test_held_entries_stay_while_others_are_polished(triangle):
     moved = found.maps != start.maps
     assert found.error < start.error
     assert not any(moved[i, j] for i, j in held) and int(moved.sum()) == 13
+
+
+def test_maps_that_are_held_whole_have_no_turn(triangle):
+    maps, picture = pictured(triangle[0])
+    picture.maps_at_once = 1
+    start = picture.judge(off(maps, 0.3))
+    found = polished(picture, start, 2, held={(1, j) for j in range(6)})
+    assert found.error < start.error and torch.equal(found.maps[1], start.maps[1])
+    assert polished(picture, start, 2, held={(i, j) for i in range(3) for j in range(6)}) is start
 
 
 @pytest.mark.parametrize("kind", ["grey", "binary"])

@@ -45,6 +45,11 @@ class Frame:
         low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, chances))])
         return self._misfit(low, high)
 
+    def growth(self, maps: Tensor, chances: Tensor) -> float:
+        """Times what the attractor's offsets must be for its box to have the frame's side."""
+        low, high, _ = self.misfit(maps, chances)
+        return FRAME_SIDE / (FRAME_SIDE + 2 / self.side * float(high - low))
+
     def slopes(self, maps: Tensor, chances: Tensor) -> Tensor:
         """The derivatives (3,N,6) of `misfit` by the maps, which are those of the words that reach farthest, with the
         chances held."""

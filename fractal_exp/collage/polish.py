@@ -34,7 +34,8 @@ def polished(picture: Picture, drawn: Drawn, steps: int, moving: Sequence[int] |
     together, as is done for a single map; held: entries (map, column) that stay, a translation's only with those of its
     row, since matrices turn about the attractor's mean."""
     damping, idle = 1e-2, 0
-    moving = list(moving if moving is not None else range(len(drawn.maps)))
+    moving = [i for i in (moving if moving is not None else range(len(drawn.maps)))
+              if not {(i, j) for j in range(6)} <= set(held)]
     turns = [moving[i:i + picture.maps_at_once] for i in range(0, len(moving), picture.maps_at_once)]
     for number in range(steps * len(turns)):
         if late() or idle == patience * len(turns):

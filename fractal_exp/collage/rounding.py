@@ -9,20 +9,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+import torch
 from torch import Tensor
 
 from .frame import Frame
 from .jacobian import Jacobian, Played, Redrawn
 from .picture import Drawn, Picture
-from .polish import FRAMED, fitted_into_frame, never, polished
+from .polish import fitted_into_frame, never, polished
 from .simple_maps import EDGE, Line, Spread, mirrored_offsets
 
 WORSE = 1.02              # times the least error so far, that rounding may cost: what was found follows its picture's
                           # noise. Making a line must cost nothing, since of many one is chosen,
-MIRRORED = 1.05           # and making a code symmetric may cost more, since it fixes many numbers at once
+MIRRORED = 1.05           # making a code symmetric may cost more, since it fixes many numbers at once, and filling the
+FILLED = 1.2              # frame exactly yet more, since of tips that no picture shows nothing else tells
 LIKELY, STEPS = 3, 3      # lines that are polished, in so many steps,
 POLISH = 8                # and of all maps, what is not rounded
 FRAMED_PX, EXACT_PX = 0.5, 0.002   # misfit of a frame that is meant to be filled, and sigma of one that is
+NUDGES = 0, 1e-6, -1e-6, 1e-5, -1e-5, 5e-5, -5e-5   # of the size of a shape that may end at edges of pixels
 
 Held = frozenset[tuple[int, int]]   # entries (map, column) that are simple
 
@@ -52,30 +55,42 @@ class Rounding:
 
     def _filled(self, best: Drawn, held: Held) -> Drawn:
         """With the frame filled exactly, if it is meant to be, unless the picture is drawn notably worse for it."""
-        if self.late() or self.frame is None or self._misfit(best) > FRAMED_PX:
+        if self.late() or not self._is_meant(best):
             return best
-        self.frame = replace(self.frame, sigma_px=EXACT_PX)
-        within = self.picture.within(self.frame)
+        exact = replace(self.frame, sigma_px=EXACT_PX)
+        within = self.picture.within(exact)
         held |= {(i, 4 + axis) for i, axis in _in_the_middle(best.maps) if {(i, 2 * axis), (i, 2 * axis + 1)} <= held}
         filled = polished(within, within.judge(best.maps, best.weights), POLISH, patience=2, late=self.late, held=held)
         seen = self.picture.error(filled.image)
-        return replace(filled, error=seen) if seen <= FRAMED * best.error else best
-
-    def _misfit(self, drawn: Drawn) -> float:
-        return float(self.frame.misfit(drawn.maps, drawn.chances).abs().max())
+        if seen > FILLED * best.error:
+            return best
+        self.frame = exact
+        return replace(filled, error=seen)
 
     def _symmetric(self, best: Drawn) -> Drawn:
-        """With offsets made symmetric that nearly are, those in the middle of the canvas on its better side, unless it
-        is drawn worse."""
+        """With offsets made symmetric that nearly are, unless it is drawn worse or misses the frame; those in the
+        middle of the canvas on its better side, and all at a size that fills the frame if it is meant to be."""
         maps = mirrored_offsets(best.maps, 2 / self.picture.side)
         if self.late() or bool((maps == best.maps).all()):
             return best
-        found = self.picture.judge(maps, best.weights)
+        within = self.picture.within(self.frame)
+        found = within.judge(maps, best.weights)
         for i, axis in _in_the_middle(maps):
             other = found.maps.clone()
-            other[i, 4 + axis] *= -1
-            found = min(found, self.picture.judge(other, best.weights), key=lambda drawn: drawn.error)
-        return found if found.error <= MIRRORED * best.error else best
+            other[i, 4 + axis] = EDGE if other[i, 4 + axis] <= 0 else -EDGE
+            found = min(found, within.judge(other, best.weights), key=lambda drawn: drawn.error)
+        if self._is_meant(found):
+            linear, offset = found.maps[:, :4], found.maps[:, 4:] * self.frame.growth(found.maps, found.chances)
+            sizes = [torch.cat([linear, offset * (1 + nudge)], 1) for nudge in NUDGES]
+            found = min(found, *(within.judge(size, best.weights) for size in sizes), key=lambda drawn: drawn.error)
+        if found.error > MIRRORED * within.judge(best.maps, best.weights).error:
+            return best
+        return replace(found, error=self.picture.error(found.image))
+
+    def _is_meant(self, drawn: Drawn) -> bool:
+        """Whether the frame is meant to be filled, which it nearly is."""
+        return self.frame is not None and bool(
+            self.frame.misfit(drawn.maps, drawn.chances).abs().max() < FRAMED_PX)
 
     def _matrices(self, best: Drawn, held: Held) -> tuple[Drawn, Held]:
         """With matrices near simple ones rounded, as often as others come near by that."""
@@ -112,7 +127,7 @@ class Rounding:
         if self.late():
             return best, held
         spread, line = Spread.of(best, self.picture), replace(line, one=best.maps[i])
-        (drawn, _), *_ = _likeliest(self.picture.within(self.frame), best, i, spread.rescaled(line), 1)
+        (drawn, _), *_ = _likeliest(self.picture, best, i, spread.rescaled(line), 1)
         tried = self._tried(best, drawn.maps, held | _matrix(i))
         return (best, held) if tried is None else (tried, held | _matrix(i))
 
@@ -125,8 +140,8 @@ class Rounding:
     def _tried(self, best: Drawn, maps: Tensor, held: Held, worse: float = WORSE) -> Drawn | None:
         """All that is not held polished, or None if it is drawn worse."""
         start = self.picture.judge(maps, best.weights)
-        return self._accepted(fitted_into_frame(self.picture, start, POLISH, self.frame, late=self.late, held=held),
-                              worse)
+        fitted = fitted_into_frame(self.picture, start, POLISH, self.frame, late=self.late, held=held)
+        return self._accepted(self._symmetric(fitted), worse)
 
     def _accepted(self, drawn: Drawn, worse: float = WORSE) -> Drawn | None:
         """The drawing, or None if its error is higher than so many times the least so far."""
@@ -147,9 +162,8 @@ def _likeliest(picture: Picture, best: Drawn, i: int, lines: Iterable[Line], cou
 
 
 def _in_the_middle(maps: Tensor) -> list[list[int]]:
-    """The maps (M,6) and axes [i, k] that send the origin so near to an axis of the canvas as `mirrored_offsets`
-    does."""
-    return (maps[:, 4:].abs() <= EDGE).nonzero().tolist()
+    """The pairs [map, axis] of offsets that are zero but for about `EDGE`."""
+    return (maps[:, 4:].abs() < 2 * EDGE).nonzero().tolist()
 
 
 def _matrix(i: int) -> Held:

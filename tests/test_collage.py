@@ -207,6 +207,22 @@ def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
     assert names == ["search"] * 3 + once + ["search"] * 2 + once + ["full size", "last digits"]
 
 
+@pytest.mark.parametrize(("halvings", "moves"), [([], 6), ([1], 6), ([5], 9), ([5, 9], 13), (range(1, 99), 18)])
+def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings, moves):
+    code, image = triangle
+    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
+    *_, stage, _ = plan(problem, rounds=1, islands=1, moves=1, detail_moves=1, picture_moves=6)
+    maps = affine.from_code(code)
+    work = Work(best=Tiling(maps, affine.volumes(maps), 1.0), tiling=Tiling(maps, affine.volumes(maps), 1.0))
+    stage.open(work)
+    stage.search.settled = lambda now, step: False
+    while work.step < stage.moves and not stage.settled(work):
+        work = Work.of(work.snapshot(), "cpu")
+        better = 0.4 if work.step + 1 in halvings else 0.99
+        work = work.moved(replace(work.tiling, error=better * work.tiling.error))
+    assert work.step == moves
+
+
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
     _, image = triangle
     five = suite.target(codes.known("vicsek"), 128)

@@ -95,9 +95,15 @@ class PictureSearch:
             return now
         return self._tiling(self._polished(new, 1))
 
+    def tidied(self, now: Tiling) -> Tiling:
+        """Without maps that the picture does not ask for, and polished for long."""
+        shown = self._drawn(now)
+        new = self._polished(self._needed(shown), POLISH)
+        return self._tiling(new) if self._score(new) < self._score(shown) else now
+
     def finish(self, now: Tiling) -> Tiling:
-        """Polished once more, at last on several drawings at once, whose noise is less."""
-        found = self._polished(self._needed(self._drawn(now)), POLISH)
+        """Tidied, and polished on several drawings at once, whose noise is less."""
+        found = self._drawn(self.tidied(now))
         if found.weights is not None:
             tied = self._polished(self.picture.judge(found.maps), POLISH)
             found = self._simpler(tied, found)

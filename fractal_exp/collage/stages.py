@@ -24,23 +24,26 @@ from .rounding import Rounding
 from .search import Judge, Search, Tiling
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
+LONGER, RECENT = 3, 2 / 3    # times the moves asked for: that there are at most, and since when the error was halved
 WRONG, HOPELESS = 1.2, 100   # times a drawing's noise: picture errors between which another round is worth while
 LARGEST = 512    # pixels a side of the picture that is searched,
 FULL = 1024      # and of a larger one that the code is polished on in the end,
 FULL_POLISH = 4  # in so many steps
 TILINGS = "tiling", "best", "before"   # of `Work`
-STAGES = 3       # the version of the stages and their scores, which checkpoints name
+STAGES = 4       # the version of the stages and their scores, which checkpoints name
 DETAIL = Judge(price=1e-4, prior=0.03)
 
 
 @dataclass(frozen=True)
 class Work:
-    """How far the search has come: the number of the stage, its step and tiling (None before it begins); the best
-    tiling of the stages of this round, and of the rounds before; and of the islands all maps (M,6) and the scores."""
+    """How far the search has come: the number of the stage, its step and tiling (None before it begins); the step at
+    which its error was last halved, and that error; the best tiling of the stages of this round, and of the rounds
+    before; and of the islands all maps (M,6) and the scores."""
 
     stage: int = 0
     step: int = 0
     tiling: Tiling | None = None
+    halved: tuple[int, float] | None = None
     best: Tiling | None = None
     before: Tiling | None = None
     pool: Tensor | None = None
@@ -53,18 +56,21 @@ class Work:
 
     def moved(self, tiling: Tiling) -> Work:
         """After a step."""
-        return replace(self, tiling=tiling, step=self.step + 1)
+        step, halved = self.step + 1, self.halved or (0, self.tiling.error)
+        if tiling.error <= halved[1] / 2:
+            halved = step, tiling.error
+        return replace(self, tiling=tiling, step=step, halved=halved)
 
     def done(self, best: Tiling | None, stages: int = 1) -> Work:
         """After the stage, so many stages on."""
-        return replace(self, stage=self.stage + stages, step=0, tiling=None, best=best)
+        return replace(self, stage=self.stage + stages, step=0, tiling=None, halved=None, best=best)
 
     def snapshot(self) -> Snapshot:
         kept = {name: t for name in TILINGS if (t := getattr(self, name)) is not None}
         tensors = {f"{name}/{part}": getattr(t, part) for name, t in kept.items() for part in ("maps", "weights")}
         if self.pool is not None:
             tensors["pool"] = self.pool
-        numbers = {name: [t.error, t.score] for name, t in kept.items()}
+        numbers = {name: [t.error, t.score] for name, t in kept.items()} | {"halved": self.halved}
         return Snapshot(self.step, tensors, {"stages": STAGES, "stage": self.stage, "scores": list(self.scores),
                                              **numbers})
 
@@ -77,7 +83,8 @@ class Work:
                              f"{numbers.get('stages', 1)}; start anew with resume=false")
         tilings = {name: Tiling(tensors[f"{name}/maps"], tensors[f"{name}/weights"], *numbers[name])
                    for name in TILINGS if name in numbers}
-        return cls(numbers["stage"], snapshot.iteration, **tilings, pool=tensors.get("pool"),
+        halved = tuple(numbers["halved"]) if numbers["halved"] else None
+        return cls(numbers["stage"], snapshot.iteration, **tilings, halved=halved, pool=tensors.get("pool"),
                    scores=tuple(numbers["scores"]))
 
 
@@ -134,8 +141,8 @@ class Problem:
 
 
 class Stage(ABC):
-    """A search of its own. name: as it is reported; moves: its steps; ends: the part of a limited time at which it
-    ends, and before which it must begin; number: tells it from others of its kind."""
+    """A search of its own. name: as it is reported; moves: its steps, at most; ends: the part of a limited time at
+    which it ends, and before which it must begin; number: tells it from others of its kind."""
 
     name: str
     ends: float
@@ -156,8 +163,8 @@ class Stage(ABC):
         """`now`, or a better one."""
         return self.search.step(now, number)
 
-    def settled(self, now: Tiling, moves: int) -> bool:
-        """Whether nothing is left to do, after so many moves."""
+    def settled(self, work: Work) -> bool:
+        """Whether there is nothing left to do, or no hope."""
         return False
 
     def close(self, work: Work) -> Work:
@@ -236,15 +243,15 @@ class Approach(Stage):
 
 
 class Retouch(Stage):
-    """Refinement, and moves of single maps, judged by the picture; the end of a round. If the code is still wrong,
-    and the picture not so far off that it may be of no code at all, another round begins, with the maps found so far in
-    the pool."""
+    """Refinement, and moves of single maps, judged by the picture; the end of a round. While the error has been halved
+    not long ago there are more moves than asked for. If the code is still wrong, and the picture not so far off that it
+    may be of no code at all, another round begins, with the maps found so far in the pool."""
 
     name, ends = "picture", 0.95
 
     def __init__(self, problem: Problem, moves: int, number: int, others: int):
-        super().__init__(problem, moves, number)
-        self.others = others
+        super().__init__(problem, LONGER * moves, number)
+        self.asked, self.recent, self.others = moves, max(1, round(RECENT * moves)), others
 
     def open(self, work: Work) -> None:
         self.search = picture_search(self.problem, work.best.code, "retouch", self.number)
@@ -252,8 +259,15 @@ class Retouch(Stage):
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best)
 
-    def settled(self, now: Tiling, moves: int) -> bool:
-        return self.search.settled(now, moves)
+    def step(self, now: Tiling, number: int) -> Tiling:
+        more = number + 1 - self.asked  # small maps hold large ones where they are, and the search with them
+        due = more >= 0 and more % self.recent == 0
+        return self.search.tidied(now) if due else self.search.step(now, number)
+
+    def settled(self, work: Work) -> bool:
+        idle = work.step - (work.halved[0] if work.halved else 0)
+        hopeless = work.step >= self.asked and idle >= self.recent
+        return hopeless or self.search.settled(work.tiling, work.step)
 
     def close(self, work: Work) -> Work:
         if self.problem.is_reduced and not self.problem.late():

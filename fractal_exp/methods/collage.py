@@ -28,10 +28,11 @@ class Collage(Method):
     from nothing, the maps of all mixed, and once from the mixture; then `detail_moves` on a 128² grid of the picture's
     measure, corrected for the saturation of its grey levels by what was found so far; refinement on grids up to
     `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove maps where
-    the picture asks for it. If the code is still far from the picture, there is another round, `rounds` at most, with
-    half as many islands and the maps found so far in the mixture. An image beyond 512² is searched at a fraction of
-    its size, and the code polished on the whole, or on 1024² of a still larger one. In the end entries near to simple
-    numbers are rounded and the input's frame is filled exactly, unless it is drawn worse for it.
+    the picture asks for it, up to three times as many while the error is being halved. If the code is still far from
+    the picture, there is another round, `rounds` at most, with half as many islands and the maps found so far in the
+    mixture. An image beyond 512² is searched at a fraction of its size, and the code polished on the whole, or on 1024²
+    of a still larger one. In the end entries near to simple numbers are rounded and the input's frame is filled
+    exactly, unless it is drawn worse for it.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
     points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at
@@ -101,8 +102,7 @@ class Collage(Method):
                 stage.open(work)
                 if work.tiling is None:
                     work = replace(work, tiling=stage.begin(work))
-                while work.step < stage.moves and clock.part < stage.ends and not stage.settled(
-                        work.tiling, work.step):
+                while work.step < stage.moves and clock.part < stage.ends and not stage.settled(work):
                     work = work.moved(stage.step(work.tiling, work.step))
                     tell(work)
                 work = stage.close(work)

@@ -11,7 +11,7 @@ from ops_helpers import random_code
 from fractal_exp import IFS, View, attractor, codes
 from fractal_exp.evaluation.render import _address_tree, _window
 from fractal_exp.ops import cuda_histogram, cuda_launch, cuda_splat
-from fractal_exp.ops.cpu_histogram import COUNTED, LIT
+from fractal_exp.ops.cpu_histogram import COUNTED, CUT, LIT
 
 pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
 
@@ -84,6 +84,8 @@ def test_points_under_a_word_do_not_follow_each_other():
     spiral = 0.98 * torch.tensor([[math.cos(0.1), -math.sin(0.1)], [math.sin(0.1), math.cos(0.1)]])
     code = attractor.normalize(IFS(torch.stack([spiral, 0.2 * torch.eye(2)]), torch.tensor([[0.0, 0], [1, 0]])))
     tree, (side, tiles, points) = _address_tree(code), (16, 8, 64)
+    most = tree.cut(_window(View(), 8192), 5e7, CUT, whole=True)[:, 7].max()
+    assert most < 5e7 / 8, "an orbit's next point comes under another word"
     words = torch.tensor([[side / 2, 0, 0, side / 2, side * (column + 0.5), side * (row + 0.5)]  # each on its own tile
                           for row in range(tiles) for column in range(tiles)], dtype=torch.float64)
     canvas, kept = torch.zeros(side * tiles, side * tiles, dtype=torch.int32), torch.zeros(1, dtype=torch.int64)

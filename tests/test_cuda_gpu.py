@@ -170,6 +170,8 @@ def test_histogram_has_the_distribution_of_the_cpus(view, monkeypatch):
     monkeypatch.setattr(cuda_histogram, "FEWEST", 1)  # independent points, as the test wants them
     monkeypatch.setattr(cuda_histogram, "MOST_THREADS", 1 << 24)
     check_histogram(view, bins=16, thrown=1_000_000)
+    monkeypatch.undo()
+    check_histogram(view, bins=8, thrown=20_000)
 
 
 @pytest.mark.parametrize("zoom", [1, 8, 64, 1e6])

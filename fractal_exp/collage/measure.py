@@ -11,6 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 
 from .. import ops
 from ..ifs import IFS
+from ..ops import cuda_launch
 from ..ops.collage import BinnedMeasure, pushforward
 
 SUPERSAMPLE = 16                       # of the pictures that carry a density (Section 5 of the paper)
@@ -52,8 +53,9 @@ def _observer(supersample: int) -> Callable[..., Tensor]:
     def drawn(code: IFS, resolution: int, seed: int, reuse: int = REUSE) -> Tensor:
         from ..evaluation.render import render_with_info  # and no warning: candidates may well lie beside the canvas
 
+        device = "cuda" if code.linear.is_cuda and cuda_launch.INSTALLED else "cpu"
         image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=supersample, seed=seed,
-                                    points_in_view=round(POINTS_PER_PIXEL * resolution**2), reuse=reuse)
+                                    points_in_view=round(POINTS_PER_PIXEL * resolution**2), reuse=reuse, device=device)
         return image
     return drawn
 

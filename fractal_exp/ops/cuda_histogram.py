@@ -1,10 +1,10 @@
 """Points of an attractor sorted into the pixels of a window, on an NVIDIA GPU: the distribution of `histogram`.
 
 The CPU cuts the address tree into words that share out the window's points (see `histogram`) and draws how many points
-each gets; every GPU thread then throws an equal share of them, whichever words they belong to: one here, the next as
-many places on as there are threads. So neighbours of an orbit, which are alike where a map is slow, do not come under
-one word, and the threads of a warp work on the same word at a time. Words are not searched further: what of them lies
-beside the window is rejected. float64 throughout, for deep zooms.
+each gets; every GPU thread then throws an equal share of them, whichever words they belong to, and not one after the
+other: neighbours of an orbit are alike where a map is slow, and would make a word's points clump. The threads of a warp
+work on the same word at a time. Words that reach beyond the window are not searched further: what of them lies beside
+it is rejected. float64 throughout, for deep zooms.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numba import cuda, float64, int64, uint64
 from torch import Tensor
 
 from .cpu_chaos_game import next_state, start
-from .cpu_histogram import BURN_IN, COUNTED, CUT, GUIDE_BITS, LIT
+from .cpu_histogram import BURN_IN, COUNTED, CUT, GOLDEN_RATIO, GUIDE_BITS, LIT
 from .cuda_launch import blocks_of, launch
 from .histogram import AddressTree, Window
 
@@ -33,7 +33,7 @@ def scatter(tree: AddressTree, window: Window, thrown: float, *, seed: tuple[int
             device: torch.device | str, wanted: float = math.inf) -> tuple[Tensor, int] | None:
     """`AddressTree.scatter` onto a new canvas (S,S) on a device, uint8 for LIT and int32 for COUNTED, and the points
     in it. None if the words found hold many times the points `wanted` in the window."""
-    words = tree.cut(window, thrown, 1)
+    words = tree.cut(window, thrown, CUT, whole=True)  # small ones also where all of a word lies in the window
     if words[:, 7].sum() > WASTE * (wanted + CUT):
         return None
     random = np.random.default_rng(seed)
@@ -44,12 +44,11 @@ def scatter(tree: AddressTree, window: Window, thrown: float, *, seed: tuple[int
     kept = torch.zeros(1, dtype=torch.int64, device=device)
     if total == 0:
         return canvas, 0
-    share = max(FEWEST, blocks_of(total, MOST_THREADS))
+    share = 1 << (max(FEWEST, blocks_of(total, MOST_THREADS)) - 1).bit_length()
     tables = [torch.from_numpy(np.ascontiguousarray(table)).to(device) for table in (
         words[:, :6], ends.astype(np.int64), tree.maps, tree.thresholds.astype(np.int64), tree.guide.astype(np.int32))]
-    threads = blocks_of(total, share)
-    launch(KERNELS[mode], blocks_of(threads, THREADS), THREADS, *tables, int(random.integers(2**63)), threads, canvas,
-           kept)
+    launch(KERNELS[mode], blocks_of(blocks_of(total, share), THREADS), THREADS, *tables,
+           int(random.integers(2**63)), share, canvas, kept)
     return canvas, int(kept)
 
 
@@ -62,15 +61,16 @@ def box_mean(canvas: Tensor, factor: int) -> Tensor:
 def _thrower(mark: Callable[..., Any]) -> Any:
     """The kernel that throws points and marks those that land in the window."""
     @cuda.jit
-    def throw(words, ends, maps, thresholds, guide, seed, threads, canvas, kept):
+    def throw(words, ends, maps, thresholds, guide, seed, share, canvas, kept):
         thread, total = cuda.grid(1), ends[ends.size - 1]
-        if thread >= min(threads, total):
+        threads = (total + share - 1) // share
+        if thread >= threads:
             return
-        size, job = canvas.shape[0], 0
+        size, stride = canvas.shape[0], int64(GOLDEN_RATIO * share) | 1
         state, start_x, start_y = start(seed, thread)
         x, y = float64(start_x), float64(start_y)
         inside = int64(0)
-        for k in range(thread - BURN_IN * threads, total, threads):
+        for k in range(-BURN_IN, share):
             state = next_state(uint64(state))
             i = int64(guide[int64(state >> uint64(64 - GUIDE_BITS))])
             while int64(state >> uint64(32)) >= thresholds[i]:
@@ -78,11 +78,12 @@ def _thrower(mark: Callable[..., Any]) -> Any:
             new_x = maps[i, 0] * x + (maps[i, 1] * y + maps[i, 4])
             y = maps[i, 2] * x + (maps[i, 3] * y + maps[i, 5])
             x = new_x
-            if k >= 0:
-                last = ends.size - 1
-                while job < last:  # the word that point number k is under
+            number = thread + threads * (k * stride & (share - 1))  # of the point among all
+            if k >= 0 and number < total:
+                job, last = 0, ends.size - 1
+                while job < last:  # the word that it is under
                     middle = (job + last) // 2
-                    if k < ends[middle]:
+                    if number < ends[middle]:
                         last = middle
                     else:
                         job = middle + 1

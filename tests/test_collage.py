@@ -263,7 +263,8 @@ def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
     ends = [p for p in told if p.code is not None]
     assert [p.stage for p in ends] == ["search", "search", "search", "detail", "picture", "last digits"]
     assert torch.equal(ends[-1].code.linear, found.linear)
-    assert [p.fraction for p in told] == sorted(p.fraction for p in told)
+    assert [p.fraction for p in told] == sorted(p.fraction for p in told) and told[-1].fraction == 1
+    assert [p.step for p in told] == sorted(p.step for p in told)
 
 
 @pytest.mark.parametrize("kind", ["grey", "binary"])

@@ -141,15 +141,16 @@ class Problem:
 
 
 class Stage(ABC):
-    """A search of its own. name: as it is reported; moves: its steps, at most; ends: the part of a limited time at
-    which it ends, and before which it must begin; number: tells it from others of its kind."""
+    """A search of its own. name: as it is reported; moves: its steps, at most; asked: as many as are to be expected;
+    ends: the part of a limited time at which it ends, and before which it must begin; number: tells it from others of
+    its kind."""
 
     name: str
     ends: float
     search: Search | PictureSearch
 
     def __init__(self, problem: Problem, moves: int, number: int = 0):
-        self.problem, self.moves, self.number = problem, moves, number
+        self.problem, self.moves, self.asked, self.number = problem, moves, moves, number
 
     @abstractmethod
     def open(self, work: Work) -> None:

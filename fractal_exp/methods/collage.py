@@ -135,7 +135,7 @@ class _Teller:
     def __init__(self, on_step: OnStep | None, stages: list[Stage], clock: _Clock, previews: int,
                  draw: Callable[[IFS], Tensor]):
         self.on_step, self.stages, self.clock, self.draw = on_step, stages, clock, draw
-        self.total = max(1, sum(stage.moves for stage in stages))
+        self.total = max(1, sum(stage.asked for stage in stages))
         self.every = max(1, self.total // previews) if previews else 0
 
     def __call__(self, work: Work) -> None:
@@ -154,8 +154,9 @@ class _Teller:
     def _tell(self, step: int, stage: int, tiling: Tiling, **more: Tensor | IFS | None) -> None:
         scalars = {"score": tiling.score, "error": tiling.error, "maps": float(len(tiling.maps)),
                    "stage": float(stage)}
-        fraction = min(1.0, max(step / self.total, self.clock.part))
-        self.on_step(Progress(step, fraction, scalars, stage=self.stages[stage].name, **more))
+        here, before = step - self._steps_before(stage), sum(earlier.asked for earlier in self.stages[:stage])
+        done = max((before + min(here, self.stages[stage].asked)) / self.total, self.clock.part)
+        self.on_step(Progress(step, min(1.0, done), scalars, stage=self.stages[stage].name, **more))
 
     def _steps_before(self, stage: int) -> int:
         return sum(earlier.moves for earlier in self.stages[:stage])

@@ -1,5 +1,6 @@
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -12,7 +13,8 @@ from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_level
 from fractal_exp.collage.picture import Drawn
 from fractal_exp.collage.picture_search import PictureSearch
 from fractal_exp.collage.search import Judge, Search, Tiling
-from fractal_exp.collage.stages import Problem, Work, plan
+from fractal_exp.collage.stages import Problem, plan
+from fractal_exp.collage.work import Work
 from fractal_exp.evaluation import evaluate
 from fractal_exp.methods.collage import Collage
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
@@ -223,6 +225,14 @@ def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings
     assert work.step == moves
 
 
+def test_a_code_is_tidied_when_the_moves_asked_for_end_and_now_and_then_after(triangle):
+    _, image = triangle
+    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
+    *_, stage, _ = plan(problem, rounds=1, islands=1, moves=1, detail_moves=1, picture_moves=6)
+    stage.search = SimpleNamespace(step=lambda now, number: "moved", tidied=lambda now: "tidied")
+    assert [k for k in range(stage.moves) if stage.step(None, k) == "tidied"] == [5, 9, 13, 17]
+
+
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
     _, image = triangle
     five = suite.target(codes.known("vicsek"), 128)
@@ -264,6 +274,7 @@ def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
     assert [p.stage for p in ends] == ["search", "search", "search", "detail", "picture", "last digits"]
     assert torch.equal(ends[-1].code.linear, found.linear)
     assert [p.fraction for p in told] == sorted(p.fraction for p in told) and told[-1].fraction == 1
+    assert ends[3].fraction == pytest.approx(11 / 13), "moves beyond those asked for are not expected"
     assert [p.step for p in told] == sorted(p.step for p in told)
 
 

@@ -16,7 +16,8 @@ from fractal_exp.collage.polish import polished
 from fractal_exp.collage.rounding import Rounding
 from fractal_exp.collage.search import Tiling
 from fractal_exp.collage.simple_maps import EDGE, Spread, mirrored_offsets, simple_matrices
-from fractal_exp.collage.stages import Problem, Work, plan
+from fractal_exp.collage.stages import Problem, plan
+from fractal_exp.collage.work import Work
 
 
 def pictured(code, side=128):

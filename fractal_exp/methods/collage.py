@@ -13,7 +13,8 @@ from ..checkpoint import Checkpoint
 from ..collage.measure import LEVELS, Levels, guess_levels
 from ..collage.memory import MemoryBudget
 from ..collage.search import Tiling
-from ..collage.stages import Problem, Stage, Work, plan
+from ..collage.stages import Problem, Stage, plan
+from ..collage.work import Work
 from ..errors import InputError
 from ..ifs import IFS
 from .base import CodeReconstruction, Method, OnStep, Progress, check_device, check_target

@@ -14,14 +14,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import torch
@@ -39,9 +37,10 @@ from fractal_exp.model import SVD, ForwardModel
 from fractal_exp.optimizers import Alternating
 from fractal_exp.suite import random_suite
 
+from .environment import ROOT, environment
 from .ops import FOOTPRINT, SIGMA_PX, SUPERSAMPLE
+from .search_steps import descents
 
-ROOT = Path(__file__).parents[1]
 GOALS_MS = {"chaos game": 0.15, "splat, paper": 1.5, "iteration": 4.0, "15 000 iterations": 60_000.0,
             "evaluation view, zoom 1": 15.0, "collage, to F1 of at least .9": 10_000.0}
 
@@ -276,26 +275,6 @@ def time_collage(sizes: Sizes, count: int) -> list[dict]:
     return rows
 
 
-def environment(sizes: Sizes) -> dict:
-    """Device and versions."""
-    def installed(name: str) -> str | None:
-        try:
-            return version(name)
-        except PackageNotFoundError:
-            return None
-
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True)
-    result = {"python": platform.python_version(), "commit": commit.stdout.strip() or None, "machine":
-              platform.processor() or platform.machine()}
-    result |= {name: installed(name) for name in ("torch", "numba", "numba-cuda", "cuda-bindings", "numpy")}
-    if sizes.device == "cuda":
-        properties = torch.cuda.get_device_properties(0)
-        result |= {"device": properties.name, "capability": list(torch.cuda.get_device_capability()),
-                   "multiprocessors": properties.multi_processor_count, "memory_gb": properties.total_memory / 1e9,
-                   "cuda": torch.version.cuda}
-    return result
-
-
 def check() -> dict:
     """Run the tests that need a GPU and keep how they closed."""
     command = [sys.executable, "-m", "pytest", "-m", "gpu", "-q", "-rs", "-p", "no:cacheprovider",
@@ -330,7 +309,7 @@ def main() -> None:
         if arguments.json:
             arguments.json.write_text(json.dumps(report, indent=1) + "\n")
 
-    note("environment", lambda: environment(sizes))
+    note("environment", lambda: environment(sizes.device))
     if not (arguments.no_checks or arguments.rehearse):
         note("checks", check)
     timer = Timer(sizes.device, 3 if arguments.rehearse else arguments.repeats)
@@ -343,6 +322,8 @@ def main() -> None:
     note("iteration", lambda: name | time_iteration(sizes, term, timer, rates))
     note("iteration without a perceptual term", lambda: time_iteration(sizes, None, timer, rates))
     note("fit", lambda: name | time_fit(sizes, term, 10 if arguments.rehearse else arguments.iterations))
+    target = suite.target(random_suite(1)[0], 256).to(sizes.device)
+    note("descents", lambda: descents(target, rates["flops_per_second"], 3 if arguments.rehearse else 20))
     note("collage", lambda: time_collage(sizes, 1 if arguments.rehearse else 4))
     note("goals_ms", lambda: GOALS_MS)
     if any("failed" in part or part.get("passed") is False for part in report.values() if isinstance(part, dict)):

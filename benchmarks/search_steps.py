@@ -41,13 +41,19 @@ def best(call: Callable[[], object], repeats: int) -> float:
 
 
 def descents(image: torch.Tensor, flops: float, repeats: int) -> list[dict]:
+    """On the device of the image, by its kernel and by plain torch."""
     measure = binned(LEVELS["density"].measure(image), GRID)
     rows, generator = [], torch.Generator().manual_seed(0)
     for name, (codes, maps) in BATCHES.items():
-        start = 0.3 * torch.randn(codes, maps, 6, generator=generator)
-        weights = torch.full((codes, maps), 1 / maps)
-        call = partial(descend, start, weights, measure, Descent(STEPS))
-        kernel, twin = best(partial(call, backend="cpu"), repeats), best(partial(call, backend="torch"), 2)
+        start = 0.3 * torch.randn(codes, maps, 6, generator=generator).to(image.device)
+        weights = torch.full_like(start[..., 0], 1 / maps)
+
+        def call(backend: str, start: torch.Tensor = start, weights: torch.Tensor = weights) -> None:
+            descend(start, weights, measure, Descent(STEPS), backend=backend)
+            if image.is_cuda:
+                torch.cuda.synchronize()
+
+        kernel, twin = best(partial(call, "auto"), repeats), best(partial(call, "torch"), 2)
         counted = maps * len(measure.samples) * OPERATIONS[0] + len(measure.roots) * OPERATIONS[1]
         floor = 1e3 * STEPS * codes * counted / flops
         rows.append({"descent": name, "samples": len(measure.samples), "ms": kernel, "twin_ms": twin,

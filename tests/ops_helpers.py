@@ -1,4 +1,5 @@
-"""What the tests of the operations share: one table of tolerances, random codes, and a switch of thread counts."""
+"""What the tests of the operations share: one table of tolerances, random codes, collage problems, and a switch of
+thread counts."""
 
 from __future__ import annotations
 
@@ -8,6 +9,8 @@ from contextlib import contextmanager
 import numba
 import torch
 from torch import Tensor
+
+from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
 
 # |got - expected| / |expected| in the Euclidean norm, by the dtype that computed `got`.
 TOLERANCE = {torch.float32: 2e-6, torch.float64: 1e-12}
@@ -19,6 +22,44 @@ def assert_close(got: Tensor, expected: Tensor, name: str, factor: float = 1.0) 
     difference = (got.detach().double() - expected.detach().double()).norm()
     error = float(difference / expected.detach().double().norm().clamp(min=1e-20))
     assert error <= factor * TOLERANCE[got.dtype], f"{name}: relative error {error:.2e}"
+
+
+def tiling_problem(size: int = 32, levels: int = 3, maps: int = 3) -> tuple[BinnedMeasure, Tensor, Tensor]:
+    """A measure of 500 samples, and maps (4,maps,6) and weights (4,maps) to tile it with; the second set has one less.
+    """
+    g = torch.Generator().manual_seed(0)
+    mass = torch.rand(500, 1, generator=g)
+    samples = torch.cat([torch.rand(500, 2, generator=g) - 0.5, mass / mass.sum()], 1)
+    whole = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]])
+    bins = pushforward(whole, torch.ones(1, 1), samples, size)[0]
+    sets, weights = torch.randn(4, maps, 6, generator=g) * 0.3, torch.rand(4, maps, generator=g)
+    if maps > 1:
+        weights[1, -1] = 0
+    return BinnedMeasure(samples, bins, levels), sets, weights / weights.sum(1, keepdim=True)
+
+
+def check_pushforward(backend: str, device: str = "cpu", **problem: int) -> None:
+    """Beside the twin; nothing is lost."""
+    measure, maps, weights = tiling_problem(**problem)
+    given = maps.to(device), weights.to(device), measure.samples.to(device), measure.size
+    ours, twin = (pushforward(*given, backend=b) for b in (backend, "torch"))
+    torch.testing.assert_close(ours, twin, atol=1e-6, rtol=1e-5)
+    torch.testing.assert_close(ours.sum((1, 2)).cpu(), torch.ones(4))
+
+
+def check_descent(backend: str, how: Descent, device: str = "cpu", astray: float = 0, **problem: int) -> None:
+    """Beside the twin; a map that is absent does not move. astray: the part of all numbers that may differ, since Adam
+    makes a whole step of a slope that is next to nothing."""
+    measure, maps, weights = tiling_problem(**problem)
+    backgrounds, chosen = torch.stack([0.5 * measure.bins, 0 * measure.bins]), torch.tensor([0, 1, 1, 0])
+    measure = BinnedMeasure(measure.samples.to(device), measure.bins.to(device), measure.levels)
+    ours, twin = (descend(maps.to(device), weights.to(device), measure, how, backgrounds=backgrounds.to(device),
+                          chosen=chosen.to(device), backend=b) for b in (backend, "torch"))
+    for a, b in zip(ours[:2], twin[:2], strict=True):
+        assert float((~torch.isclose(a, b, atol=1e-5, rtol=1e-5)).float().mean()) <= astray
+        torch.testing.assert_close(a, b, atol=1e-5 + how.steps * how.rate, rtol=0)
+    torch.testing.assert_close(ours[2], twin[2], atol=1e-5, rtol=1e-4 if astray else 1e-5)
+    assert len(maps[0]) == 1 or torch.equal(ours[0][1, -1].cpu(), maps[1, -1])
 
 
 def random_code(*batch: int, maps: int, dtype: torch.dtype = torch.float32, seed: int = 0) -> tuple[Tensor, Tensor]:

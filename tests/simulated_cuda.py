@@ -6,11 +6,12 @@ import math
 import pytest
 import torch
 from cuda_helpers import check_chaos_game, check_histogram, check_numbers, check_splat, draw, play, scatter
-from ops_helpers import random_code
+from ops_helpers import check_descent, check_pushforward, random_code, tiling_problem
 
 from fractal_exp import IFS, View, attractor, codes
 from fractal_exp.evaluation.render import _address_tree, _window
 from fractal_exp.ops import cuda_histogram, cuda_launch, cuda_splat
+from fractal_exp.ops.collage import Descent, pushforward
 from fractal_exp.ops.cpu_histogram import COUNTED, CUT, LIT
 
 pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
@@ -112,3 +113,20 @@ def test_histogram_leaves_to_the_cpu_what_has_to_be_searched():
     tree = _address_tree(attractor.normalize(codes.known("fern")))
     assert cuda_histogram.scatter(tree, _window(View((0.05, -0.1), 4), 16), 1e9, seed=(0,), mode=LIT, device="cpu",
                                   wanted=10) is None
+
+
+@pytest.mark.parametrize("maps", [1, 20])
+def test_measures_are_pushed_forward_as_the_twin_does(maps):
+    check_pushforward("cuda", maps=maps)
+
+
+@pytest.mark.parametrize(("maps", "levels", "options"), [(3, 3, {}), (3, 3, {"tied": True}), (1, 1, {"smaller": 0.1}),
+                                                         (9, 2, {"tied": True, "largest": 0.4})])
+def test_descents_go_as_the_twins_do(maps, levels, options):
+    check_descent("cuda", Descent(2, rate=0.02, **options), size=16, maps=maps, levels=levels)
+
+
+def test_a_map_of_nan_leaves_the_canvas_nowhere():
+    measure, maps, weights = tiling_problem()
+    pushed = pushforward(torch.full_like(maps, torch.nan), weights, measure.samples, 32, backend="cuda")
+    torch.testing.assert_close(pushed.sum((1, 2)), torch.ones(4))

@@ -34,7 +34,7 @@ def kernels():
     from numba import types as t
 
     from fractal_exp.ops import cuda_chaos_game as game
-    from fractal_exp.ops import cuda_histogram, cuda_splat
+    from fractal_exp.ops import cuda_collage, cuda_histogram, cuda_splat
 
     def array(dtype, dimensions):
         return t.Array(dtype, dimensions, "C")
@@ -51,6 +51,11 @@ def kernels():
     yield "downsample", cuda_splat._downsample, (floats[3], t.int64, floats[3])
     yield "gather", cuda_splat._gather, (floats[2], longs, longs, floats[3], floats[3], t.int64, t.int64, t.float64,
                                          floats[2])
+    measure = floats[3], floats[2], floats[2]  # maps, weights, samples
+    yield "pushforward", cuda_collage._pushforward, (*measure, t.int64, t.int64, array(t.int64, 2))
+    yield "descend", cuda_collage._descend, (
+        *measure, array(t.float32, 1), array(t.float32, 1), floats[2], floats[2], longs, t.int64, t.int64, floats[4],
+        array(t.int64, 2), floats[2], floats[2], floats[3], array(t.float32, 1), t.int64, *[t.float64] * 8, t.boolean)
     for mode, dtype in ((cuda_histogram.LIT, t.uint8), (cuda_histogram.COUNTED, t.int32)):
         yield f"throw_{mode}", cuda_histogram.KERNELS[mode], (
             array(t.float64, 2), longs, array(t.float64, 2), longs, array(t.int32, 1), t.int64, t.int64,

@@ -3,7 +3,7 @@
 import pytest
 import torch
 from cuda_helpers import check_chaos_game, check_histogram, check_numbers, check_splat, scatter
-from ops_helpers import assert_close, random_code
+from ops_helpers import assert_close, check_descent, check_pushforward, random_code, tiling_problem
 from test_ops_splat import AWKWARD
 
 from fractal_exp import View, attractor, codes
@@ -13,6 +13,7 @@ from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic import Chaotic, Problem
 from fractal_exp.model import SVD, ForwardModel
 from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
+from fractal_exp.ops.collage import Descent, descend
 from fractal_exp.optimizers import Alternating, Annealing, GradientDescent
 from fractal_exp.recording import WARM_UP
 
@@ -74,6 +75,31 @@ def test_infinite_points_are_not_drawn_and_get_no_gradient():
     assert torch.equal(image, splat(points[:20], 16))
     gradient, = torch.autograd.grad(image.sum(), points)
     assert torch.isfinite(gradient).all() and (gradient[20:] == 0).all() and (gradient[:20] != 0).any()
+
+
+@pytest.mark.parametrize("maps", [1, 3, 9, 64, 300])
+@pytest.mark.parametrize("size", [16, 128])
+def test_measures_are_pushed_forward_as_the_twin_does(maps, size):
+    check_pushforward("cuda", "cuda", maps=maps, size=size)
+
+
+@pytest.mark.parametrize("tied", [False, True])
+@pytest.mark.parametrize("problem", [{"maps": 1, "levels": 1, "size": 16}, {"maps": 3}, {"maps": 9, "size": 128},
+                                     {"maps": 64}, {"maps": 300, "size": 128}], ids=str)
+def test_descents_go_as_the_twins_do(tied, problem):
+    check_descent("cuda", Descent(10, rate=0.01, tied=tied), "cuda", astray=0.05, **problem)
+
+
+def test_descents_repeat_bit_for_bit_and_do_not_wait():
+    measure, maps, weights = tiling_problem(size=64, maps=8)
+    measure = type(measure)(measure.samples.cuda(), measure.bins.cuda())
+    first = descend(maps.cuda(), weights.cuda(), measure, Descent(150))
+    maps, weights, done = maps.cuda(), weights.cuda(), torch.cuda.Event()
+    torch.cuda._sleep(2_000_000_000)
+    again = descend(maps, weights, measure, Descent(150))
+    done.record()
+    assert not done.query(), "the host waited"
+    assert all(torch.equal(a, b) for a, b in zip(first, again, strict=True))
 
 
 def both(code, game=PAPER, resolution=256):

@@ -8,13 +8,18 @@ in microseconds a step.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
 
 import torch
 from torch import Tensor
 
 from ..errors import InputError
 from . import reference_collage as reference
+from .backends import choose
 from .reference_collage import Descent
+
+KERNELS = {"cpu": "cpu_collage", "cuda": "cuda_collage", "torch": "reference_collage"}  # modules with both functions
 
 __all__ = ["BinnedMeasure", "Descent", "collage_error", "descend", "pushforward"]
 
@@ -92,36 +97,8 @@ def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent,
                                            measure.levels, how)
 
 
-class _Cpu:
-    """The numba kernels, float32 on the CPU."""
-
-    @staticmethod
-    def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
-        from . import cpu_collage
-
-        return torch.from_numpy(cpu_collage.pushforward(*_arrays(maps, weights, samples), size))
-
-    @staticmethod
-    def descend(*arguments: Tensor | int | Descent) -> tuple[Tensor, ...]:
-        from . import cpu_collage
-
-        *tensors, size, levels, how = arguments
-        return tuple(torch.from_numpy(a) for a in cpu_collage.descend(*_arrays(*tensors), size, levels, how))
-
-
-BACKENDS = {"cpu": _Cpu, "torch": reference}
-
-
-def _backend(name: str, tensor: Tensor):  # noqa: ANN202 - a module or a class with its two functions
-    if name == "auto":
-        name = "cpu" if tensor.device.type == "cpu" and tensor.dtype == torch.float32 else "torch"
-    if name not in BACKENDS:
-        raise InputError(f"backend must be one of auto, {', '.join(BACKENDS)}, got {name!r}")
-    return BACKENDS[name]
-
-
-def _arrays(*tensors: Tensor) -> list:
-    return [tensor.detach().contiguous().numpy() for tensor in tensors]
+def _backend(name: str, tensor: Tensor) -> ModuleType:
+    return import_module(f"{__package__}.{KERNELS[choose(name, tensor)]}")
 
 
 def _check(maps: Tensor, weights: Tensor) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import torch
 from numba import float32, int32, intp, njit, prange
+from torch import Tensor
 
 from .jit import FUSED, kernel
 from .reference_collage import BETA_1, BETA_2, FLOOR, Descent
@@ -16,23 +18,26 @@ EDGE = float32(1.001)
 vectorized = njit(fastmath=FUSED, error_model="numpy")
 
 
-def pushforward(maps: np.ndarray, weights: np.ndarray, samples: np.ndarray, size: int) -> np.ndarray:
+def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
     """See `reference_collage.pushforward`."""
-    bins = np.zeros((len(maps), size * size), np.float32)
-    _pushforward(maps, weights, np.ascontiguousarray(samples.T), size, bins)
-    return bins.reshape(len(maps), size, size)
+    bins = torch.zeros(len(maps), size * size)
+    _pushforward(*_arrays(maps, weights, samples.T), size, bins.numpy())
+    return bins.view(-1, size, size)
 
 
-def descend(maps: np.ndarray, weights: np.ndarray, samples: np.ndarray, roots: np.ndarray, mean: np.ndarray,
-            covariance: np.ndarray, backgrounds: np.ndarray, chosen: np.ndarray, size: int, levels: int,
-            how: Descent) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean: Tensor, covariance: Tensor,
+            backgrounds: Tensor, chosen: Tensor, size: int, levels: int, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
     """See `reference_collage.descend`."""
-    maps, weights = maps.copy(), weights.copy()
-    errors = np.empty(len(maps), np.float32)
-    _descend(maps, weights, np.ascontiguousarray(samples.T), roots, mean, covariance, backgrounds, chosen, size, levels,
-             errors, how.steps, how.rate, how.weight_rate, how.decay, how.largest, how.prior, how.identity_radius,
-             how.identity_weight, how.tied)
-    return maps, weights, errors
+    moved, masses = (given.detach().clone(memory_format=torch.contiguous_format) for given in (maps, weights))
+    errors = torch.empty(len(maps))
+    _descend(*_arrays(moved, masses, samples.T, roots, mean, covariance, backgrounds, chosen), size, levels,
+             errors.numpy(), how.steps, how.rate, how.weight_rate, how.decay, how.largest, how.smaller,
+             how.prior, how.identity_radius, how.identity_weight, how.tied)
+    return moved, masses, errors
+
+
+def _arrays(*tensors: Tensor) -> list[np.ndarray]:
+    return [tensor.detach().contiguous().numpy() for tensor in tensors]
 
 
 @vectorized
@@ -191,13 +196,14 @@ def _push_off_identity(m, weight, mean, covariance, radius, strength, gradient):
 
 
 @njit
-def _contract(m, largest):
-    """Clip the singular values at `largest`, by the closed form of the 2 × 2 decomposition."""
+def _contract(m, largest, smaller):
+    """Clip the singular values, by the closed form of the 2 × 2 decomposition."""
     e, f, g, h = (m[0] + m[3]) / 2, (m[0] - m[3]) / 2, (m[2] + m[1]) / 2, (m[2] - m[1]) / 2
     q, r = math.hypot(e, h), math.hypot(f, g)
-    if q + r <= largest:
+    smaller = min(smaller, largest)
+    if q + r <= largest and abs(q - r) <= smaller:
         return
-    s1, s2 = largest, min(max(q - r, -largest), largest)
+    s1, s2 = min(q + r, largest), min(max(q - r, -smaller), smaller)
     q_scale = (s1 + s2) / 2 / max(q, 1e-12)
     r_scale = (s1 - s2) / 2 / max(r, 1e-12)
     m[0], m[3] = e * q_scale + f * r_scale, e * q_scale - f * r_scale
@@ -245,7 +251,7 @@ def _adam(g, first, second, k):
 
 @kernel(parallel=True, fastmath=FUSED)
 def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, errors, steps, rate,
-             weight_rate, decay, largest, prior, radius, strength, tied):
+             weight_rate, decay, largest, smaller, prior, radius, strength, tied):
     count = maps.shape[1]
     for b in prange(maps.shape[0]):
         m, w, background = maps[b], weights[b], backgrounds[chosen[b]]
@@ -282,7 +288,7 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
                     m[n, j] -= rate * falling * g[j]
                 if not tied:
                     w[n] *= math.exp(-weight_rate * falling * g[6])
-                _contract(m[n], largest)
+                _contract(m[n], largest, smaller)
         if tied:
             _tie(m, w, total)
         _tile(m, w, samples, background, size, levels, bins, corner, right, down)

@@ -15,15 +15,17 @@ EDGE = 1.001
 @dataclass(frozen=True)
 class Descent:
     """How `descend` goes: Adam's `steps`, the learning `rate` of the maps (canvas units) and `weight_rate` of the
-    logarithms of the weights, both falling to `decay` of it; `largest` singular value allowed; `prior`, the strength
-    of the pull of weights towards |det| + 0.01; maps that displace the measure by less than `identity_radius` (rms,
-    canvas units) are pushed off with `identity_weight`; `tied` weights follow |det| + 0.01 exactly."""
+    logarithms of the weights, both falling to `decay` of it; `largest` singular value allowed, and `smaller`, of the
+    smaller one of each map; `prior`, the strength of the pull of weights towards |det| + 0.01; maps that displace the
+    measure by less than `identity_radius` (rms, canvas units) are pushed off with `identity_weight`; `tied` weights
+    follow |det| + 0.01 exactly."""
 
     steps: int
     rate: float = 0.01
     weight_rate: float = 0.05
     decay: float = 0.05
     largest: float = 0.995
+    smaller: float = 1.0
     prior: float = 0.01
     identity_radius: float = 0.1
     identity_weight: float = 0.3
@@ -80,20 +82,23 @@ def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean:
         falling = how.decay ** (k / how.steps)
         maps = (maps - how.rate * falling * _adam(moments[0], moments[1], by_map, k)).detach()
         logs = (logs - how.weight_rate * falling * _adam(moments[2], moments[3], by_log, k)).detach()
-        maps = contract(maps, how.largest)
+        maps = torch.where(present[..., None], contract(maps, how.largest, how.smaller), maps)
     weights = weigh(maps, logs)
     return maps, weights, collage_error(background + pushforward(maps, weights, samples, size), roots, levels)
 
 
-def contract(maps: Tensor, largest: float) -> Tensor:
-    """The maps (…,6) with singular values clipped at `largest`, by the closed form of the 2 × 2 decomposition."""
+def contract(maps: Tensor, largest: float, smaller: float = 1.0) -> Tensor:
+    """The maps (…,6) with singular values clipped at `largest`, and the smaller one of each at `smaller`, by the closed
+    form of the 2 × 2 decomposition."""
     a, b, c, d = maps[..., :4].unbind(-1)
     e, f, g, h = (a + d) / 2, (a - d) / 2, (c + b) / 2, (c - b) / 2
     q, r = torch.hypot(e, h), torch.hypot(f, g)
-    s1, s2 = (q + r).clamp_max(largest), (q - r).clamp(-largest, largest)
+    smaller = min(smaller, largest)
+    s1, s2 = (q + r).clamp_max(largest), (q - r).clamp(-smaller, smaller)
     qs, rs = (s1 + s2) / 2 / q.clamp_min(1e-12), (s1 - s2) / 2 / r.clamp_min(1e-12)
     clipped = torch.stack([e * qs + f * rs, g * rs - h * qs, g * rs + h * qs, e * qs - f * rs], -1)
-    return torch.cat([torch.where((q + r > largest)[..., None], clipped, maps[..., :4]), maps[..., 4:]], -1)
+    outside = (q + r > largest) | ((q - r).abs() > smaller)
+    return torch.cat([torch.where(outside[..., None], clipped, maps[..., :4]), maps[..., 4:]], -1)
 
 
 def _bins(maps: Tensor, samples: Tensor, size: int) -> tuple[Tensor, Tensor]:

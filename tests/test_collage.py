@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from ops_helpers import check_descent, check_pushforward, tiling_problem
 
 from fractal_exp import IFS, InputError, attractor, codes, invert, samples, suite
 from fractal_exp.checkpoint import Checkpoint
@@ -22,44 +23,30 @@ from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, desce
 IDENTITY = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]])
 
 
-def problem(size=32, levels=3):
-    g = torch.Generator().manual_seed(0)
-    mass = torch.rand(500, 1, generator=g)
-    samples = torch.cat([torch.rand(500, 2, generator=g) - 0.5, mass / mass.sum()], 1)
-    bins = pushforward(IDENTITY, torch.ones(1, 1), samples, size)[0]
-    maps, weights = torch.randn(4, 3, 6, generator=g) * 0.3, torch.rand(4, 3, generator=g)
-    weights[1, 2] = 0  # a set of two maps
-    return BinnedMeasure(samples, bins, levels), maps, weights / weights.sum(1, keepdim=True)
-
-
 def test_the_kernel_pushes_measures_forward_as_its_twin_does():
-    measure, maps, weights = problem()
-    ours, twin = (pushforward(maps, weights, measure.samples, 32, backend=b) for b in ("cpu", "torch"))
-    torch.testing.assert_close(ours, twin, atol=1e-6, rtol=1e-5)
-    torch.testing.assert_close(ours.sum((1, 2)), torch.ones(4))
+    check_pushforward("cpu")
 
 
 def test_a_map_of_nan_leaves_the_canvas_nowhere():
-    measure, maps, weights = problem()
+    measure, maps, weights = tiling_problem()
     pushed = pushforward(torch.full_like(maps, torch.nan), weights, measure.samples, 32)
     torch.testing.assert_close(pushed.sum((1, 2)), torch.ones(4))
 
 
-@pytest.mark.parametrize("tied", [False, True])
+@pytest.mark.parametrize("options", [{}, {"tied": True}, {"smaller": 0.2}, {"largest": 0.4, "smaller": 0.3}], ids=str)
 @pytest.mark.parametrize("steps", [0, 1, 10])
-def test_the_kernel_descends_as_its_twin_does(tied, steps):
-    measure, maps, weights = problem()
-    how = Descent(steps, rate=0.02, tied=tied)
-    backgrounds, chosen = torch.stack([0.5 * measure.bins, 0 * measure.bins]), torch.tensor([0, 1, 1, 0])
-    ours, twin = (descend(maps, weights, measure, how, backgrounds=backgrounds, chosen=chosen, backend=b)
-                  for b in ("cpu", "torch"))
-    for a, b in zip(ours, twin, strict=True):
-        torch.testing.assert_close(a, b, atol=1e-5, rtol=1e-5)
-    assert bool((ours[0][1, 2] == maps[1, 2]).all()), "a map that is absent does not move"
+def test_the_kernel_descends_as_its_twin_does(steps, options):
+    check_descent("cpu", Descent(steps, rate=0.02, **options))
+
+
+def test_the_smaller_singular_value_has_a_limit_of_its_own():
+    measure, maps, weights = tiling_problem()
+    moved = descend(maps, weights, measure, Descent(10, smaller=0.2))[0][weights > 0]
+    assert float(affine.smaller_singular(moved).max()) < 0.2 + 1e-5 < 0.5 < float(affine.largest_singular(moved).max())
 
 
 def test_descent_keeps_maps_contractive_and_off_the_identity():
-    measure, _, _ = problem()
+    measure, _, _ = tiling_problem()
     how = Descent(100, rate=0.02, largest=0.9)
     maps, weights, _ = descend(IDENTITY.clone() * 0.99, torch.ones(1, 1), measure, how)
     assert float(affine.largest_singular(maps).max()) <= 0.9 + 1e-5
@@ -303,11 +290,12 @@ def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
     end = ["detail", "picture"]
     assert [stage.name for stage in stages] == 4 * ["search"] + end + 3 * ["search"] + end + ["last digits"]
     maps = affine.from_code(code)
-    for noises, ends_at in ((1, len(stages) - 1), (1000, len(stages) - 1), (10, 6)):
+    for noises, angle, ends_at in ((1, 0.1, len(stages) - 1), (10, 0.5, len(stages) - 1), (10, 0.1, 6)):
         stage, work = stages[5], Work(stage=5, best=Tiling(maps, affine.volumes(maps), 0.0), pool=maps)
         stage.open(work)
         assert stage.search.noises(stage.begin(work)) < 2, "the true code"
         stage.search.noises = lambda now, noises=noises: noises
+        stage.search.picture.angle = lambda error, angle=angle: angle
         after = stage.close(replace(work, tiling=stage.begin(work)))
         assert after.stage == ends_at and len(after.result.maps) == 3
     assert after.best is None and len(after.pool) == 6
@@ -353,5 +341,22 @@ def test_bad_input_is_refused(triangle):
 
 
 def test_the_error_of_a_measure_with_itself_is_zero():
-    measure, _, _ = problem()
+    measure, _, _ = tiling_problem()
     assert float(collage_error(measure.bins[None], measure)) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_round_after_an_isometry_does_without(triangle):
+    code, image = triangle
+    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
+    stages = plan(problem, rounds=4, islands=1, moves=1, detail_moves=1, picture_moves=0)
+    turn = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of the square, say
+    pool = torch.cat([affine.from_code(code), turn])
+    failed = Tiling(pool, affine.volumes(pool), 1.0)
+    limits = []
+    for stage in stages[:-1]:
+        stage.open(Work(best=failed, before=None if stage.round == 0 else failed))
+        limits.append(getattr(stage.search, "smaller", None))  # what is judged by the picture has no such limit
+    assert limits == 2 * [1, 1, 1, None, 0.9, 0.9, 0.9, None]
+    stages[4].open(Work(before=failed))
+    with_turn, without = (stages[4].search.mixed(maps).maps for maps in (torch.cat([turn, pool]), pool[:-1]))
+    assert torch.equal(with_turn, without)

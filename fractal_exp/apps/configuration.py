@@ -47,7 +47,7 @@ class TrainConfig:
     name: str | None = None
     resume: bool = False
     checkpoint_every: int = 250
-    rounds: int = 2
+    rounds: int | None = None
     islands: int = 5
     moves: int = 50
     detail_moves: int = 25

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -17,13 +19,14 @@ SHARES = (1, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006)   # of the weight that a map's 
 
 
 def births(coarse: BinnedMeasure, fine: BinnedMeasure, backgrounds: Tensor, scale: float, sizes: list[tuple], *,
-           count: int, kept: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+           count: int, kept: int, smaller: float, generator: torch.Generator) -> tuple[Tensor, Tensor]:
     """For each background (P,G,G) on the fine grid, the best `kept` of `count` maps born where it lacks mass: maps
     (P,kept,6) and weights (P,kept), best first.
 
     A map is anchored at a cell drawn from what is lacking, its matrix at random in the range of `sizes` (P of them),
     or such that the whole measure takes the place and the covariance of the lacking blob around the cell. Each is then
-    moved alone, first on the coarse grid, the best on the fine one. scale: the weight of a map of determinant 1.
+    moved alone, first on the coarse grid, the best on the fine one. scale: the weight of a map of
+    determinant 1; smaller: see `Descent`.
     """
     sets, device = len(backgrounds), backgrounds.device
     lacking = (fine.bins - backgrounds).clamp_min(0)
@@ -31,12 +34,13 @@ def births(coarse: BinnedMeasure, fine: BinnedMeasure, backgrounds: Tensor, scal
                         for p in range(sets)])
     weights = torch.minimum(scale * affine.volumes(born), lacking.sum((1, 2))[:, None]).clamp_min(1e-6)
     owner = torch.arange(sets, device=device).repeat_interleave(count)
-    moved, masses, errors = descend(born.flatten(0, 1)[:, None], weights.flatten()[:, None], coarse, COARSE,
+    moved, masses, errors = descend(born.flatten(0, 1)[:, None], weights.flatten()[:, None], coarse,
+                                    replace(COARSE, smaller=smaller),
                                     backgrounds=halve(backgrounds, coarse.size), chosen=owner)
     best = errors.view(sets, count).argsort(1)[:, :kept]
     take = (best + torch.arange(sets, device=device)[:, None] * count).flatten()
-    moved, masses, errors = descend(moved[take], masses[take], fine, FINE, backgrounds=backgrounds,
-                                    chosen=owner[take])
+    moved, masses, errors = descend(moved[take], masses[take], fine, replace(FINE, smaller=smaller),
+                                    backgrounds=backgrounds, chosen=owner[take])
     order = errors.view(sets, kept).argsort(1)
     rows = torch.arange(sets, device=device)[:, None]
     return moved.view(sets, kept, 6)[rows, order], masses.view(sets, kept)[rows, order]

@@ -42,6 +42,12 @@ def largest_singular(maps: Tensor) -> Tensor:
     return torch.hypot((a + d) / 2, (c - b) / 2) + torch.hypot((a - d) / 2, (c + b) / 2)
 
 
+def smaller_singular(maps: Tensor) -> Tensor:
+    """(…)."""
+    a, b, c, d = maps[..., :4].unbind(-1)
+    return (torch.hypot((a + d) / 2, (c - b) / 2) - torch.hypot((a - d) / 2, (c + b) / 2)).abs()
+
+
 def rotations(count: int, generator: torch.Generator) -> Tensor:
     """Orthogonal matrices (count,2,2): uniform angles, half of them reflections."""
     angle = torch.rand(count, generator=generator) * 2 * math.pi

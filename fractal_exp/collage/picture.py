@@ -118,6 +118,10 @@ class Picture:
         parts = [float(r.square().sum()) / n for r, n in zip(self.residuals(drawn), self.lit, strict=True)]
         return 2 * self.subpixels * sum(parts) / len(parts)
 
+    def angle(self, error: float) -> float:
+        """The root mean square of arcsin sqrt I - arcsin sqrt J, in radians, that an error stands for."""
+        return (error / (2 * self.subpixels)) ** 0.5
+
     def noise(self, code: IFS) -> float:
         """The error that the true code would have by chance, told from two drawings of this one."""
         other = Picture(self.draw(code, "again"), self.levels)

@@ -20,10 +20,12 @@ from .births import LARGE, MEDIUM, SMALL, births
 from .measure import attractor_bins, binned
 
 SLACK = 0.5          # the part of the measure that is there already: see `Search`
+ROUNDING = 1e-4      # of a singular value
 LEAST = 0.002        # weight in a mixture
 SAME = 0.9           # Bhattacharyya affinity of two maps' images above which they are one
 LONG, SHORT, POLISH = (Descent(steps=n, rate=r) for n, r in ((150, 0.015), (50, 0.01), (50, 0.004)))
 TEST = Descent(steps=25, rate=0.006)
+START = Descent(steps=150, rate=0.03, largest=0.97)
 
 
 @dataclass(frozen=True)
@@ -66,18 +68,19 @@ class Search:
     else is missing, and right maps are found one by one. At a true code the error vanishes with any slack.
 
     size, coarse: cells a side of the grid that judges and of the one where maps are born; fine_details: whether small
-    maps are looked for; fixed: the number of maps where it is known, most: its upper bound. Every random number
-    derives from the seed and the number of the step.
+    maps are looked for; fixed: the number of maps where it is known, most: its upper bound; smaller: what the smaller
+    singular value of a map may be. Every random number derives from the seed and the number of the step.
     """
 
     def __init__(self, masses: Tensor, *, size: int, coarse: int, judge: Judge | None = None, seed: int = 0,
                  fine_details: bool = False, fixed: int | None = None, most: int | None = None, proposals: int = 2,
-                 count: int = 48, kept: int = 4):
+                 count: int = 48, kept: int = 4, smaller: float = 1.0):
         self.judge = judge or Judge()
         self.measure, self.coarse = binned(masses, size), binned(masses, coarse)
         self.slack = SLACK * self.measure.bins
         self.seed, self.fine_details = seed, fine_details
         self.fixed, self.most, self.proposals, self.count, self.kept = fixed, most, proposals, count, kept
+        self.smaller = smaller
 
     # -- judging ------------------------------------------------------------------------------------------------------
 
@@ -104,7 +107,7 @@ class Search:
 
     def moved(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
         """A batch (B,N,6), (B,N) after descent on the whole measure."""
-        return descend(maps, weights, self.measure, replace(how, prior=self.judge.prior),
+        return descend(maps, weights, self.measure, replace(how, prior=self.judge.prior, smaller=self.smaller),
                        backgrounds=self.slack[None])
 
     def move(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, float]:
@@ -125,13 +128,13 @@ class Search:
         some = some.to(self.slack.device)
         weights = affine.volumes(some)
         weights = (1 - SLACK) * weights / weights.sum(1, keepdim=True)
-        pool, _, _ = descend(some, weights, self.coarse, Descent(steps=150, rate=0.03, largest=0.97),
+        pool, _, _ = descend(some, weights, self.coarse, replace(START, smaller=self.smaller),
                              backgrounds=SLACK * self.coarse.bins[None])
         return self._mixture(pool.view(-1, 6), self.coarse, 14)
 
     def mixed(self, pool: Tensor) -> Tiling:
         """The best mixture of maps (M,6) that several searches found: right ones recur, wrong ones differ."""
-        return self._mixture(pool, self.measure, 24)
+        return self._mixture(pool[affine.smaller_singular(pool) < self.smaller + ROUNDING], self.measure, 24)
 
     def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Tiling:
         """What becomes of at most so many maps (M,6) with the weights of non-negative least squares."""
@@ -163,7 +166,7 @@ class Search:
             backgrounds = torch.stack([self._explained(*sets[i][:2]) for i in active])
             sizes = [self._size(sets[i][2] and turn == 0) for i in active]
             born, masses = births(self.coarse, self.measure, backgrounds, (1 - SLACK) / 1.1, sizes,
-                                  count=self.count, kept=self.kept, generator=g)
+                                  count=self.count, kept=self.kept, smaller=self.smaller, generator=g)
             for row, i in enumerate(active):
                 maps, weights, large, adds = sets[i]
                 pick = 0 if torch.rand((), generator=g) < 0.7 else int(torch.randint(self.kept, (), generator=g))

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ..ifs import IFS
 from ..seeds import derive
+from . import maps as affine
 from .frame import Frame
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
@@ -24,7 +25,10 @@ from .work import Work
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same
 LONGER, RECENT = 3, 2 / 3    # times the moves asked for: that there are at most, and since when the error was halved
-WRONG, HOPELESS = 1.2, 100   # times a drawing's noise: picture errors between which another round is worth while
+WRONG = 1.2      # times a drawing's noise: a picture error from which on another round is worth while,
+HOPELESS = 0.4   # radians, rms: and one from which on it is not (`Picture.angle`)
+AGAIN = 0.5      # the chance that a round is followed by another, as the progress bar takes it
+ISOMETRY, CONTRACTION = 0.95, 0.9   # smaller singular value of a map that may be a symmetry; the most without such maps
 LARGEST = 512    # pixels a side of the picture that is searched,
 FULL = 1024      # and of a larger one that the code is polished on in the end,
 FULL_POLISH = 4  # in so many steps
@@ -86,14 +90,20 @@ class Problem:
 class Stage(ABC):
     """A search of its own. name: as it is reported; moves: its steps, at most; asked: as many as are to be expected;
     ends: the part of a limited time at which it ends, and before which it must begin; number: tells it from others of
-    its kind."""
+    its kind; round: 0 for the first."""
 
     name: str
     ends: float
+    round = 0
     search: Search | PictureSearch
 
     def __init__(self, problem: Problem, moves: int, number: int = 0):
         self.problem, self.moves, self.asked, self.number = problem, moves, moves, number
+
+    @property
+    def expected(self) -> float:
+        """Steps, by chance."""
+        return AGAIN**self.round * self.asked
 
     @abstractmethod
     def open(self, work: Work) -> None:
@@ -115,6 +125,12 @@ class Stage(ABC):
         """The work, handed on to the next stage."""
         return work.done(work.tiling)
 
+    def smaller(self, work: Work) -> float:
+        """What the smaller singular value of a map may be. A symmetry of the shape explains its measure as well as the
+        identity does: if a code with a map near to an isometry has failed, every other round does without such maps."""
+        suspect = work.before is not None and bool((affine.smaller_singular(work.before.maps) > ISOMETRY).any())
+        return CONTRACTION if suspect and self.round % 2 else 1.0
+
 
 class Island(Stage):
     """A search from nothing; the maps of all islands so far are mixed, and those of the rounds before."""
@@ -130,7 +146,7 @@ class Island(Stage):
         masses = problem.masses
         if work.before is not None:
             masses = desaturated(masses, work.before.code, problem.levels, seed)
-        self.search = problem.search(masses, 64, seed)
+        self.search = problem.search(masses, 64, seed, smaller=self.smaller(work))
 
     def begin(self, work: Work) -> Tiling:
         return self.search.start()
@@ -153,7 +169,8 @@ class Closing(Stage):
 
     def open(self, work: Work) -> None:
         problem, seed = self.problem, derive(self.problem.seed, "closing", self.number)
-        self.search = problem.search(desaturated(problem.masses, work.best.code, problem.levels, seed), 64, seed)
+        masses = desaturated(problem.masses, work.best.code, problem.levels, seed)
+        self.search = problem.search(masses, 64, seed, smaller=self.smaller(work))
 
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best.maps, work.best.weights)
@@ -167,7 +184,8 @@ class Detail(Stage):
     def open(self, work: Work) -> None:
         problem, seed = self.problem, derive(self.problem.seed, "detail", self.number)
         corrected = desaturated(problem.masses, work.best.code, problem.levels, seed)
-        self.search = problem.search(corrected, 128, seed, judge=DETAIL, fine_details=True, count=24)
+        self.search = problem.search(corrected, 128, seed, judge=DETAIL, fine_details=True, count=24,
+                                     smaller=self.smaller(work))
 
     def begin(self, work: Work) -> Tiling:
         return self.search.resume(work.best.maps, work.best.weights)
@@ -229,7 +247,7 @@ class Retouch(Stage):
         return replace(work.done(best, 1 + self.others), before=None)
 
     def _is_wrong(self, tiling: Tiling) -> bool:
-        return WRONG < self.search.noises(tiling) < HOPELESS
+        return self.search.noises(tiling) > WRONG and self.search.picture.angle(tiling.error) < HOPELESS
 
 
 class Full(Stage):
@@ -286,7 +304,7 @@ def plan(problem: Problem, *, rounds: int, islands: int, moves: int, detail_move
         others = (rounds - 1 - number) * (fewer + 3 + len(approach))
         stages += [*approach, Retouch(problem, picture_moves, number, others)]
         for stage in stages[-count - 3 - len(approach):] if number else []:
-            stage.ends = Retouch.ends
+            stage.ends, stage.round = Retouch.ends, number
     full = [Full(problem, 0)] if problem.full_side > len(problem.image) else []
     return [*stages, *full, LastDigits(problem, 0)]
 

@@ -11,7 +11,7 @@ from ..errors import InputError
 from .search import Tiling
 
 TILINGS = "tiling", "best", "before"   # of `Work`
-STAGES = 4       # the version of the stages and their scores, which checkpoints name
+STAGES = 5       # the version of the stages and their scores, which checkpoints name
 
 
 @dataclass(frozen=True)

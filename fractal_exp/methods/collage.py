@@ -10,7 +10,7 @@ from typing import Literal
 from torch import Tensor
 
 from ..checkpoint import Checkpoint
-from ..collage.measure import LEVELS, Levels, guess_levels
+from ..collage.measure import LEVELS, guess_levels
 from ..collage.memory import MemoryBudget
 from ..collage.search import Tiling
 from ..collage.stages import Problem, Stage, plan
@@ -20,6 +20,7 @@ from ..ifs import IFS
 from .base import CodeReconstruction, Method, OnStep, Progress, check_device, check_target
 
 SMALLEST_INPUT = 32
+ROUNDS = {"density": 4, "coverage": 2, "binary": 2}   # what is no density may be of no attractor
 
 
 class Collage(Method):
@@ -30,21 +31,22 @@ class Collage(Method):
     measure, corrected for the saturation of its grey levels by what was found so far; refinement on grids up to
     `finest` cells a side and on the picture itself; and `picture_moves` that add, turn, replace and remove maps where
     the picture asks for it, up to three times as many while the error is being halved. If the code is still far from
-    the picture, there is another round, `rounds` at most, with half as many islands and the maps found so far in the
-    mixture. An image beyond 512² is searched at a fraction of its size, and the code polished on the whole, or on 1024²
-    of a still larger one. In the end entries near to simple numbers are rounded and the input's frame is filled
-    exactly, unless it is drawn worse for it.
+    the picture, there is another round, with half as many islands and the maps found so far in the mixture. An image
+    beyond 512² is searched at a fraction of its size, and the code polished on the whole, or on 1024² of a still larger
+    one. In the end entries near to simple numbers are rounded and the input's frame is filled exactly, unless it is
+    drawn worse for it.
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
-    points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; proposals: neighbours judged at
-    once, by as many threads. seconds: a limit after which what is left of each stage is skipped (and a run can no
+    points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; rounds: at most so many, None: four
+    where grey levels are a density, two of other pictures, which may be of no attractor; proposals: neighbours judged
+    at once, by as many threads. seconds: a limit after which what is left of each stage is skipped (and a run can no
     longer be repeated bit for bit, as on a GPU). memory_gib: what may be taken of memory beside the 0.8 GiB of
     libraries; with little the search is coarser (`collage.memory`). A checkpoint is saved after every stage and at an
     interruption. previews: how many preview images are reported. device: where tensors live.
     Raises `InputError` on values out of range.
     """
 
-    def __init__(self, *, islands: int = 5, moves: int = 50, rounds: int = 2, detail_moves: int = 25,
+    def __init__(self, *, islands: int = 5, moves: int = 50, rounds: int | None = None, detail_moves: int = 25,
                  picture_moves: int = 60, maps: int | None = None, at_most: int | None = None,
                  levels: Literal["auto", "density", "coverage", "binary"] = "auto", finest: int = 256,
                  proposals: int = 2, seconds: float | None = None, memory_gib: float | None = None, seed: int = 0,
@@ -75,20 +77,21 @@ class Collage(Method):
         if target.shape[0] < SMALLEST_INPUT:
             raise InputError(f"collage search needs an image of at least {SMALLEST_INPUT}², got {target.shape[0]}²; "
                              "read the picture at a larger resolution")
-        MemoryBudget(self.memory_gib, target.shape[0], self._levels_of(target).supersample)
+        MemoryBudget(self.memory_gib, target.shape[0], LEVELS[self._levels_of(target)].supersample)
 
-    def _levels_of(self, image: Tensor) -> Levels:
-        return LEVELS[guess_levels(image) if self.levels == "auto" else self.levels]
+    def _levels_of(self, image: Tensor) -> str:
+        return guess_levels(image) if self.levels == "auto" else self.levels
 
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
         self.check(target)
         image = check_target(target).to(self.device)
-        levels = self._levels_of(image)
+        meaning = self._levels_of(image)
+        levels, rounds = LEVELS[meaning], self.rounds or ROUNDS[meaning]
         clock = _Clock(self.seconds)
         problem = Problem(image, levels, self.seed, self.proposals, self.finest, self.maps, self.at_most,
                           lambda: clock.part, self.memory_gib)
-        stages = plan(problem, rounds=self.rounds, islands=self.islands, moves=self.moves,
+        stages = plan(problem, rounds=rounds, islands=self.islands, moves=self.moves,
                       detail_moves=self.detail_moves, picture_moves=self.picture_moves)
         snapshot = checkpoint.load() if checkpoint else None
         work = Work.of(snapshot, self.device) if snapshot else Work()
@@ -117,9 +120,9 @@ class Collage(Method):
         return CodeReconstruction(work.result.code.to("cpu").check_contractive())
 
 
-def laptop(*, resolution: int = 256, islands: int = 5, moves: int = 50, rounds: int = 2, detail_moves: int = 25,
-           picture_moves: int = 60, maps: int | None = None, at_most: int | None = None, levels: str = "auto",
-           finest: int = 256, seed: int = 0, seconds: float | None = None,
+def laptop(*, resolution: int = 256, islands: int = 5, moves: int = 50, rounds: int | None = None,
+           detail_moves: int = 25, picture_moves: int = 60, maps: int | None = None, at_most: int | None = None,
+           levels: str = "auto", finest: int = 256, seed: int = 0, seconds: float | None = None,
            memory_gib: float | None = None) -> Collage:
     """The method at the sizes that two cores finish within a minute. It takes images of any resolution from 32² on."""
     if resolution < SMALLEST_INPUT:
@@ -136,7 +139,7 @@ class _Teller:
     def __init__(self, on_step: OnStep | None, stages: list[Stage], clock: _Clock, previews: int,
                  draw: Callable[[IFS], Tensor]):
         self.on_step, self.stages, self.clock, self.draw = on_step, stages, clock, draw
-        self.total = max(1, sum(stage.asked for stage in stages))
+        self.total = max(1, sum(stage.expected for stage in stages))
         self.every = max(1, self.total // previews) if previews else 0
 
     def __call__(self, work: Work) -> None:
@@ -155,8 +158,9 @@ class _Teller:
     def _tell(self, step: int, stage: int, tiling: Tiling, **more: Tensor | IFS | None) -> None:
         scalars = {"score": tiling.score, "error": tiling.error, "maps": float(len(tiling.maps)),
                    "stage": float(stage)}
-        here, before = step - self._steps_before(stage), sum(earlier.asked for earlier in self.stages[:stage])
-        done = max((before + min(here, self.stages[stage].asked)) / self.total, self.clock.part)
+        here, now = step - self._steps_before(stage), self.stages[stage]
+        before = sum(earlier.expected for earlier in self.stages[:stage])
+        done = max((before + min(here / max(now.asked, 1), 1) * now.expected) / self.total, self.clock.part)
         self.on_step(Progress(step, min(1.0, done), scalars, stage=self.stages[stage].name, **more))
 
     def _steps_before(self, stage: int) -> int:

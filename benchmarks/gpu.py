@@ -60,6 +60,7 @@ class Sizes:
 
 
 TOYS = Sizes("cpu", 64, 30, 64, 32, 20_000, 1 << 20, 256)
+QUICK = {"islands": 1, "moves": 2, "rounds": 1, "detail_moves": 1, "picture_moves": 1}   # a rehearsal of collage search
 
 
 class Timer:
@@ -266,7 +267,7 @@ def time_collage(sizes: Sizes, count: int) -> list[dict]:
             if progress.code is not None:
                 found.append((progress.stage, time.perf_counter() - start, progress.code))
 
-        small = {"islands": 1, "moves": 2, "rounds": 1, "detail_moves": 1, "picture_moves": 1} if sizes == TOYS else {}
+        small = QUICK if sizes == TOYS else {}
         Collage(device=sizes.device, previews=0, **small).reconstruct(target, on_step=keep)
         for stage, seconds, code in found:
             scores = evaluate(code.to("cpu"), truth, resolution=sizes.laptop)

@@ -125,3 +125,12 @@ def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path):
     assert [case["case"] for case in report["operations"]] == ["chaos game", "splat, paper", "splat, laptop"]
     assert all(case["plain_ms"] > case["floor_ms"] > 0 for case in report["operations"])
     assert {"rates", "views", "iteration", "fit", "environment"} <= set(report)
+
+
+@pytest.mark.parametrize("method", ["chaotic", "collage"])
+def test_the_fits_on_a_gpu_rehearse_without_one(method, tmp_path):
+    command = [sys.executable, "-m", "benchmarks.gpu_fits", "--rehearse", "--method", method, "--count", "1",
+               "--iterations", "5", "--output", str(tmp_path)]
+    done = subprocess.run(command, cwd=HERE.parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert IFS.load(tmp_path / "000.json").meta["method"] == method

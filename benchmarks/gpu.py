@@ -323,8 +323,8 @@ def main() -> None:
     note("iteration", lambda: name | time_iteration(sizes, term, timer, rates))
     note("iteration without a perceptual term", lambda: time_iteration(sizes, None, timer, rates))
     note("fit", lambda: name | time_fit(sizes, term, 10 if arguments.rehearse else arguments.iterations))
-    target = suite.target(random_suite(1)[0], 256).to(sizes.device)
-    note("descents", lambda: descents(target, rates["flops_per_second"], 3 if arguments.rehearse else 20))
+    note("descents", lambda: descents(suite.target(random_suite(1)[0], 256).to(sizes.device),
+                                      rates["flops_per_second"], 3 if arguments.rehearse else 20))
     note("collage", lambda: time_collage(sizes, 1 if arguments.rehearse else 4))
     note("goals_ms", lambda: GOALS_MS)
     if any("failed" in part or part.get("passed") is False for part in report.values() if isinstance(part, dict)):

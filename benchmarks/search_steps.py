@@ -24,6 +24,7 @@ import torch
 from fractal_exp import IFS, attractor, ops, suite, threads
 from fractal_exp.collage.measure import LEVELS, POINTS_PER_PIXEL, REUSE, SUPERSAMPLE, binned
 from fractal_exp.evaluation.render import render_with_info
+from fractal_exp.ops.backends import choose
 from fractal_exp.ops.collage import Descent, descend
 
 from .ops import machine_limits, timed
@@ -56,8 +57,8 @@ def descents(image: torch.Tensor, flops: float, repeats: int) -> list[dict]:
         kernel, twin = best(partial(call, "auto"), repeats), best(partial(call, "torch"), 2)
         counted = maps * len(measure.samples) * OPERATIONS[0] + len(measure.roots) * OPERATIONS[1]
         floor = 1e3 * STEPS * codes * counted / flops
-        rows.append({"descent": name, "samples": len(measure.samples), "ms": kernel, "twin_ms": twin,
-                     "twin_ratio": twin / kernel, "floor_ms": floor, "of_floor": floor / kernel})
+        rows.append({"descent": name, "backend": choose("auto", start), "samples": len(measure.samples), "ms": kernel,
+                     "twin_ms": twin, "twin_ratio": twin / kernel, "floor_ms": floor, "of_floor": floor / kernel})
     return rows
 
 

@@ -283,29 +283,6 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     assert names == ["search", "search", "detail", "picture", "last digits"]
 
 
-def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
-    code, image = triangle
-    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    stages = plan(problem, rounds=2, islands=3, moves=1, detail_moves=1, picture_moves=0)
-    end = ["detail", "picture"]
-    assert [stage.name for stage in stages] == 4 * ["search"] + end + 3 * ["search"] + end + ["last digits"]
-    maps = affine.from_code(code)
-    for noises, angle, ends_at in ((1, 0.1, len(stages) - 1), (10, 0.5, len(stages) - 1), (10, 0.1, 6)):
-        stage, work = stages[5], Work(stage=5, best=Tiling(maps, affine.volumes(maps), 0.0), pool=maps)
-        stage.open(work)
-        assert stage.search.noises(stage.begin(work)) < 2, "the true code"
-        stage.search.noises = lambda now, noises=noises: noises
-        stage.search.picture.angle = lambda error, angle=angle: angle
-        after = stage.close(replace(work, tiling=stage.begin(work)))
-        assert after.stage == ends_at and len(after.result.maps) == 3
-    assert after.best is None and len(after.pool) == 6
-    again = stages[6]
-    again.open(after)
-    assert again.close(replace(after, tiling=again.begin(after))).best is not None
-    snapshot = Work.of(after.snapshot(), "cpu")
-    assert torch.equal(snapshot.before.maps, after.before.maps) and snapshot.best is None
-
-
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     code, image = triangle
     search = Search(LEVELS["density"].measure(image), size=64, coarse=32, proposals=1)
@@ -343,20 +320,3 @@ def test_bad_input_is_refused(triangle):
 def test_the_error_of_a_measure_with_itself_is_zero():
     measure, _, _ = tiling_problem()
     assert float(collage_error(measure.bins[None], measure)) == pytest.approx(0, abs=1e-9)
-
-
-def test_a_round_after_an_isometry_does_without(triangle):
-    code, image = triangle
-    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    stages = plan(problem, rounds=4, islands=1, moves=1, detail_moves=1, picture_moves=0)
-    turn = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of the square, say
-    pool = torch.cat([affine.from_code(code), turn])
-    failed = Tiling(pool, affine.volumes(pool), 1.0)
-    limits = []
-    for stage in stages[:-1]:
-        stage.open(Work(best=failed, before=None if stage.round == 0 else failed))
-        limits.append(getattr(stage.search, "smaller", None))  # what is judged by the picture has no such limit
-    assert limits == 2 * [1, 1, 1, None, 0.9, 0.9, 0.9, None]
-    stages[4].open(Work(before=failed))
-    with_turn, without = (stages[4].search.mixed(maps).maps for maps in (torch.cat([turn, pool]), pool[:-1]))
-    assert torch.equal(with_turn, without)

@@ -20,7 +20,7 @@ from ..ifs import IFS
 from .base import CodeReconstruction, Method, OnStep, Progress, check_device, check_target
 
 SMALLEST_INPUT = 32
-ROUNDS = {"density": 4, "coverage": 2, "binary": 2}   # what is no density may be of no attractor
+ROUNDS = {"density": 4, "coverage": 2, "binary": 2}   # of others it is less likely that they are of an attractor
 
 
 class Collage(Method):
@@ -38,11 +38,11 @@ class Collage(Method):
 
     maps: the number of maps, found if None; at_most: its upper bound; levels: what grey levels mean, "density" of the
     points of a chaos game, "coverage" of pixels by the shape, "binary", or "auto"; rounds: at most so many, None: four
-    where grey levels are a density, two of other pictures, which may be of no attractor; proposals: neighbours judged
-    at once, by as many threads. seconds: a limit after which what is left of each stage is skipped (and a run can no
-    longer be repeated bit for bit, as on a GPU). memory_gib: what may be taken of memory beside the 0.8 GiB of
-    libraries; with little the search is coarser (`collage.memory`). A checkpoint is saved after every stage and at an
-    interruption. previews: how many preview images are reported. device: where tensors live.
+    where grey levels are a density, two of other pictures; proposals: neighbours judged at once, by as many threads.
+    seconds: a limit after which what is left of each stage is skipped (and a run can no longer be repeated bit for bit,
+    as on a GPU). memory_gib: what may be taken of memory beside the 0.8 GiB of libraries; with little the search is
+    coarser (`collage.memory`). A checkpoint is saved after every stage and at an interruption. previews: how many
+    preview images are reported. device: where tensors live.
     Raises `InputError` on values out of range.
     """
 

@@ -31,7 +31,7 @@ _adam, _contract, _pass_on, _push_off_identity = (inlined(function.py_func) for 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
     """See `reference_collage.pushforward`."""
     bins = torch.zeros(len(maps), size * size, dtype=torch.int64, device=maps.device)
-    shares = blocks_of(maps.shape[1] * len(samples), THREADS * WARP)
+    shares = max(1, blocks_of(maps.shape[1] * len(samples), THREADS * WARP))
     launch(_pushforward, len(maps) * shares, THREADS, maps.contiguous(), weights.contiguous(), samples.contiguous(),
            size, shares, bins)
     return (bins / UNITS).float().view(-1, size, size)

@@ -22,6 +22,8 @@ INSTALLED = find_spec("numba_cuda") is not None
 
 def launch(kernel: Any, blocks: int, threads: int, *arguments: Tensor | float, shared_bytes: int = 0) -> None:
     """Queue kernel[blocks, threads](*arguments); tensors must be contiguous, and the first argument is one of them."""
+    if not blocks:
+        return
     if SIMULATED:
         kernel[blocks, threads, 0, shared_bytes](*(_host_array(argument) for argument in arguments))
         return

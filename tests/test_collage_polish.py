@@ -13,9 +13,10 @@ from fractal_exp.collage.jacobian import Played, Redrawn
 from fractal_exp.collage.measure import LEVELS, binned
 from fractal_exp.collage.memory import MemoryBudget
 from fractal_exp.collage.picture import Picture
-from fractal_exp.collage.picture_search import THIN, PictureSearch, without_superfluous
+from fractal_exp.collage.picture_search import THIN, PictureSearch
 from fractal_exp.collage.polish import polished
 from fractal_exp.collage.search import Tiling
+from fractal_exp.collage.superfluous import without_superfluous
 from fractal_exp.methods.collage import Collage
 
 

@@ -27,6 +27,7 @@ from .polish import fitted_into_frame, never, polished
 from .refine import grid_for, refined
 from .rounding import Rounding
 from .search import Tiling
+from .superfluous import needed, without_superfluous
 
 PRICE = 0.04                   # of a map, in units of a drawing's noise
 CANDIDATES, MOVED, DRAWN = 24, 6, 3   # maps born in a move; those of them that are moved finely, and drawn
@@ -328,24 +329,6 @@ class PictureSearch:
         if self._shown is None or self._shown.maps is not now.maps:
             self._shown = self.picture.judge(now.maps, now.chances)
         return self._shown
-
-
-def without_superfluous(picture: Picture, drawn: Drawn, price: float, least: int, *, near: bool,
-                        late: Callable[[], bool] = never) -> Drawn:
-    """As `needed`, of a polished code: where it is nearly found, a map that nobody sees may still decide the frame."""
-    framed = picture.within(Frame.of(picture.image) if near else None)
-    fewer = needed(framed, framed.judge(drawn.maps, drawn.weights), price, least, late=late)
-    return drawn if len(fewer.maps) == len(drawn.maps) else picture.judge(fewer.maps, fewer.weights)
-
-
-def needed(picture: Picture, drawn: Drawn, price: float, least: int = 0, *, late: Callable[[], bool] = never) -> Drawn:
-    """The code without the maps that the picture does not ask for, at a price a map; at least so many stay."""
-    while len(drawn.maps) > max(2, least) and not late():
-        fewer = min((picture.without(drawn, [i]) for i in range(len(drawn.maps))), key=_error)
-        if fewer.error >= drawn.error + price:
-            break
-        drawn = fewer
-    return drawn
 
 
 def _error(drawn: Drawn) -> float:

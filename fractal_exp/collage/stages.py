@@ -16,11 +16,12 @@ from .frame import Frame
 from .measure import Levels, desaturated
 from .memory import MemoryBudget
 from .picture import Picture, reduced
-from .picture_search import DRAWINGS, FAR, LOW, PRICE, PictureSearch, without_superfluous
+from .picture_search import DRAWINGS, FAR, LOW, PRICE, PictureSearch
 from .polish import fitted_into_frame
 from .refine import grid_for
 from .rounding import Rounding
 from .search import Judge, Search, Tiling
+from .superfluous import without_superfluous
 from .work import Work
 
 AGREED = 0.02    # relative difference of scores at which two islands have found the same

@@ -33,9 +33,9 @@ class Jacobian(ABC):
         self.maps, self.side = drawn.maps, picture.side
         self.seed = derive(picture.seed, "jacobian", number)
         self.points = self._play(drawn.maps, drawn.chances)
-        self.mean, spread = self.points.mean(0), self.points.std(0).clamp_min(1e-3)
+        self.mean, spread = self.points.mean(0).tolist(), self.points.std(0).clamp_min(1e-3).tolist()
         pixel = 2 / picture.side
-        self.units = [(i, j, pixel if j > 3 else pixel / float(spread[j % 2])) for i in moving for j in range(6)
+        self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
                       if (i, j) not in held]
         count = len(self.units)
         self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
@@ -43,9 +43,9 @@ class Jacobian(ABC):
             rows = max(1, ROWS // (count * len(residual)))
             for part in range(0, len(residual), rows):  # in pieces, for the sake of memory
                 piece = slice(part, part + rows)
-                scaled = (columns[:, piece] * slope[piece]).flatten(1).double().cpu()
-                self.square += scaled @ scaled.T
-                self.gradient += scaled @ residual[piece].flatten().double().cpu()
+                scaled = (columns[:, piece] * slope[piece]).flatten(1).double()
+                self.square += (scaled @ scaled.T).cpu()
+                self.gradient += (scaled @ residual[piece].flatten().double()).cpu()
         if picture.frame is not None:
             self._add_frame(picture, drawn)
 
@@ -58,7 +58,7 @@ class Jacobian(ABC):
         _, weights = picture.frame.penalty(misfit)
         slopes = picture.frame.slopes(drawn.maps, drawn.chances) * weights[:, None, None]
         columns = torch.stack([
-            unit * (slopes[:, i, j] - (float(self.mean[j % 2]) * slopes[:, i, 4 + j // 2] if j < 4 else 0))
+            unit * (slopes[:, i, j] - (self.mean[j % 2] * slopes[:, i, 4 + j // 2] if j < 4 else 0))
             for i, j, unit in self.units])
         counted = 2 * picture.subpixels  # residuals of the picture have the variance 1 / 2n, those of the frame 1
         self.square += columns @ columns.T / counted
@@ -75,12 +75,12 @@ class Jacobian(ABC):
 
     def moved(self, step: Tensor) -> Tensor:
         """The maps (N,6) after a step; a matrix turns about the attractor's mean."""
-        maps = self.maps.double().clone()
+        maps = self.maps.tolist()  # number by number, for which tensors are slow, and a GPU's still more
         for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
-            maps[i, j] += value * unit
+            maps[i][j] += value * unit
             if j < 4:
-                maps[i, 4 + j // 2] -= value * unit * float(self.mean[j % 2])
-        return contract(maps.to(self.maps), LARGEST)
+                maps[i][4 + j // 2] -= value * unit * self.mean[j % 2]
+        return contract(self.maps.new_tensor(maps), LARGEST)
 
     def nudged(self, parameter: int, step: float) -> Tensor:
         """The maps (N,6) with one parameter moved."""

@@ -93,7 +93,7 @@ def guess_levels(image: Tensor) -> str:
     if bool(((image == 0) | (image == 1)).all()):
         return "binary"
     inner = -max_pool2d(-image[None, None], 3, 1, 1)[0, 0] > INSIDE
-    inner[[0, -1]] = inner[:, [0, -1]] = False
+    inner[0] = inner[-1] = inner[:, 0] = inner[:, -1] = False
     if not bool(inner.any()):
         return "density"
     return "density" if float((image[inner] < 0.95).float().mean()) > DENSITY_SHARE else "coverage"

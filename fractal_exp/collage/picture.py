@@ -115,7 +115,8 @@ class Picture:
 
     def error(self, drawn: Tensor) -> float:
         """Of a drawing (R,R); lower is better."""
-        parts = [float(r.square().sum()) / n for r, n in zip(self.residuals(drawn), self.lit, strict=True)]
+        sums = torch.stack([residual.square().sum() for residual in self.residuals(drawn)]).tolist()
+        parts = [each / n for each, n in zip(sums, self.lit, strict=True)]
         return 2 * self.subpixels * sum(parts) / len(parts)
 
     def angle(self, error: float) -> float:

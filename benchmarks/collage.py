@@ -70,19 +70,23 @@ def main() -> None:
     parser.add_argument("--options", type=json.loads, default={}, help="of methods.collage.Collage, as JSON")
     parser.add_argument("--workers", type=int, default=threads.available())
     parser.add_argument("--output", type=Path, default=Path("outputs/collage"))
+    parser.add_argument("--resume", action="store_true", help="search what the table in --output does not have")
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    frames, start = [], time.perf_counter()
+    path = args.output / f"{'classics' if args.classics else args.seed}-{args.kind}.csv"
+    frames, start = [pd.read_csv(path)] if args.resume and path.exists() else [], time.perf_counter()
+    fractals = codes.names() if args.classics else args.only or range(args.count)
+    wanted = [each for each in fractals if not any((frame["fractal"] == each).any() for frame in frames)]
     with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
-        fractals = codes.names() if args.classics else args.only or range(args.count)
         jobs = [pool.submit(recover, each, args.seed, args.kind, args.resolution, args.options, args.output)
-                for each in fractals]
+                for each in wanted]
         for job in tqdm(as_completed(jobs), total=len(jobs)):
             frames.append(job.result())
-            table = pd.concat(frames).sort_values("fractal", kind="stable")
-            table.to_csv(args.output / f"{'classics' if args.classics else args.seed}-{args.kind}.csv", index=False)
+            pd.concat(frames).sort_values("fractal", kind="stable").to_csv(path, index=False)
+    table = pd.read_csv(path)
     which = "classics" if args.classics else f"fractals of suite {args.seed}"
-    print(f"{len(jobs)} {which}, {args.kind} targets, {time.perf_counter() - start:.0f} s in all")
+    print(f"{table['fractal'].nunique()} {which}, {args.kind} targets; {len(wanted)} of them now, in "
+          f"{time.perf_counter() - start:.0f} s")
     describe(table)
 
 

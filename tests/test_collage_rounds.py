@@ -29,12 +29,14 @@ def small(**options):
 def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
     code, image = triangle
     problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    stages = plan(problem, rounds=2, islands=3, moves=1, detail_moves=1, picture_moves=0)
-    end = ["detail", "picture"]
-    assert [stage.name for stage in stages] == 4 * ["search"] + end + 3 * ["search"] + end + ["last digits"]
+    stages = plan(problem, rounds=3, islands=3, moves=1, detail_moves=1, picture_moves=0)
+    later = 3 * ["search"] + ["detail", "picture"]
+    assert [stage.name for stage in stages] == ["search", *later, *later, *later, "last digits"]
     maps = affine.from_code(code)
-    for noises, angle, ends_at in ((1, 0.1, len(stages) - 1), (10, 0.5, len(stages) - 1), (10, 0.1, 6)):
-        stage, work = stages[5], Work(stage=5, best=Tiling(maps, affine.volumes(maps), 0.0), pool=maps)
+    first, second, end = 5, 10, len(stages) - 1
+    for number, noises, angle, ends_at in ((second, 1.5, 0.1, end), (second, 2.5, 0.1, second + 1),
+                                           (first, 1, 0.1, end), (first, 10, 0.5, end), (first, 1.5, 0.1, first + 1)):
+        stage, work = stages[number], Work(stage=number, best=Tiling(maps, affine.volumes(maps), 0.0), pool=maps)
         stage.open(work)
         assert stage.search.noises(stage.begin(work)) < 2, "the true code"
         stage.search.noises = lambda now, noises=noises: noises

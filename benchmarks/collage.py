@@ -70,7 +70,8 @@ def main() -> None:
     parser.add_argument("--options", type=json.loads, default={}, help="of methods.collage.Collage, as JSON")
     parser.add_argument("--workers", type=int, default=threads.available())
     parser.add_argument("--output", type=Path, default=Path("outputs/collage"))
-    parser.add_argument("--resume", action="store_true", help="search what the table in --output does not have")
+    parser.add_argument("--resume", action="store_true",
+                        help="add what the table in --output, made with the same options, does not have yet")
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
     path = args.output / f"{'classics' if args.classics else args.seed}-{args.kind}.csv"

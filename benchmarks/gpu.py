@@ -26,8 +26,8 @@ import torch
 from torch import Tensor
 
 from fractal_exp import View, attractor, codes, ops, perceptual, suite
-from fractal_exp.evaluation import evaluate
-from fractal_exp.evaluation.render import render_with_info
+from fractal_exp.evaluation.metrics import f1, inner_crop
+from fractal_exp.evaluation.render import render, render_with_info
 from fractal_exp.evaluation.zoom import random_point
 from fractal_exp.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
 from fractal_exp.methods.base import Progress
@@ -35,6 +35,7 @@ from fractal_exp.methods.chaotic import Chaotic, Problem
 from fractal_exp.methods.collage import Collage
 from fractal_exp.model import SVD, ForwardModel
 from fractal_exp.optimizers import Alternating
+from fractal_exp.precision import full_precision
 from fractal_exp.suite import random_suite
 
 from .environment import ROOT, environment
@@ -206,6 +207,7 @@ def some_target(method: Chaotic) -> Tensor:
         return method.model(raw, 0).image.cpu()
 
 
+@full_precision()  # as in a fit
 def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer, rates: dict[str, float]) -> dict:
     """One gradient step of the paper's method, replayed and plain, and the memory that it takes. Its floor is that of
     its chaos game and splat, without the losses."""
@@ -219,6 +221,8 @@ def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer, rates: d
             10, torch.Generator().manual_seed(0)).items()}, 0)
         for _ in range(5):
             method.optimizer.step(problem, 250 * next(number), 1.0)  # never the last before a phase of annealing
+        if cuda_graph and sizes.device == "cuda":
+            result["recorded"] = method.optimizer._recorded[1].graph is not None
         result[name] = timer.plain(lambda m=method, p=problem, n=number: m.optimizer.step(p, 250 * next(n), 1.0))
     if sizes.device == "cuda":
         result["memory_mb"] = torch.cuda.max_memory_allocated() / 1e6
@@ -269,10 +273,11 @@ def time_collage(sizes: Sizes, count: int) -> list[dict]:
 
         small = QUICK if sizes == TOYS else {}
         Collage(device=sizes.device, previews=0, **small).reconstruct(target, on_step=keep)
-        for stage, seconds, code in found:
-            scores = evaluate(code.to("cpu"), truth, resolution=sizes.laptop)
-            rows.append({"fractal": index, "stage": stage, "seconds": seconds, "maps": len(code),
-                         "f1": float(scores.loc[scores["view"] == "whole", "f1"].iloc[0])})
+        drawings = [inner_crop(render(attractor.normalize(code), resolution=sizes.laptop, seed=seed))[None]
+                    for seed, code in enumerate([truth, *(code.to("cpu") for _, _, code in found)])]
+        rows += [{"fractal": index, "stage": stage, "seconds": seconds, "maps": len(code),
+                  "f1": float(f1(drawing, drawings[0]))}
+                 for (stage, seconds, code), drawing in zip(found, drawings[1:], strict=True)]
     return rows
 
 

@@ -34,7 +34,7 @@ class Maps:
 class Parameterization(ABC):
     """How raw parameters become affine maps. Stateless; a leading batch of codes is allowed throughout."""
 
-    waits = False  # whether decoding waits for a GPU, so that it cannot be recorded in a CUDA graph
+    waits = False  # whether decoding waits for a GPU
 
     @abstractmethod
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
@@ -162,6 +162,10 @@ class ForwardModel:
         scale, shift = frame(points)
         points = points * scale[..., None, :] + shift[..., None, :]
         return Rendering(image=self._splat(points), points=points, singular=maps.singular, offset=maps.offset)
+
+    def waits(self, like: Tensor) -> bool:
+        """Whether drawing from tensors `like` this one on a GPU waits for it, so that no CUDA graph can record it."""
+        return self.parameterization.waits or ops.backends.choose(self.backend, like) == "torch"
 
     def with_splats(self, factor: float) -> ForwardModel:
         """This model with splats so many times as wide."""

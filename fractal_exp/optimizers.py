@@ -21,6 +21,7 @@ class Problem(Protocol):
     """What is minimised. Both draw their start points and map indices from `seed`; raw may carry a batch of codes."""
 
     parameterization: Parameterization
+    waits: bool  # whether `loss` waits for a GPU, so that no CUDA graph can record it
 
     def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         """The differentiable objective (…,) and its named terms."""
@@ -79,7 +80,7 @@ class Optimizer(ABC):
 class GradientDescent(Optimizer):
     """Adam at a fixed learning rate with default betas, projected after every step: w/o simulated annealing.
 
-    cuda_graph: on a GPU, record a step once and replay it, where the parameterization allows it.
+    cuda_graph: on a GPU, record a step once and replay it, unless the problem waits.
     """
 
     recordable = True  # whether a step depends on the parameters, Adam's moments and one seed alone
@@ -127,7 +128,7 @@ class GradientDescent(Optimizer):
 
     def _records(self, problem: Problem) -> bool:
         return (self.cuda_graph and self.recordable and self._device.type == "cuda"
-                and not problem.parameterization.waits)
+                and not problem.waits)
 
     def _replay(self, problem: Problem, seed: int) -> Step:
         """A step from the recording, which is made for one problem and the parameters of one start."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 import torch
 from torch import Tensor
+
+log = logging.getLogger(__name__)
 
 WARM_UP = 3  # runs before the recording: they compile, choose algorithms and allocate
 
@@ -14,7 +17,8 @@ class Recorded:
     """`work`, which must do the same on the same tensors every time, and depend on nothing else but a seed.
 
     work takes the seed as a tensor () int64 on the device and returns one tensor; whatever it changes in place it
-    changes at every run. It must not wait for the device. The first runs are plain ones.
+    changes at every run. The first runs are plain ones, and so are all, with a warning, if it cannot be recorded, as
+    where it waits for the device.
     """
 
     def __init__(self, work: Callable[[Tensor], Tensor], device: torch.device):
@@ -26,15 +30,23 @@ class Recorded:
     def __call__(self, seed: int) -> Tensor:
         """What work returns for this seed, as a copy by value."""
         self.seed.fill_(seed)
-        if self.runs < WARM_UP:
-            self.runs += 1
-            return self._run_beside()
+        if self.runs == WARM_UP:
+            self._record()
+        self.runs += 1
         if self.graph is None:
-            self.graph = torch.cuda.CUDAGraph()
-            with torch.cuda.graph(self.graph):
-                self.result = self.work(self.seed)
+            return self._run_beside()
         self.graph.replay()
         return self.result.clone()
+
+    def _record(self) -> None:
+        graph = torch.cuda.CUDAGraph()
+        try:  # else torch would record on the current device, whichever that is
+            with torch.cuda.device(self.seed.device), torch.cuda.graph(graph, stream=self.stream):
+                self.result = self.work(self.seed)
+        except RuntimeError as error:  # nothing was computed, so nothing is lost
+            log.warning("this work cannot be recorded in a CUDA graph and goes on without, which is slower: %s", error)
+        else:
+            self.graph = graph
 
     def _run_beside(self) -> Tensor:
         """On a stream of its own, as recording does: autograd must not remember the one that all else runs on."""

@@ -92,11 +92,17 @@ def test_points_under_a_word_do_not_follow_each_other():
     canvas, kept = torch.zeros(side * tiles, side * tiles, dtype=torch.int32), torch.zeros(1, dtype=torch.int64)
     tables = (torch.from_numpy(table) for table in (tree.maps, tree.thresholds.astype("i8"), tree.guide.astype("i4")))
     cuda_launch.launch(cuda_histogram.KERNELS[COUNTED], 1, 64, words, points * torch.arange(1, len(words) + 1), *tables,
-                       1, 64, canvas, kept)
+                       1, 64, 256, canvas, kept)
     assert int(kept) == int(canvas.sum()) == points * len(words)
     shares = canvas.view(tiles, side, tiles, side).sum((0, 2)) / kept
     independent = float(shares.square().sum()) * points * (points - 1) * len(words)
     assert float((canvas * (canvas - 1)).sum()) < 1.1 * independent  # points that share their pixel
+
+
+@pytest.mark.parametrize(("singular", "steps"), [(0.5, 256), (0.98, 792), (0.9999, 4096)])
+def test_slow_maps_take_longer_to_reach_the_attractor(singular, steps):
+    code = IFS(singular * torch.eye(2).expand(2, 2, 2), torch.tensor([[0.0, 0], [1e-4, 0]]))
+    assert cuda_histogram.burn_in(_address_tree(code)) == steps  # .98 ** 792 = e^-16
 
 
 def test_histogram_lights_the_pixels_that_it_counts():

@@ -42,6 +42,12 @@ def test_every_variant_runs_and_repeats_from_its_seed(target, name, parameteriza
     assert not torch.equal(code(0).linear, code(1).linear)
 
 
+def test_convolutions_of_a_fit_are_not_rounded_to_tf32(target):
+    allowed, seen = torch.backends.cudnn.allow_tf32, []
+    fit(iterations=2).reconstruct(target, on_step=lambda progress: seen.append(torch.backends.cudnn.allow_tf32))
+    assert seen == [False, False] and torch.backends.cudnn.allow_tf32 == allowed
+
+
 class Finds(Method):
     """A method that finds one code."""
 

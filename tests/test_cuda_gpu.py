@@ -238,6 +238,23 @@ def test_a_recorded_fit_is_the_plain_one(build):
     assert_close(results[0].linear, results[1].linear, "linear", factor=1e4)
 
 
+def test_without_the_kernels_a_fit_is_not_recorded():
+    fit = small_fit(GradientDescent(), "cuda", iterations=WARM_UP + 3)
+    fit.model.backend, told = "torch", []
+    fit.reconstruct(small_target(), on_step=told.append)
+    assert len(told) == WARM_UP + 3 and fit.optimizer._recorded is None
+
+
+def test_a_fit_is_recorded_on_its_gpu_whichever_is_the_current_one():
+    losses = {}
+    for device in (f"cuda:{i}" for i in range(torch.cuda.device_count())):
+        fit, told = small_fit(GradientDescent(), device, iterations=WARM_UP + 10), []
+        fit.reconstruct(small_target(), on_step=told.append)
+        assert fit.optimizer._recorded[1].graph is not None
+        losses[device] = [step.scalars["loss"] for step in told]
+        assert losses[device] == pytest.approx(losses["cuda:0"], rel=1e-3)
+
+
 def test_candidates_rendered_together_lead_to_where_single_ones_do():
     outcomes = []
     for together in 1, 8:
@@ -264,6 +281,7 @@ def test_a_recorded_iteration_waits_for_nothing():
     fit.optimizer.start({k: v.cuda() for k, v in SVD().initial(4, torch.Generator().manual_seed(0)).items()}, 0)
     for i in range(WARM_UP + 1):
         fit.optimizer.step(problem, i, 1.0)
+    assert fit.optimizer._recorded[1].graph is not None
     torch.cuda.set_sync_debug_mode("error")
     try:
         for i in range(50):

@@ -27,7 +27,7 @@ class Plain(Parameterization):
 class Bowl:
     """Squared distance from the origin, with a bump of noise per seed that is the same for all parameters."""
 
-    parameterization = Plain()
+    parameterization, waits = Plain(), False
 
     def __init__(self):
         self.seeds = []

@@ -12,6 +12,7 @@ from fractal_exp import codes, suite
 from fractal_exp.methods.chaotic import Problem
 from fractal_exp.methods.collage import Collage
 from fractal_exp.model import SVD, ForwardModel, Naive
+from fractal_exp.ops import cuda_launch
 from fractal_exp.optimizers import GradientDescent
 
 SHORT = dict(islands=1, moves=2, detail_moves=1, picture_moves=2, rounds=1, proposals=1)
@@ -63,6 +64,20 @@ def test_the_papers_method_goes_the_same_way_on_both(target, name, parameterizat
     expected = losses("cpu")
     with pretended():
         assert losses("cuda") == pytest.approx(expected, rel=1e-3)  # Adam's divisions come in another order
+
+
+@pytest.mark.parametrize(("parameterization", "backend", "installed", "expected"), [
+    (SVD(), "auto", True, True), (SVD(), "auto", False, False), (SVD(), "torch", True, False),
+    (Naive(), "auto", True, False)])
+def test_steps_that_wait_are_not_recorded(target, monkeypatch, parameterization, backend, installed, expected):
+    with pretended():
+        monkeypatch.setattr(cuda_launch, "INSTALLED", installed)
+        method = fit(GradientDescent(), parameterization=parameterization, device="cuda")
+        method.model.backend = backend
+        start = parameterization.initial(3, torch.Generator().manual_seed(0))
+        method.optimizer.start({name: value.to("cuda") for name, value in start.items()}, 0)
+        problem = Problem(method.model, method.objective, target.to("cuda"))
+        assert method.optimizer._records(problem) is expected
 
 
 def test_a_gradient_step_waits_for_nothing(target):

@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
 from ..model import SVD, ForwardModel, Parameterization, Parameters
 from ..optimizers import Alternating, Annealing, Optimizer
+from ..precision import full_precision
 from ..seeds import derive, generator
 from .base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_device, check_target
 from .best_states import BestStates
@@ -70,6 +71,7 @@ class Chaotic(Method):
         self.match_target, self.device, self.init = match_target, check_device(device), init
         self.radii = tuple(radii)
 
+    @full_precision()
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
         image = check_target(target, self.model.resolution).to(self.device)
@@ -225,6 +227,10 @@ class Problem:
     @property
     def parameterization(self) -> Parameterization:
         return self.model.parameterization
+
+    @property
+    def waits(self) -> bool:
+        return self.model.waits(self.target)
 
     def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         return self.objective(self.model(raw, seed))

@@ -24,7 +24,9 @@ from .cuda_launch import blocks_of, launch
 from .histogram import AddressTree, Window
 
 THREADS = 128
-FEWEST = 64           # points a thread throws, at the least: it takes BURN_IN steps before the first
+FEWEST = 64           # points a thread throws, at the least: it takes many more steps before the first, from anywhere
+ARRIVED = 16          # to e^-16 of that distance from the attractor; slow maps take more than BURN_IN steps for it,
+MOST_STEPS = 1 << 12  # but these at the most
 MOST_THREADS = 1 << 17
 WASTE = 64            # throws for every point in the window, beyond which searching the tree on the CPU is better
 
@@ -48,8 +50,15 @@ def scatter(tree: AddressTree, window: Window, thrown: float, *, seed: tuple[int
     tables = [torch.from_numpy(np.ascontiguousarray(table)).to(device) for table in (
         words[:, :6], ends.astype(np.int64), tree.maps, tree.thresholds.astype(np.int64), tree.guide.astype(np.int32))]
     launch(KERNELS[mode], blocks_of(blocks_of(total, share), THREADS), THREADS, *tables,
-           int(random.integers(2**63)), share, canvas, kept)
+           int(random.integers(2**63)), share, burn_in(tree), canvas, kept)
     return canvas, int(kept)
+
+
+def burn_in(tree: AddressTree) -> int:
+    """Steps before a thread's first point: words of so many maps, drawn at random, contract by e^-16 and more."""
+    largest = np.linalg.norm(tree.maps[:, :4].reshape(-1, 2, 2), 2, axis=(1, 2))
+    rate = -tree.mass @ np.log(largest.clip(1e-9))
+    return int(np.clip(math.ceil(ARRIVED / max(rate, 1e-9)), BURN_IN, MOST_STEPS))
 
 
 def box_mean(canvas: Tensor, factor: int) -> Tensor:
@@ -61,7 +70,7 @@ def box_mean(canvas: Tensor, factor: int) -> Tensor:
 def _thrower(mark: Callable[..., Any]) -> Any:
     """The kernel that throws points and marks those that land in the window."""
     @cuda.jit
-    def throw(words, ends, maps, thresholds, guide, seed, share, canvas, kept):
+    def throw(words, ends, maps, thresholds, guide, seed, share, steps, canvas, kept):
         thread, total = cuda.grid(1), ends[ends.size - 1]
         threads = (total + share - 1) // share
         if thread >= threads:
@@ -70,7 +79,7 @@ def _thrower(mark: Callable[..., Any]) -> Any:
         state, start_x, start_y = start(seed, thread)
         x, y = float64(start_x), float64(start_y)
         inside = int64(0)
-        for k in range(-BURN_IN, share):
+        for k in range(-steps, share):
             state = next_state(uint64(state))
             i = int64(guide[int64(state >> uint64(64 - GUIDE_BITS))])
             while int64(state >> uint64(32)) >= thresholds[i]:

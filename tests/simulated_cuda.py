@@ -58,10 +58,10 @@ def test_splat_agrees_with_the_twin(points, resolution, supersample, sigma_px):
     check_splat(points, resolution, supersample, sigma_px)
 
 
-@pytest.mark.parametrize("chunk", [3, 10])
+@pytest.mark.parametrize("chunk", [3, 5])
 def test_a_crowd_shared_out_to_many_blocks_gives_the_same_image(chunk, monkeypatch):
     monkeypatch.setattr(cuda_splat, "CHUNK", chunk)
-    check_splat(torch.cat([scatter(2, 6, spread=0.4), scatter(2, 14)], 1), 11, 2, 1.2)
+    check_splat(torch.cat([scatter(2, 2, spread=0.4), scatter(2, 5)], 1), 11, 2, 1.2)
 
 
 def test_points_that_are_not_seen_have_no_gradient_and_leave_black():

@@ -101,13 +101,13 @@ def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls
     _, image = triangle
     monkeypatch.setattr(stages.Retouch, "_is_wrong", lambda stage, tiling: stage.others > 0)
     path, parts = tmp_path / "search.safetensors", []
-    whole = small().reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
+    whole = small(rounds=2).reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
     assert parts == sorted(parts) and parts[-1] == 1 and len(set(parts)) > 10
     with monkeypatch.context() as patch:
         patch.setattr(stages.Detail, "begin", _interrupt_in_the_second_round)
         with pytest.raises(KeyboardInterrupt):
-            small().reconstruct(image, checkpoint=Checkpoint(path))
-    resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+            small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path))
+    resumed = small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 

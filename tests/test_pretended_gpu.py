@@ -15,7 +15,7 @@ from fractal_exp.model import SVD, ForwardModel, Naive
 from fractal_exp.ops import cuda_launch
 from fractal_exp.optimizers import GradientDescent
 
-SHORT = dict(islands=1, moves=2, detail_moves=1, picture_moves=2, rounds=1, proposals=1)
+SHORT = dict(islands=1, moves=1, detail_moves=1, picture_moves=1, rounds=1, proposals=1)
 
 
 def test_what_a_gpu_refuses_is_refused_and_what_waits_for_it_counted():

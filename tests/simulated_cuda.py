@@ -105,6 +105,17 @@ def test_slow_maps_take_longer_to_reach_the_attractor(singular, steps):
     assert cuda_histogram.burn_in(_address_tree(code)) == steps  # .98 ** 792 = e^-16
 
 
+@pytest.mark.parametrize(("steps", "most"), [(0, 64), (12, 1)])
+def test_threads_take_that_many_steps_before_their_first_point(steps, most):
+    tree = _address_tree(IFS(torch.eye(2).expand(2, 2, 2) / 2, torch.tensor([[0.0, 0], [1e-4, 0]])))
+    canvas, kept = torch.zeros(17, 17, dtype=torch.int32), torch.zeros(1, dtype=torch.int64)
+    tables = (torch.from_numpy(table) for table in (tree.maps, tree.thresholds.astype("i8"), tree.guide.astype("i4")))
+    words = torch.tensor([[8.0, 0, 0, 8, 8.5, 8.5]], dtype=torch.float64)
+    cuda_launch.launch(cuda_histogram.KERNELS[COUNTED], 1, 64, words, torch.tensor([64]), *tables, 1, 1, steps, canvas,
+                       kept)
+    assert int(kept) == 64 and most // 2 < int((canvas > 0).sum()) <= most
+
+
 def test_histogram_lights_the_pixels_that_it_counts():
     code = attractor.normalize(codes.known("fern"))
     tree, window = _address_tree(code), _window(View(), 12)

@@ -28,7 +28,6 @@ from torch import Tensor
 from fractal_exp import View, attractor, codes, ops, perceptual, suite
 from fractal_exp.evaluation.metrics import f1, inner_crop
 from fractal_exp.evaluation.render import render, render_with_info
-from fractal_exp.evaluation.zoom import random_point
 from fractal_exp.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
 from fractal_exp.methods.base import Progress
 from fractal_exp.methods.chaotic import Chaotic, Problem
@@ -246,7 +245,7 @@ def time_views(sizes: Sizes, rates: dict[str, float]) -> list[dict]:
     for name, code in (("fern", codes.known("fern")), ("suite 0", random_suite(1)[0])):
         code = attractor.normalize(code)
         for zoom in (1, 8, 64):
-            view = View() if zoom == 1 else View(random_point(code, 1), zoom)
+            view = View() if zoom == 1 else View(attractor.random_point(code, 1), zoom)
             times = []
             for seed in range(8):
                 start = time.perf_counter()

@@ -25,7 +25,6 @@ from numba import njit
 from fractal_exp import IFS, View, attractor, codes, threads
 from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.render import render_with_info
-from fractal_exp.evaluation.zoom import random_point
 from fractal_exp.suite import random_suite
 
 POINTS, RESOLUTION, SUPERSAMPLE = 50_000_000, 1024, 8
@@ -97,7 +96,7 @@ def time_code(name: str, code: IFS, repeats: int) -> list[dict]:
     numba_s, numba_kept = best(lambda: plain_numba(code, View(), PLAIN_POINTS, size), repeats)
     rows = []
     for zoom in ZOOMS:
-        view = View() if zoom == 1 else View(random_point(code, 1), zoom)
+        view = View() if zoom == 1 else View(attractor.random_point(code, 1), zoom)
         seconds, (_, info) = best(lambda view=view: render_with_info(
             code, view, resolution=RESOLUTION, points_in_view=POINTS, supersample=SUPERSAMPLE), repeats)
         rate, plain = info.drawn / seconds, [info.mass * kept / s for kept, s in ((torch_kept, torch_s),

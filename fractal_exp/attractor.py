@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .ifs import IFS
@@ -14,6 +16,7 @@ MAX_VISITS = 1_000_000    # and looked at in all
 DIRECTIONS = 1024         # of the support function's table
 MAX_SWEEPS = 5_000        # of the support function's fixed-point iteration
 VISIBLE_CHANCE = 1e-6     # of a word that is seen
+LETTERS = 2000            # of a random address
 
 
 def bounding_disc(code: IFS) -> tuple[np.ndarray, float]:
@@ -99,6 +102,23 @@ def normalize(code: IFS) -> IFS:
     side = max(x1 - x0, y1 - y0)
     scale = FRAME_SIDE / side if side > 1e-5 else 1.0
     return code.similar(scale, (-scale * (x0 + x1) / 2, -scale * (y0 + y1) / 2))
+
+
+def random_point(code: IFS, seed: int | Sequence[int] = 0) -> tuple[float, float]:
+    """A point (x, y) of the attractor, drawn by the invariant measure, to double precision.
+
+    The maps of a random address of 2000 letters are applied to a point of the attractor. Raises `InputError` if the
+    code is not contractive.
+    """
+    code.check_contractive()
+    linear, offset = _float64(code)
+    p = code.sampling_probabilities().cpu().double().numpy()
+    # A fixed point is on the attractor, and so are all its images.
+    x, y = np.linalg.solve(np.eye(2) - linear[p.argmax()], offset[p.argmax()]).tolist()
+    letters = np.random.Generator(np.random.PCG64(seed)).choice(len(p), LETTERS, p=p / p.sum())
+    for a, b, c, d, e, f in np.hstack([linear.reshape(-1, 4), offset])[letters].tolist():
+        x, y = a * x + b * y + e, c * x + d * y + f
+    return x, y
 
 
 def _float64(code: IFS) -> tuple[np.ndarray, np.ndarray]:

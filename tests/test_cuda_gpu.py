@@ -8,7 +8,6 @@ from test_ops_splat import AWKWARD
 
 from fractal_exp import View, attractor, codes
 from fractal_exp.evaluation.render import render_with_info
-from fractal_exp.evaluation.zoom import random_point
 from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic import Chaotic, Problem
 from fractal_exp.model import SVD, ForwardModel
@@ -203,7 +202,7 @@ def test_histogram_has_the_distribution_of_the_cpus(view, monkeypatch):
 @pytest.mark.parametrize("zoom", [1, 8, 64, 1e6])
 def test_a_view_is_the_cpus_to_its_own_noise(zoom):
     code = attractor.normalize(codes.known("heighway_dragon"))
-    view = View() if zoom == 1 else View(random_point(code, 1), zoom)
+    view = View() if zoom == 1 else View(attractor.random_point(code, 1), zoom)
     size = {"resolution": 256, "points_in_view": 4_000_000}
     images = [render_with_info(code, view, **size, seed=seed, device=device)[0] > 0
               for seed, device in ((0, "cpu"), (1, "cpu"), (2, "cuda"))]

@@ -91,7 +91,7 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     uri = tracking.prepare_store(folder / "outputs")
     run = tracking.runs_frame(uri, "judgements").iloc[0]
     assert run["status"] == "FINISHED" and run["metrics.eval/f1"] > 0.95 and run["metrics.eval/exact_fraction"] == 1
-    assert run["params.views"] == "paper" and run["tags.scale"] == "laptop"
+    assert run["params.views"] == "attractor" and run["tags.scale"] == "laptop"
     assert len(tracking.read_table(uri, run["run_id"], "per_view.json")) == 28
     assert tracking.read_artifact(uri, run["run_id"], "strips/fern-chaotic.png").startswith(b"\x89PNG")
 

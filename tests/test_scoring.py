@@ -15,7 +15,7 @@ from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.suite import random_suite
 
 SMALL = {"resolution": 64, "points_in_view": 300_000, "supersample": 4}
-COLUMNS = ["view", "zoom", "center_x", "center_y", "f1", "iou", "psnr", "ssim", "lpips"]
+COLUMNS = ["view", "zoom", "center_x", "center_y", "empty", "f1", "iou", "psnr", "ssim", "lpips"]
 
 
 def drop_last(code: IFS) -> IFS:
@@ -65,8 +65,10 @@ def test_trivial_rows():
     assert white.psnr[0] == pytest.approx(-10 * math.log10((1 - q) ** 2 + q * (1 - q) / 16), abs=0.1)
     assert black.psnr[0] == pytest.approx(-10 * math.log10(q**2 + q * (1 - q) / 16), abs=0.1)
     assert black.f1[0] == 0 and black.iou[0] == 0
-    point = IFS(torch.eye(2)[None] / 2, torch.tensor([[0.0, 0.0]]))  # most views do not hold it: both are empty
-    assert evaluate(TRIVIAL["all black"], point, **SMALL, align="none").f1.max() == 1
+    point = IFS(torch.eye(2)[None] / 2, torch.tensor([[0.0, 0.0]]))  # many views do not hold it: both are empty
+    black, white = (evaluate(TRIVIAL[name], point, **SMALL, views="uniform") for name in ("all black", "all white"))
+    assert black.f1[~black["empty"]].eq(0).all() and 0 < black["empty"].sum() < 7
+    assert not white["empty"].any() and white.f1.lt(0.1).all(), "white on an empty truth is wrong, and counts"
 
 
 class Ring:
@@ -85,9 +87,11 @@ def test_whatever_renders_is_accepted_as_reconstruction_and_as_truth():
     table = evaluate(ring, codes.known("fern"), **SMALL)
     assert len(ring.asked) == 7 and table.f1.max() <= 1
     assert [view.zoom for view, *_ in ring.asked] == table.zoom.tolist()
-    assert evaluate(TRIVIAL["all black"], ring, **SMALL, seed=3).f1.eq(1).all()
+    assert evaluate(TRIVIAL["all white"], ring, **SMALL, seed=3, views="uniform").f1.eq(0).all()
     with pytest.raises(InputError, match="needs seed"):
         evaluate(codes.known("fern"), ring, **SMALL)
+    with pytest.raises(InputError, match="no code; take views=released or views=uniform"):
+        evaluate(codes.known("fern"), ring, **SMALL, seed=3)
 
 
 def test_the_cache_changes_nothing_and_is_used(tmp_path, monkeypatch):
@@ -175,7 +179,8 @@ def test_one_fractal_has_no_interval():
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    ({"align": "left"}, "bbox, none"), ({"views": "all"}, "paper, released"), ({"resolution": 0}, "resolution"),
+    ({"align": "left"}, "bbox, none"), ({"views": "all"}, "attractor, released, uniform"),
+    ({"views": "paper"}, "now called views=uniform"), ({"resolution": 0}, "resolution"),
     ({"resolution": 8}, "SSIM needs images"), ({"perceptual": "vision"}, "no perceptual distance 'vision'"),
 ])
 def test_what_cannot_be_evaluated(arguments, message):
@@ -201,3 +206,46 @@ def test_a_table_that_is_none():
 def test_scored_images_are_those_compared():
     scored = score(codes.known("fern"), codes.known("fern"), **SMALL)
     assert scored.images.shape == scored.truth.shape == (7, 64, 64) and not torch.equal(scored.images, scored.truth)
+
+
+class Half:
+    """A picture whose views beyond twice are black."""
+
+    def render(self, view, *, resolution, **_):
+        return torch.full((resolution, resolution), float(view.zoom <= 2))
+
+
+def test_pairs_of_empty_views_are_marked_and_left_out():
+    half, size = Half(), SMALL | {"views": "released", "seed": 3}
+    table = evaluate(half, half, **size)
+    assert table["empty"].tolist() == [False] * 3 + [True] * 4
+    assert table[["f1", "iou", "psnr", "ssim"]].isna().all(axis=1).equals(table["empty"])
+    assert table.f1[:3].eq(1).all() and table.f1.mean() == 1 and table.psnr.mean() == 100
+    black, white = (evaluate(TRIVIAL[name], half, **size) for name in ("all black", "all white"))
+    assert black["empty"].equals(table["empty"]) and black.f1.mean() == 0 == black.psnr.mean()
+    assert not white["empty"].any() and white.f1.mean() == pytest.approx(3 / 7)
+    distance = evaluate(half, half, **size, perceptual=Perceptual("fractal", Mean())).fractal_distance
+    assert distance.isna().equals(table["empty"])
+
+
+def test_summaries_count_empty_views_and_leave_them_out():
+    table = evaluate(Half(), Half(), **SMALL, views="released", seed=3)
+    white = evaluate(TRIVIAL["all white"], Half(), **SMALL, views="released", seed=3)
+    both = pd.concat([table.assign(fractal="a"), white.assign(fractal="b")])
+    summary = summarize(both)
+    rows = summary.set_index(["zoom_class", "metric"])
+    assert summary.attrs["empty_views"] == 4 and rows.loc[("all", "f1"), "empty"] == 4
+    assert rows.loc[("all", "f1"), "views"] == 10 and rows.loc[("all", "f1"), "mean"] == pytest.approx(6 / 10)
+    assert rows.loc[("4-8x", "f1"), ["empty", "views", "fractals"]].tolist() == [2, 2, 1]
+    assert rows.loc[("2-4x", "psnr"), "mean"] == 0, "black against white"
+    assert rows.loc[("whole", "f1"), ["empty", "views"]].tolist() == [0, 2]
+    assert np.isfinite(rows.loc[("all", "f1"), "low"]), "fractals that have some views have an interval"
+    assert summary.attrs["ceiling_fraction"] == 0.5
+    assert summarize(table).attrs["ceiling_fraction"] == 1
+
+
+def test_an_older_table_without_the_column_and_a_mixed_one_are_summarised_too():
+    old = tables(2)
+    mixed = pd.concat([old, evaluate(Half(), Half(), **SMALL, views="released", seed=3).assign(fractal=2)])
+    assert summarize(old).attrs["empty_views"] == 0 and summarize(mixed).attrs["empty_views"] == 4
+    assert summarize(mixed).iloc[0]["views"] == 8 + 3

@@ -15,7 +15,7 @@ from fractal_exp.evaluation.pictures import comparison_strip, contact_sheet, dif
 from fractal_exp.evaluation.png import PngWriter
 from fractal_exp.evaluation.render import render_with_info
 from fractal_exp.evaluation.video import frames, write_film
-from fractal_exp.evaluation.zoom import nearest_point, random_point, zoom_path
+from fractal_exp.evaluation.zoom import nearest_point, zoom_path
 from fractal_exp.suite import random_suite
 
 GASKET = IFS(torch.eye(2).expand(3, 2, 2) / 2, torch.tensor([[0.0, 0], [0.5, 0], [0, 0.5]]))
@@ -24,7 +24,7 @@ GASKET = IFS(torch.eye(2).expand(3, 2, 2) / 2, torch.tensor([[0.0, 0], [0.5, 0],
 @pytest.mark.parametrize("code", [GASKET, codes.known("fern"), random_suite(1)[0]], ids=["gasket", "fern", "suite"])
 def test_random_and_nearest_points_are_on_the_attractor(code):
     code = attractor.normalize(code)
-    points = [random_point(code, seed) for seed in range(3)] + [nearest_point(code, (0.9, 0.2))]
+    points = [attractor.random_point(code, seed) for seed in range(3)] + [nearest_point(code, (0.9, 0.2))]
     assert len(set(points)) == 4
     for point in points:
         assert not render_with_info(code, View(point, 1e9), resolution=8, points_in_view=100)[1].empty
@@ -34,7 +34,7 @@ def test_the_nearest_point_is_near():
     # The gasket's hypotenuse runs from (1,0) to (0,1); the foot of (0.9, 0.7) on it is (0.6, 0.4), binary 0.1001…
     x, y = nearest_point(GASKET, (0.9, 0.7))
     assert x + y == pytest.approx(1, abs=1e-9) and math.dist((x, y), (0.6, 0.4)) < 0.05
-    inside = random_point(GASKET, 3)
+    inside = attractor.random_point(GASKET, 3)
     assert math.dist(nearest_point(GASKET, inside), inside) < 1e-9
 
 
@@ -64,7 +64,7 @@ def test_paths_that_lead_nowhere(arguments, message):
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
 def test_films_hold_every_frame(tmp_path, suffix, mode):
     code = attractor.normalize(codes.known("fern"))
-    views = zoom_path(random_point(code), 6, end_zoom=100)
+    views = zoom_path(attractor.random_point(code), 6, end_zoom=100)
     pictures = list(frames(code, views, resolution=64, points_in_view=50_000, supersample=2, mode=mode))
     path = write_film(tmp_path / f"zoom{suffix}", pictures, fps=10)
     film = iio.imread(path, index=None if suffix == ".gif" else ...)

@@ -19,10 +19,11 @@ from ..evaluation.code_error import code_error
 from ..evaluation.pictures import comparison_strip
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL, Scored
 from ..evaluation.summary import CEILING_F1, describe
-from ..evaluation.views import REACHES
+from ..evaluation.views import KINDS, check_kind
 from ..images import write_image
 from .candidates import Candidate, gather
 from .commands import command, command_parser, make_folder
+from .judging import f1_in_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,8 +59,9 @@ def main(arguments: list[str] | None = None) -> None:
                                                                          "and 50M")
     parser.add_argument("--resolution", type=int, help="pixels a side, instead of the scale's")
     parser.add_argument("--points", type=int, help="points in a view, instead of the scale's")
-    parser.add_argument("--views", choices=REACHES, default="paper", help="spread over the canvas, or towards its "
-                                                                          "middle as in the authors' program")
+    parser.add_argument("--views", default="attractor", metavar=f"{{{','.join(KINDS)}}}",
+                        help="centred on points of the true attractor; towards the middle of the canvas as in the "
+                             "authors' program, to stand beside published figures; or anywhere on the canvas")
     parser.add_argument("--align", choices=ALIGNMENTS, default="bbox", help="frame each code by its own bounding box, "
                                                                             "or take it in the frame of the input")
     parser.add_argument("--perceptual", choices=("none", *perceptual.kinds()), default="none",
@@ -76,6 +78,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def evaluate_codes(options: argparse.Namespace) -> None:
     """Judge what the command line names, and write what came out."""
+    check_kind(options.views)
     threads.use()
     options.resolution = SCALES[options.scale]["resolution"] if options.resolution is None else options.resolution
     options.points = SCALES[options.scale]["points"] if options.points is None else options.points
@@ -87,7 +90,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         run = stack.enter_context(_start_run(options, folder))
         cache = options.cache or stack.enter_context(tempfile.TemporaryDirectory())
         per_view, codes = _judge_all(candidates, options, distance, cache, make_folder(folder / "strips"), run)
-        _write(per_view, codes, folder, run)
+        _write(per_view, codes, options.views, folder, run)
 
 
 def _judge_all(candidates: list[Candidate], options: argparse.Namespace, distance: Perceptual, cache: str,
@@ -106,8 +109,8 @@ def _judge_all(candidates: list[Candidate], options: argparse.Namespace, distanc
             others[name] = replace(scored, images=torch.full_like(scored.truth, picture.value))
         tables += [one.frame.assign(method=method, fractal=candidate.name, perceptual=distance.name)
                    for method, one in {RESULT: scored, **others}.items()]
-        codes.append({"fractal": candidate.name, **_errors(candidate, options), "f1": scored.frame["f1"].mean(),
-                      "ceiling_f1": others[CEILING].frame["f1"].mean()})
+        codes.append({"fractal": candidate.name,
+                      **_errors(candidate, options, scored.frame, others[CEILING].frame)})
         strip = write_image(strips / f"{candidate.name}.png", _strip(candidate.name, scored))
         run.artifact(f"strips/{strip.name}", strip)
     per_view = pd.concat(tables, ignore_index=True)
@@ -115,22 +118,25 @@ def _judge_all(candidates: list[Candidate], options: argparse.Namespace, distanc
     return per_view, pd.DataFrame(codes)
 
 
-def _errors(candidate: Candidate, options: argparse.Namespace) -> dict[str, object]:
+def _errors(candidate: Candidate, options: argparse.Namespace, scores: pd.DataFrame, ceiling: pd.DataFrame
+            ) -> dict[str, object]:
     error = code_error(candidate.code, candidate.truth, resolution=options.resolution, align=options.align,
                        points_in_view=options.points)
-    return {"exact": error.exact, "displacement_px": error.displacement_px, "maps": len(candidate.code),
-            "true_maps": len(candidate.truth), "maps_that_matter": sum(error.matters), "missed": len(error.missed),
-            "spurious": len(error.spurious)}
+    return {"exact": error.exact, "equivalent": error.equivalent(scores, ceiling),
+            "displacement_px": error.displacement_px, "maps": len(candidate.code), "true_maps": len(candidate.truth),
+            "maps_that_matter": sum(error.matters), "missed": len(error.missed), "spurious": len(error.spurious),
+            "improbable": len(error.improbable), "f1": scores["f1"].mean(), "ceiling_f1": ceiling["f1"].mean(),
+            "whole_f1": error.f1, "whole_ceiling_f1": error.ceiling_f1}
 
 
 def _strip(name: str, scored: Scored) -> torch.Tensor:
     rows = [list(scored.views).index(view) for view in STRIP_VIEWS]
-    captions = [f"{name} {scored.views[view].zoom:.1f}x, F1 {scored.frame['f1'][row]:.3f}"
+    captions = [f"{name} {scored.views[view].zoom:.1f}x, {f1_in_words(scored.frame['f1'][row])}"
                 for view, row in zip(STRIP_VIEWS, rows, strict=True)]
     return comparison_strip(scored.images[rows], scored.truth[rows], captions)
 
 
-def _write(per_view: pd.DataFrame, codes: pd.DataFrame, folder: Path, run: tracking.Tracker) -> None:
+def _write(per_view: pd.DataFrame, codes: pd.DataFrame, views: str, folder: Path, run: tracking.Tracker) -> None:
     """Tables and report into the folder and the run."""
     import pandas as pd
 
@@ -143,24 +149,28 @@ def _write(per_view: pd.DataFrame, codes: pd.DataFrame, folder: Path, run: track
         run.table(f"{name}.json", table)
     means = summary[(summary["method"] == RESULT) & (summary["zoom_class"] == "all")].set_index("metric")["mean"]
     run.log({f"eval/{name}": value for name, value in means.dropna().items()})
-    run.log({"eval/exact_fraction": codes["exact"].mean(),
+    run.log({"eval/exact_fraction": codes["exact"].mean(), "eval/equivalent_fraction": codes["equivalent"].mean(),
+             "views/empty": summaries[RESULT].attrs["empty_views"],
              "eval/ceiling_fraction": summaries[RESULT].attrs["ceiling_fraction"]})
-    report = _report(summaries, summary, codes)
+    report = _report(summaries, summary, codes, views)
     (folder / "report.txt").write_text(report + "\n")
     run.artifact("report.txt", report)
     print(f"{report}\n\n{folder}")
 
 
-def _report(summaries: dict[str, pd.DataFrame], summary: pd.DataFrame, codes: pd.DataFrame) -> str:
+def _report(summaries: dict[str, pd.DataFrame], summary: pd.DataFrame, codes: pd.DataFrame, views: str) -> str:
     attributes, ceiling = summaries[RESULT].attrs, summaries[CEILING].attrs
     absent, distance = attributes["perceptual_absent"], attributes["perceptual"]
-    lines = [f"{len(codes)} codes, mean of 7 views each [bootstrap 95% interval over codes]",
+    empty = summaries[RESULT].attrs["empty_views"]
+    lines = [f"{len(codes)} codes, mean of 7 views each, views={views} [bootstrap 95% interval over codes]",
+             *([f"{empty} of {7 * len(codes)} views are empty in truth and result and are left out"] if empty else []),
              describe(summary[summary["zoom_class"] == "all"], "method"), "", "the results by zoom",
              describe(summaries[RESULT]), "",
              f"at the ceiling (mean F1 >= {CEILING_F1}): {attributes['ceiling_fraction']:.0%}; of the truths "
              f"themselves {ceiling['ceiling_fraction']:.0%}",
-             f"recovered exactly: {codes['exact'].mean():.0%}; mean displacement of matched maps "
-             f"{codes['displacement_px'].mean():.2f} px",
+             f"recovered exactly: {codes['exact'].mean():.0%} ({codes['exact'].sum()} of {len(codes)}); another code "
+             f"of the same attractor: {codes['equivalent'].mean():.0%} ({codes['equivalent'].sum()})",
+             f"mean displacement of matched maps {codes['displacement_px'].mean():.2f} px",
              f"no perceptual distance: {absent}" if absent else f"perceptual distance: {distance}"]
     return "\n".join(lines)
 

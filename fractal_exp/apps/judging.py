@@ -15,7 +15,8 @@ from ..evaluation import Perceptual, metrics, score
 from ..evaluation.pictures import comparison_strip
 from ..evaluation.render import check_device
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
-from ..evaluation.views import evaluation_views
+from ..evaluation.summary import without_empty
+from ..evaluation.views import check_kind
 from ..ifs import View
 from ..methods.base import Reconstruction
 from ..targets import Target
@@ -29,13 +30,15 @@ NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPI
 @dataclass(frozen=True)
 class Judgement:
     """per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; trivial: the means that an all
-    white and an all black image get, as white/… and black/…; pictures by name: the input as `target`, its
-    reconstruction as `result`, `comparison`, target | result | difference of every view, and where the truth is known
-    `zoomed_target` and `zoomed`, the view beyond 2x that shows most."""
+    white and an all black image get, as white/… and black/…; counts: views/judged and views/empty, the views that the
+    scores are means of, and those that are left out since nothing is on them; pictures by name: the input as `target`,
+    its reconstruction as `result`, `comparison`, target | result | difference of every view, and where the truth is
+    known `zoomed_target` and `zoomed`, the view beyond 2x that shows most."""
 
     per_view: pd.DataFrame
     scores: dict[str, float]
     trivial: dict[str, float]
+    counts: dict[str, int]
     pictures: dict[str, Tensor | np.ndarray]
 
     def describe(self) -> str:
@@ -44,7 +47,9 @@ class Judgement:
         names = [*(name for name in NAMES if name in found), *(name for name in found if name not in NAMES)]
         shown = [f"{NAMES.get(name, name)} {self.scores[f'eval/{name}']:.3f}" for name in names]
         whole = f"F1 {self.per_view['f1'].iloc[0]:.3f} on the whole one"
-        views = f"mean of {len(self.per_view)} views, {whole}" if len(self.per_view) > 1 else "against the input"
+        judged, empty = self.counts["views/judged"], self.counts["views/empty"]
+        views = f"mean of {judged} views, {whole}" if len(self.per_view) > 1 else "against the input"
+        views += f", {empty} more are empty in both" if empty else ""
         return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
 
 
@@ -58,7 +63,7 @@ def check_options(options: Mapping[str, Any]) -> None:
         value = options[name]
         if not (optional and value is None) and (not isinstance(value, int) or value < 1):
             raise InputError(f"evaluation.{name} must be a whole number of at least 1, got {value!r}")
-    evaluation_views(0, options["views"])
+    check_kind(options["views"])
     if options["align"] not in ALIGNMENTS:
         raise InputError(f"evaluation.align must be one of {', '.join(ALIGNMENTS)}, got {options['align']!r}")
     check_device(options["device"])
@@ -81,19 +86,27 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     measured = [name for name in dict.fromkeys((*NAMES, perceptual.column)) if name in per_view]
     means = per_view[measured].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
-    captions = [f"{row.view}, F1 {row.f1:.3f}" for row in per_view.itertuples()]
+    judged = len(without_empty(per_view))
+    counts = {"views/judged": judged, "views/empty": len(per_view) - judged}
+    captions = [f"{row.view}, {f1_in_words(row.f1)}" for row in per_view.itertuples()]
     pictures = {"target": target.image, "result": drawn, "comparison": comparison_strip(images, truth, captions)}
     if len(per_view) > 1:
         lit = [float((image > 0).float().mean()) if zoom > 2 else -1.0
                for image, zoom in zip(truth, per_view["zoom"], strict=True)]
         k = lit.index(max(lit))
         pictures |= {"zoomed_target": truth[k], "zoomed": images[k]}
-    return Judgement(per_view, scores, _trivial(truth), pictures)
+    return Judgement(per_view, scores, _trivial(truth), counts, pictures)
+
+
+def f1_in_words(f1: float) -> str:
+    """The F1 of a view for its caption; that of an empty view is NaN."""
+    return "empty" if np.isnan(f1) else f"F1 {f1:.3f}"
 
 
 def _trivial(truth: Tensor) -> dict[str, float]:
-    return {f"{name.removeprefix('all ')}/{metric}": float(values.mean()) for name, picture in TRIVIAL.items()
-            for metric, values in metrics.compare(torch.full_like(truth, picture.value), truth).items()}
+    means = {f"{name.removeprefix('all ')}/{metric}": float(values.nanmean()) for name, picture in TRIVIAL.items()
+             for metric, values in metrics.compare(torch.full_like(truth, picture.value), truth).items()}
+    return {name: mean for name, mean in means.items() if np.isfinite(mean)}
 
 
 def _against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:

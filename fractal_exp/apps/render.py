@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..evaluation.png import PngWriter
 from ..evaluation.render import MODES, render, render_tiles, tile_side, tone_map, white_level
 from ..evaluation.video import SUFFIXES, check_film, frames, write_film
-from ..evaluation.zoom import nearest_point, random_point, zoom_path
+from ..evaluation.zoom import nearest_point, zoom_path
 from ..ifs import IFS, View
 from .commands import CODE_HELP, command, command_parser, read_code
 
@@ -115,7 +115,8 @@ def draw_film(code: IFS, options: argparse.Namespace) -> Path:
         raise InputError(f"a film has at least 2 frames, got {options.seconds} s at {options.fps} frames a second")
     start = View(zoom=options.start_zoom)
     end_zoom = 1e4 if options.zoom is None else View(zoom=options.zoom).zoom
-    target = nearest_point(code, tuple(options.center)) if options.center else random_point(code, options.seed)
+    target = (nearest_point(code, tuple(options.center)) if options.center
+              else attractor.random_point(code, options.seed))
     views = zoom_path(target, round(options.seconds * options.fps), start=start, end_zoom=end_zoom)
     pictures = frames(code, views, resolution=size, points_in_view=options.points, supersample=options.supersample,
                       mode=options.mode)

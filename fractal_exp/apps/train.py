@@ -111,7 +111,7 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
         run.image(name, image)
     judgement.per_view.to_csv(folder.path / "per_view.csv", index=False)
     run.table("per_view.json", judgement.per_view)
-    run.log(judgement.scores | judgement.trivial)
+    run.log(judgement.scores | judgement.trivial | judgement.counts)
 
 
 @hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="train")

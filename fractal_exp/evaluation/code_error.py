@@ -1,8 +1,9 @@
-"""How far a recovered code is from the true one, map by map."""
+"""How far a recovered code is from the true one, map by map, and whether it is that code."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -13,26 +14,39 @@ from ..ifs import IFS
 from .metrics import f1
 from .render import points_per_view, render_with_info
 
-EXACT_PX = 1.0           # a map is found if it moves points of the attractor by at most this, on average
-MATTERS_F1 = 0.995       # and it matters if the picture without it agrees less with the whole than this
-TRAJECTORIES, LENGTH, WARMUP = 200, 60, 50
+if TYPE_CHECKING:
+    import pandas as pd
+
+FOUND_PX = 1.0           # a map is found if it moves points of the attractor by at most this, on average,
+FOUND_PART = 0.1         # and by at most this part of the size of its own image
+PROBABILITY_FACTOR = 1.25
+CEILING_GAP = 0.01       # F1 this close to what the truth has against itself is at the ceiling
+MATTERS_F1 = 0.995       # a map matters if the picture without it agrees less with the whole than this
+TRAJECTORIES, LENGTH, WARMUP = 2000, 60, 50  # 20 000 points: sizes and displacements to within 1%
 
 
 @dataclass(frozen=True)
 class CodeError:
-    """`pairs`: (recovered map, true map, mean displacement in pixels of the input) of the best assignment; `missed`:
-    true maps that matter and have no recovered map within 1 px; `spurious`: recovered maps that change their attractor
-    and are within 1 px of no true map; `matters`: for each true map, whether the picture shows it."""
+    """How a recovered code differs from the true one.
+
+    pairs: (recovered map, true map, mean displacement in pixels of the input) of the best assignment; matters: for each
+    true map, whether the picture shows it; missed: true maps that matter and are not found; spurious: recovered maps
+    that change their attractor and are near no true one; improbable: true maps that matter, are found and
+    have another probability; f1 of the whole view against the truth, and ceiling_f1, that of the truth against itself.
+    """
 
     pairs: tuple[tuple[int, int, float], ...]
+    matters: tuple[bool, ...]
     missed: tuple[int, ...]
     spurious: tuple[int, ...]
-    matters: tuple[bool, ...]
+    improbable: tuple[int, ...]
+    f1: float
+    ceiling_f1: float
 
     @property
     def exact(self) -> bool:
-        """Whether the code is recovered: nothing that matters is missed, and nothing is spurious."""
-        return not self.missed and not self.spurious
+        """Whether the true code itself is recovered: nothing missed, spurious or improbable, and F1 at the ceiling."""
+        return not (self.missed or self.spurious or self.improbable) and at_ceiling(self.f1, self.ceiling_f1)
 
     @property
     def displacement_px(self) -> float:
@@ -40,16 +54,37 @@ class CodeError:
         moved = [px for _, j, px in self.pairs if self.matters[j]]
         return sum(moved) / len(moved) if moved else float("nan")
 
+    def equivalent(self, scores: pd.DataFrame, ceiling: pd.DataFrame) -> bool:
+        """Whether this is another code of the same attractor: not exact, but at the ceiling over all views.
+
+        scores and ceiling: per-view tables (see `evaluate`) of the recovered code and of the truth, both against the
+        truth; their mean F1 are compared.
+        """
+        return not self.exact and at_ceiling(float(scores["f1"].mean()), float(ceiling["f1"].mean()))
+
+
+def at_ceiling(score: float, ceiling: float) -> bool:
+    """Whether an F1 is within .01 of what the truth has against itself, drawn with other points."""
+    return score >= ceiling - CEILING_GAP
+
 
 def code_error(recovered: IFS, truth: IFS, *, resolution: int, align: str = "bbox", points_in_view: int | None = None
                ) -> CodeError:
-    """Match recovered maps to true ones and measure how far apart they are.
+    """Match recovered maps to true ones, measure how far apart they are, and say whether the true code is recovered.
 
     The truth is taken in the frame of the input (`attractor.normalize`), the recovered code likewise (align="bbox") or
     in its own frame (align="none", for methods that return a code in the input's frame). The displacement of a pair is
     the mean over the true attractor of |g_i(x) - f_j(x)|, in pixels of an input of `resolution`; the pairs are those
-    of least total displacement (Hungarian algorithm). Another code of the same attractor (by a symmetry, say) is far
-    from the true one in this measure. Raises `InputError` if a code is not contractive.
+    of least total displacement (Hungarian algorithm).
+
+    A true map is found if its partner is within `tolerances`. Probabilities are compared as the chaos game uses them,
+    those of a code without any being |det| + 0.01, since they decide what a picture of so many points shows: a found
+    map's may differ by a factor of 1.25. Where neither code states any they follow from the maps and are not compared.
+    Maps that coincide share what the chaos game gives them, so that their sum may be right instead. Pictures of both
+    codes, in the whole view, must agree to within .01 of the truth's own F1.
+
+    Another code of the same attractor (by a symmetry, say) is far from the true one in this measure, see
+    `CodeError.equivalent`. Raises `InputError` if a code is not contractive.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -57,26 +92,67 @@ def code_error(recovered: IFS, truth: IFS, *, resolution: int, align: str = "bbo
         raise InputError(f"align must be bbox or none, got {align!r}")
     truth = attractor.normalize(truth)
     recovered = attractor.normalize(recovered) if align == "bbox" else recovered.check_contractive()
-    distances = displacements(recovered, truth, resolution)
+    distances, limits = displacements(recovered, truth, resolution), tolerances(truth, resolution)
     rows, columns = linear_sum_assignment(distances.numpy())
     pairs = tuple((int(i), int(j), float(distances[i, j])) for i, j in zip(rows, columns, strict=True))
+    partner = {j: i for i, j, px in pairs if px <= limits[j]}
 
     points = points_per_view(resolution) if points_in_view is None else points_in_view
     matters = tuple(maps_that_matter(truth, resolution, points))
-    found = {(i, j) for i, j, px in pairs if px <= EXACT_PX}
-    missed = tuple(j for j, it_does in enumerate(matters) if it_does and j not in {j for _, j in found})
-    suspects = set(range(len(recovered))) - {i for i, _ in found}
+    missed = tuple(j for j, it_does in enumerate(matters) if it_does and j not in partner)
+    near = distances <= limits
+    suspects = [i for i in range(len(recovered)) if not near[i].any()]
     shown = maps_that_matter(recovered, resolution, points) if suspects else []
-    return CodeError(pairs, missed, tuple(i for i in sorted(suspects) if shown[i]), matters)
+    wrong = _wrong_probabilities(recovered, truth, partner, near, resolution)
+    whole, again, result = (_mask(code, seed, resolution, points) for code, seed in
+                            ((truth, 0), (truth, 1), (recovered, 1)))
+    return CodeError(pairs, matters, missed, tuple(i for i in suspects if shown[i]),
+                     tuple(j for j in wrong if matters[j]), float(f1(result, whole)), float(f1(again, whole)))
+
+
+def _wrong_probabilities(recovered: IFS, truth: IFS, partner: dict[int, int], near: Tensor, resolution: int
+                         ) -> list[int]:
+    """Found true maps j whose partner has another probability, unless the recovered maps near j, `near` (recovered,
+    true), have together what the true maps near j have."""
+    if recovered.probabilities is None and truth.probabilities is None:
+        return []
+    q, p = (code.sampling_probabilities().cpu().double() for code in (recovered, truth))
+    alike = (displacements(truth, truth, resolution) <= tolerances(truth, resolution)).double()
+    return [j for j, i in sorted(partner.items())
+            if not (_within_factor(q[i], p[j]) or _within_factor(q @ near[:, j].double(), p @ alike[:, j]))]
+
+
+def _within_factor(q: Tensor, p: Tensor) -> bool:
+    return bool((q <= PROBABILITY_FACTOR * p) & (p <= PROBABILITY_FACTOR * q))
+
+
+def tolerances(truth: IFS, resolution: int) -> Tensor:
+    """How far a recovered map may be from each true one, in pixels, float64 (true maps,).
+
+    A tenth of the size of the map's own image and at most 1 px. The size is the root mean square distance of f_j(x)
+    from its mean, x by the invariant measure, and an image smaller than a pixel counts as a pixel.
+    """
+    image = _images(truth, _points(truth))
+    size = (image - image.mean(1, keepdim=True)).square().sum(-1).mean(-1).sqrt() * resolution / 2
+    return (FOUND_PART * size.clamp(min=1)).clamp(max=FOUND_PX)
 
 
 def displacements(recovered: IFS, truth: IFS, resolution: int) -> Tensor:
     """The mean over the truth's attractor of |g_i(x) - f_j(x)| in pixels, float64 (recovered maps, true maps)."""
-    x = ops.chaos_game(truth.linear.cpu(), truth.offset.cpu(), trajectories=TRAJECTORIES, length=LENGTH, warmup=WARMUP,
-                       probabilities=truth.sampling_probabilities().cpu(), seed=0).double()
-    g, f = (torch.einsum("nij,pj->npi", code.linear.cpu().double(), x) + code.offset.cpu().double()[:, None]
-            for code in (recovered, truth))
+    x = _points(truth)
+    g, f = _images(recovered, x), _images(truth, x)
     return torch.stack([torch.linalg.vector_norm(image - f, dim=-1).mean(-1) for image in g]) * resolution / 2
+
+
+def _points(code: IFS) -> Tensor:
+    """Points (P,2) of the attractor by the invariant measure, float64."""
+    return ops.chaos_game(code.linear.cpu(), code.offset.cpu(), trajectories=TRAJECTORIES, length=LENGTH, warmup=WARMUP,
+                          probabilities=code.sampling_probabilities().cpu(), seed=0).double()
+
+
+def _images(code: IFS, x: Tensor) -> Tensor:
+    """The images (N,P,2) of points (P,2) under each map."""
+    return torch.einsum("nij,pj->npi", code.linear.cpu().double(), x) + code.offset.cpu().double()[:, None]
 
 
 def maps_that_matter(code: IFS, resolution: int, points_in_view: int) -> list[bool]:

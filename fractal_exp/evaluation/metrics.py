@@ -58,10 +58,17 @@ def ssim(images: Tensor, truth: Tensor) -> Tensor:
 METRICS = {"f1": f1, "iou": iou, "psnr": psnr, "ssim": ssim}
 
 
+def empty_pairs(images: Tensor, truth: Tensor) -> Tensor:
+    """Which pairs of images (B,R,R) show nothing at all in their inner crops, neither the one nor the other; (B,)."""
+    _, _, total = _overlap(inner_crop(images), inner_crop(truth))
+    return total == 0
+
+
 def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
     """All metrics by name, (B,) each, of the inner crops of images (B,R,R) against truth (B,R,R), both in [0,1].
 
-    Raises `InputError` if the shapes differ, or the images are not finite or leave [0,1].
+    They are NaN for the `empty_pairs`: two black pictures agree without saying anything about a method. Raises
+    `InputError` if the shapes differ, or the images are not finite or leave [0,1].
     """
     _check(images, truth)
     for name, batch in (("image", images), ("truth", truth)):
@@ -70,8 +77,9 @@ def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
         low, high = float(batch.min()), float(batch.max())
         if low < 0 or high > 1:
             raise InputError(f"the {name} to compare must lie in [0, 1], got [{low:.4g}, {high:.4g}]")
+    empty = empty_pairs(images, truth)
     images, truth = inner_crop(images), inner_crop(truth)
-    return {name: metric(images, truth) for name, metric in METRICS.items()}
+    return {name: metric(images, truth).masked_fill(empty, torch.nan) for name, metric in METRICS.items()}
 
 
 def _overlap(images: Tensor, truth: Tensor) -> tuple[Tensor, Tensor, Tensor]:

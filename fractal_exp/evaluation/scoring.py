@@ -18,7 +18,7 @@ from ..ifs import IFS, View
 from . import metrics
 from .cache import ImageCache
 from .render import points_per_view
-from .views import evaluation_views, views_seed
+from .views import code_of, evaluation_views
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,35 +114,34 @@ class Scored:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row a view: view, zoom, center_x, center_y, f1, iou, psnr, ssim, lpips (see `evaluate`), and the distance
-        where its column is another."""
+        """One row a view: view, zoom, center_x, center_y, empty, f1, iou, psnr, ssim, lpips (see `evaluate`), and the
+        distance where its column is another."""
         import pandas as pd
 
-        measured = metrics.compare(self.images, self.truth)
+        measured, empty = metrics.compare(self.images, self.truth), metrics.empty_pairs(self.images, self.truth)
+        distance = self.perceptual.measure(metrics.inner_crop(self.images), metrics.inner_crop(self.truth))
         table = pd.DataFrame({
             "view": list(self.views),
             "zoom": [view.zoom for view in self.views.values()],
             "center_x": [view.center[0] for view in self.views.values()],
             "center_y": [view.center[1] for view in self.views.values()],
+            "empty": empty.numpy(),
             **{name: values.double().numpy() for name, values in measured.items()},
             "lpips": torch.nan,
         })
-        table[self.perceptual.column] = self.perceptual.measure(
-            metrics.inner_crop(self.images), metrics.inner_crop(self.truth)).double().numpy()
+        table[self.perceptual.column] = distance.masked_fill(empty, torch.nan).double().numpy()
         table.attrs = {"perceptual": self.perceptual.name, "perceptual_absent": self.perceptual.absent}
         return table
 
 
 def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resolution: int = 1024,
-          points_in_view: int | None = None, supersample: int = 8, views: str = "paper", align: str = "bbox",
+          points_in_view: int | None = None, supersample: int = 8, views: str = "attractor", align: str = "bbox",
           seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
           device: str = "cpu") -> Scored:
     """`evaluate`, with the images that were compared."""
     if align not in ALIGNMENTS:
         raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
-    if seed is None and not isinstance(truth, IFS):
-        raise InputError("views are drawn from a seed of the fractal; a truth that is no IFS needs seed=…")
-    chosen = evaluation_views(views_seed(truth) if seed is None else seed, views)
+    chosen = evaluation_views(truth, views, seed=seed)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}
     if isinstance(perceptual, str):
@@ -154,17 +153,19 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
 
 
 def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resolution: int = 1024,
-             points_in_view: int | None = None, supersample: int = 8, views: str = "paper", align: str = "bbox",
+             points_in_view: int | None = None, supersample: int = 8, views: str = "attractor", align: str = "bbox",
              seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
              device: str = "cpu") -> pd.DataFrame:
     """Compare a reconstruction with its truth on the seven views of the truth: a table of one row a view.
 
-    Columns: view (its name), zoom, center_x, center_y, then f1, iou, psnr (dB), ssim and lpips of the inner 75% (see
-    `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. The
-    distance "fractal" is not LPIPS: it stands in a column of its own, fractal_distance.
+    Columns: view (its name), zoom, center_x, center_y, empty, then f1, iou, psnr (dB), ssim and lpips of the inner 75%
+    (see `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. The
+    distance "fractal" is not LPIPS: it stands in a column of its own, fractal_distance. A pair of pictures that are
+    both black in their inner 75% says nothing: `empty` is True and all its scores are NaN, so that means leave it out.
 
-    `points_in_view` (None: 50 million · (resolution/1024)²) and `supersample` are those of `render`. views: "paper" or
-    "released". A true code is brought to the canvas (`attractor.normalize`), as it is for the input of a method; align
+    `points_in_view` (None: 50 million · (resolution/1024)²) and `supersample` are those of `render`. views:
+    "attractor", "released" or "uniform", see `evaluation_views`; only "released" may stand beside published figures. A
+    true code is brought to the canvas (`attractor.normalize`), as it is for the input of a method; align
     says the same of the reconstruction: "bbox" frames its code by the box of its own attractor, as in the paper, "none"
     takes it in the frame of the input. The views' seed is that of the truth alone (`views_seed`) unless given.
     perceptual: a loaded `Perceptual`, or the name of a distance. cache: a folder that keeps the truth's images.
@@ -179,8 +180,8 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
 
 def _aligned(thing: IFS | Renderable, align: str) -> IFS | Renderable:
     """The code of the thing, if it has one, in the frame to judge it in; else the thing."""
-    code = getattr(thing, "code", thing)
-    return ALIGNMENTS[align](code) if isinstance(code, IFS) else thing
+    code = code_of(thing)
+    return thing if code is None else ALIGNMENTS[align](code)
 
 
 def _draw(thing: IFS | Renderable, views: dict[str, View], stream: int, size: dict[str, int], cache: ImageCache

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 METRICS = ("f1", "iou", "psnr", "ssim", "lpips")
-KEYS = ("view", "zoom", "center_x", "center_y", "fractal")
+KEYS = ("view", "zoom", "center_x", "center_y", "empty", "fractal")
 ALL_VIEWS = "all"
 CEILING_F1 = 0.97        # mean F1 from which a fractal counts as recovered as far as views can tell
 CONFIDENCE, RESAMPLES = 0.95, 9999
@@ -31,9 +31,10 @@ def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
     `frame` holds the rows of one fractal, or of several told apart by a column `fractal`. One row a class of zoom
     (all, whole, 1-2x, 2-4x, 4-8x) and metric: mean over the views; std, the spread of the fractals' means; low and
     high, the bootstrap 95% interval of the mean, drawn over fractals, since views of one fractal are no independent
-    samples (Efron's percentile interval, 9999 resamples; NaN for a single fractal); views and fractals, their numbers.
-    `attrs` keep those of the frame, and `ceiling_fraction`. A metric that is absent (NaN) stays absent. Raises
-    `InputError` on a table that is no such table or empty.
+    samples (Efron's percentile interval, 9999 resamples; NaN for a single fractal); views and fractals, their numbers;
+    empty, the number of views that are empty in truth and result: they are left out of all else. `attrs` keep those of
+    the frame, and `ceiling_fraction` and `empty_views`. A metric that is absent (NaN) stays absent. Raises `InputError`
+    on a table that is no such table or without rows.
     """
     import pandas as pd
 
@@ -47,16 +48,25 @@ def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
     rows = []
     for name in (ALL_VIEWS, *ZOOM_CLASSES):
         chosen = frame if name == ALL_VIEWS else frame[classes == name]
+        shown = without_empty(chosen)
         for metric in metric_columns(frame):
             if len(chosen):
-                rows.append({"zoom_class": name, "metric": metric, **_statistics(chosen[metric], fractal, seed)})
+                rows.append({"zoom_class": name, "metric": metric, **_statistics(shown[metric], fractal, seed),
+                             "empty": len(chosen) - len(shown)})
     summary = pd.DataFrame(rows)
-    summary.attrs = {**frame.attrs, "ceiling_fraction": ceiling_fraction(frame)}
+    summary.attrs = {**frame.attrs, "ceiling_fraction": ceiling_fraction(frame),
+                     "empty_views": len(frame) - len(without_empty(frame))}
     return summary
 
 
+def without_empty(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a per-view table that count: those of views that are not empty in both truth and result."""
+    return frame[frame["empty"].ne(True)] if "empty" in frame else frame
+
+
 def ceiling_fraction(frame: pd.DataFrame) -> float:
-    """The fraction of fractals whose mean F1 over the views is at least 0.97."""
+    """The fraction of fractals whose mean F1 over the views that are not empty is at least 0.97."""
+    frame = without_empty(frame)
     if "fractal" not in frame:
         return float(frame["f1"].mean() >= CEILING_F1)
     return float((frame.groupby("fractal")["f1"].mean() >= CEILING_F1).mean())

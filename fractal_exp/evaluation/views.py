@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 from bisect import bisect_left
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
+from .. import attractor
 from ..errors import InputError
 from ..ifs import IFS, View
 
@@ -16,31 +18,74 @@ VIEWS_PER_RANGE = 2
 WHOLE = "whole"
 ZOOM_CLASSES = (WHOLE, *(f"{low:g}-{high:g}x" for low, high in ZOOM_RANGES))
 
-# How far from the canvas's middle a window's centre may lie along each axis, by zoom.
-REACHES: dict[str, Callable[[float], float]] = {
-    "paper": lambda zoom: 1 - 1 / zoom,              # anywhere, as long as the window stays on the canvas
-    "released": lambda zoom: (1 - 1 / zoom) / zoom,  # the authors' program: the closer, the nearer to the middle
+# The centre of a view, by its number, its zoom and a draw (2,) from [-1,1]².
+Center = Callable[[int, float, np.ndarray], tuple[float, float]]
+
+
+def code_of(thing: Any) -> IFS | None:
+    """The code of a truth or a reconstruction, None if it has none."""
+    code = getattr(thing, "code", thing)
+    return code if isinstance(code, IFS) else None
+
+
+def _on_attractor(truth: Any, seed: int) -> Center:
+    code = code_of(truth)
+    if code is None:
+        raise InputError("views=attractor are centred on points of the truth's attractor, and this truth is no code; "
+                         "take views=released or views=uniform")
+    framed = attractor.normalize(code)
+    return lambda number, zoom, draw: attractor.random_point(framed, (seed, number))
+
+
+def _within(reach: Callable[[float], float]) -> Callable[[Any, int], Center]:
+    return lambda truth, seed: lambda number, zoom, draw: tuple(draw * reach(zoom))
+
+
+KINDS: dict[str, Callable[[Any, int], Center]] = {  # of a truth and the seed of its views
+    "attractor": _on_attractor,
+    "released": _within(lambda zoom: (1 - 1 / zoom) / zoom),  # the authors' program: the closer, the nearer the middle
+    "uniform": _within(lambda zoom: 1 - 1 / zoom),            # anywhere, as long as the window stays on the canvas
 }
+FORMER = {"paper": "uniform"}  # names of old
 
 
-def evaluation_views(seed: int, kind: str = "paper") -> dict[str, View]:
+def check_kind(kind: str) -> str:
+    """The kind of views, or `InputError` if there is none of this name."""
+    if kind in FORMER:
+        raise InputError(f"views={kind} is now called views={FORMER[kind]}; views must be one of {', '.join(KINDS)}")
+    if kind not in KINDS:
+        raise InputError(f"views must be one of {', '.join(KINDS)}, got {kind!r}")
+    return kind
+
+
+def evaluation_views(truth: Any, kind: str = "attractor", *, seed: int | None = None) -> dict[str, View]:
     """The seven views of a fractal by name: the whole canvas, and two with zooms from each of U[1,2], U[2,4], U[4,8].
 
-    Centres are uniform within the reach of `kind`: `paper` keeps the window on the canvas, `released` is how the
-    authors' program draws them, |center| <= (1 - 1/zoom) / zoom. Both kinds share the zooms of a seed. Raises
-    `InputError` on another kind or a negative seed.
+    truth: an `IFS` in any frame, or what has one as `code`; the views are those of `attractor.normalize` of it. kind
+    says where the centres of the six closer views lie:
+    - "attractor": on points of the truth's attractor, drawn by its invariant measure. No such view is empty; its window
+      may reach beyond the canvas.
+    - "released": uniform in |center| <= (1 - 1/zoom) / zoom, as the authors' program draws them.
+    - "uniform": uniform as long as the window stays on the canvas. About one in nine of the random suite is empty.
+    seed: of the zooms and centres (default: `views_seed` of the truth); all kinds share the zooms of a seed.
+
+    Raises `InputError` on another kind, a negative seed, a truth that is no code without a seed or with views on its
+    attractor, or one that is not contractive.
     """
-    if kind not in REACHES:
-        raise InputError(f"views must be one of {', '.join(REACHES)}, got {kind!r}")
+    check_kind(kind)
+    if seed is None:
+        code = code_of(truth)
+        if code is None:
+            raise InputError("views are drawn from a seed of the fractal; a truth that is no code needs seed=…")
+        seed = views_seed(code)
     if seed < 0:
         raise InputError(f"the seed of the views must be at least 0, got {seed}")
-    rng = np.random.Generator(np.random.PCG64(seed))
+    rng, center = np.random.Generator(np.random.PCG64(seed)), KINDS[kind](truth, seed)
     views = {WHOLE: View()}
     for low, high in ZOOM_RANGES:
         for letter in "ab"[:VIEWS_PER_RANGE]:
-            zoom, reach = rng.uniform(low, high), rng.uniform(-1, 1, 2)
-            x, y = reach * REACHES[kind](zoom)
-            views[f"{low:g}-{high:g}x-{letter}"] = View((x, y), zoom)
+            zoom, draw = rng.uniform(low, high), rng.uniform(-1, 1, 2)
+            views[f"{low:g}-{high:g}x-{letter}"] = View(center(len(views), zoom, draw), zoom)
     return views
 
 

@@ -12,24 +12,9 @@ from ..errors import InputError
 from ..ifs import IFS, View
 from .render import MAX_ZOOM, render_with_info
 
-LETTERS = 2000        # of a random address
 LOOK, LOOK_POINTS = 64, 20_000  # pixels and points of a look about
 EASE = 0.15           # of the time is spent on gathering speed, and as much on braking
 CENTERED = 0.4        # of the time after which the target is in the middle of the picture
-
-
-def random_point(code: IFS, seed: int = 0) -> tuple[float, float]:
-    """A point (x, y) of the attractor by the invariant measure, to double precision.
-
-    Raises `InputError` if the code is not contractive.
-    """
-    code.check_contractive()
-    linear, offset = code.linear.cpu().double().numpy(), code.offset.cpu().double().numpy()
-    p = code.sampling_probabilities().cpu().double().numpy()
-    x = np.linalg.solve(np.eye(2) - linear[p.argmax()], offset[p.argmax()])  # on the attractor, as all its images are
-    for i in np.random.Generator(np.random.PCG64(seed)).choice(len(p), LETTERS, p=p / p.sum()):
-        x = linear[i] @ x + offset[i]
-    return float(x[0]), float(x[1])
 
 
 def nearest_point(code: IFS, to: tuple[float, float]) -> tuple[float, float]:

@@ -1,0 +1,50 @@
+"""Published runs: their codes come back exactly, and can be judged without fitting again."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from benchmarks import archive, judge, suite
+from fractal_exp import attractor
+from fractal_exp.suite import random_suite
+
+CODE = replace(random_suite(1, 7)[0], meta={})
+
+
+def fit(**changes) -> archive.Fit:
+    return archive.Fit(**{"fractal": 0, "suite": 7, "kind": "grey", "resolution": 64, "method": "collage",
+                          "options": {}, "seconds": 1.0, "code": CODE,
+                          "stages": (archive.Stage("search", 0.5, CODE),), **archive.here()} | changes)
+
+
+def test_codes_come_back_to_the_last_bit(tmp_path):
+    probabilities = torch.full((len(CODE),), 1 / len(CODE))
+    archive.append(tmp_path, fit(fractal=3, code=replace(CODE, probabilities=probabilities)))
+    archive.append(tmp_path, fit(fractal=1))
+    first, second = archive.read(tmp_path)
+    assert (first.fractal, second.fractal) == (1, 3)
+    assert torch.equal(first.code.linear, CODE.linear) and torch.equal(first.code.offset, CODE.offset)
+    assert first.code.probabilities is None and torch.equal(second.code.probabilities, probabilities)
+    assert torch.equal(first.stages[0].code.linear, CODE.linear) and first.stages[0].seconds == 0.5
+    assert archive.missing(tmp_path, range(4)) == [0, 2]
+
+
+def test_a_run_is_judged_from_its_codes_alone(tmp_path, capsys):
+    archive.append(tmp_path, fit(code=attractor.normalize(CODE), stages=()))
+    archive.append(tmp_path, fit(fractal=1, code=attractor.normalize(CODE), stages=()))  # not its code
+    judge.run(tmp_path, 1)
+    table = judge.pd.read_csv(tmp_path / "per_view.csv")
+    results = table[table["method"] == judge.RESULT].groupby("fractal").first()
+    assert bool(results["exact"][0]) and not bool(results["exact"][1])
+    assert results["true_maps"][1] == len(random_suite(2, 7)[1])
+    text = (tmp_path / "report.txt").read_text()
+    assert "exact: 50% (1)" in text and "all black" in text and "released views" in text
+    assert text in capsys.readouterr().out
+
+
+def test_a_folder_holds_one_run(tmp_path, monkeypatch):
+    archive.append(tmp_path, fit())
+    monkeypatch.setattr("sys.argv", ["suite", "collage", "--kind", "binary", "--output", str(tmp_path)])
+    with pytest.raises(SystemExit, match="another run"):
+        suite.main()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -42,15 +41,15 @@ def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
 def target(code: IFS, resolution: int = 1024, kind: str = "grey", *, seed: int = 0) -> Tensor:
     """The target image (R,R) in [0,1], float32, of a code: what a method is given to reconstruct.
 
-    The code is brought to the canvas by `attractor.normalize` and drawn with the map probabilities |det| + 0.01,
-    16 × 16 supersampling and 50 million · (R/1024)² points (Section 5 of the paper). So few points leave the picture
-    unsaturated: a `grey` target I carries the density of the invariant measure, about -log(1 - I) points a
-    supersampled pixel. A `binary` one is I > 0.25. Raises `InputError` on another kind, a
-    resolution below 1 or a code that is not contractive.
+    The code is brought to the canvas by `attractor.normalize` and drawn with its own map probabilities, |det| + 0.01
+    where it has none, 16 × 16 supersampling and 50 million · (R/1024)² points (Section 5 of the paper). So few points
+    leave the picture unsaturated: a `grey` target I carries the density of the invariant measure, about -log(1 - I)
+    points a supersampled pixel. A `binary` one is I > 0.25. Raises `InputError` on another kind, a resolution below 1
+    or a code that is not contractive.
     """
     if kind not in TARGET_KINDS:
         raise InputError(f"a target is one of {', '.join(TARGET_KINDS)}, got {kind!r}")
-    framed = attractor.normalize(replace(code, probabilities=None))
+    framed = attractor.normalize(code)
     image = render(framed, resolution=resolution, points_in_view=points_per_view(resolution),
                    supersample=TARGET_SUPERSAMPLE, seed=seed)
     return image if kind == "grey" else (image > THRESHOLD).float()

@@ -34,14 +34,23 @@ class TargetSource(ABC):
 
 
 class KnownCode(TargetSource):
-    """A classic code by name (see `fractal_exp.codes`), drawn grey or binary."""
+    """A classic code by name (see `fractal_exp.codes`), drawn grey or binary.
 
-    def __init__(self, name: str = "fern", kind: Literal["grey", "binary"] = "grey"):
-        self.code, self.kind, self.label = codes.known(name), kind, name
+    probabilities of its maps: "area" for |det| + 0.01, as for the random suite, or "published" for those of its source.
+    Raises `InputError` if the source gives none.
+    """
+
+    def __init__(self, name: str = "fern", kind: Literal["grey", "binary"] = "grey",
+                 probabilities: Literal["area", "published"] = "area"):
+        published = codes.known(name)
+        if probabilities == "published" and published.probabilities is None:
+            raise InputError(f"the source of {name!r} gives no probabilities; take target.probabilities=area")
+        self.code = published if probabilities == "published" else replace(published, probabilities=None)
+        self.kind, self.label = kind, name if probabilities == "area" else f"{name}-{probabilities}"
+        self.notes = (published.meta["title"], f"probabilities: {probabilities}")
 
     def load(self, resolution: int) -> Target:
-        drawn = replace(self.code, probabilities=None)  # as `suite.target` draws it
-        return Target(suite.target(drawn, resolution, self.kind), drawn, (self.code.meta["title"],))
+        return Target(suite.target(self.code, resolution, self.kind), self.code, self.notes)
 
 
 class SuiteFractal(TargetSource):

@@ -1,6 +1,7 @@
 """fractal-evaluate from codes to tables, report and runs."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -81,7 +82,7 @@ def test_the_distance_fractal_leaves_the_fractals_their_names(folder):
 
 
 def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
-    fern = attractor.normalize(codes.known("fern"))
+    fern = attractor.normalize(replace(codes.known("fern"), probabilities=None))
     fit = folder / "outputs" / "fits" / "fern-chaotic"
     fit.mkdir(parents=True)
     fern.save(fit / "code.json")
@@ -101,7 +102,7 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
         logged.artifact("config.yaml", "target: {_target_: fractal_exp.targets.KnownCode, name: fern, kind: grey}\n")
     [candidate] = gather([f"run:{logged.run_id}"], None, folder / "outputs")
     assert torch.equal(candidate.code.offset, fern.offset)
-    assert torch.equal(candidate.truth.linear, codes.known("fern").linear)
+    assert torch.equal(candidate.aim.truth.linear, codes.known("fern").linear)
     with pytest.raises(InputError, match="cannot read run"):
         gather(["run:0123"], None, folder / "outputs")
 
@@ -109,12 +110,12 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
 def test_a_truth_is_a_code_or_a_folder(folder):
     save_two(folder)
     files = [str(folder / "mine" / "fit-000.json")]
-    assert torch.equal(gather(files, "fern", ".")[0].truth.linear, codes.known("fern").linear)
-    assert torch.equal(gather(files, "suite:7", ".")[0].truth.linear, random_suite(8)[7].linear)
-    assert torch.equal(gather(files, "suite:all:5", ".")[0].truth.linear, random_suite(1, 5)[0].linear)
+    assert torch.equal(gather(files, "fern", ".")[0].aim.truth.linear, codes.known("fern").linear)
+    assert torch.equal(gather(files, "suite:7", ".")[0].aim.truth.linear, random_suite(8)[7].linear)
+    assert torch.equal(gather(files, "suite:all:5", ".")[0].aim.truth.linear, random_suite(1, 5)[0].linear)
     (folder / "true").mkdir()
     codes.known("tree").save(folder / "true" / "fit-000.json")
-    assert torch.equal(gather(files, str(folder / "true"), ".")[0].truth.linear, codes.known("tree").linear)
+    assert torch.equal(gather(files, str(folder / "true"), ".")[0].aim.truth.linear, codes.known("tree").linear)
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -126,7 +127,7 @@ def test_a_truth_is_a_code_or_a_folder(folder):
     (["mine/other.txt", "--truth", "suite"], "is not JSON"),
     (["mine", "mine", "--truth", "suite"], "two codes are called"),
     (["run:5", "--truth", "suite"], "no runs are kept"),
-    (["picture"], "fitted to a picture"),
+    (["picture"], "fitted to pictures that are not kept"),
     (["foreign"], "no target of this package"),
     (["mine", "--truth", "suite", "--resolution", "0"], "resolution"),
     (["mine", "--truth", "suite", "--resolution", "41", "--perceptual", "fractal"], "raise --resolution to 42"),

@@ -74,10 +74,12 @@ def test_a_binary_target_is_the_grey_one_above_a_quarter():
     assert torch.equal(target(code, 32, "binary"), (target(code, 32) > 0.25).float())
 
 
-def test_a_target_is_drawn_with_the_probabilities_of_the_protocol():
+def test_a_target_is_drawn_with_the_codes_own_probabilities_or_those_of_the_protocol():
     code = random_suite(1)[0]
+    written_out = IFS(code.linear, code.offset, code.sampling_probabilities())
+    assert torch.equal(target(written_out, 32), target(code, 32))
     other = IFS(code.linear, code.offset, torch.full((len(code),), 1 / len(code)))
-    assert torch.equal(target(other, 32), target(code, 32))
+    assert not torch.equal(target(other, 32), target(code, 32))
 
 
 def test_a_target_is_grey_or_binary():

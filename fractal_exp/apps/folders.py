@@ -8,13 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import torch
+from torch import Tensor
+
 from ..checkpoint import compare, write_atomically
 from ..errors import InputError
+from ..ifs import IFS
+from ..images import write_image
+from . import records
+
+WHITE = 65535  # of 16 bits
 
 
 @dataclass(frozen=True)
 class FitFolder:
-    """code.json, config.yaml, per_view.csv, views/, checkpoint.safetensors while the fit runs, finished.json after."""
+    """truth.json or target.png, config.yaml, code.json, per_view.csv, views/, checkpoint.safetensors while the fit
+    runs, finished.json after."""
 
     path: Path
 
@@ -52,7 +62,10 @@ class FitFolder:
         """The scores of a finished fit of this identity, or None. Raises `InputError` if another one finished here."""
         if not self._finished.exists():
             return None
-        record = json.loads(self._finished.read_text())
+        record = records.read_json_file(self._finished)
+        if not (isinstance(record, dict) and isinstance(record.get("identity"), dict)
+                and isinstance(record.get("scores"), dict)):
+            raise InputError(f"{self._finished} is damaged: it has no identity and scores; delete it to fit again")
         differences = compare(record["identity"], json.loads(json.dumps(identity)))
         if differences:
             raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "
@@ -68,6 +81,18 @@ class FitFolder:
         """Note the configuration (YAML) of the fit that begins, and forget that an earlier one finished here."""
         write_atomically(self.path / "config.yaml", config.encode())
         self._finished.unlink(missing_ok=True)
+
+    def keep_target(self, image: Tensor, truth: IFS | None) -> Path:
+        """Keep what the fit is to find, its path: the code that drew the target in truth.json, or else the picture
+        (R,R) in target.png, of 16 bits, where no lit pixel becomes black."""
+        kept, other = (self.path / name for name in ((records.TRUTH, records.PICTURE) if truth is not None
+                                                     else (records.PICTURE, records.TRUTH)))
+        other.unlink(missing_ok=True)
+        if truth is not None:
+            write_atomically(kept, (json.dumps(truth.to_json(), indent=1) + "\n").encode())
+            return kept
+        levels = torch.maximum((image.double() * WHITE).round(), (image > 0).double()).numpy().astype(np.uint16)
+        return write_image(kept, levels, bits=16)
 
     def remember_run(self, uri: str, run_id: str | None) -> None:
         """Keep which MLflow run this fit logs to, so that a resumed fit goes on with it."""

@@ -79,7 +79,7 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     drawn = reconstruction.render(View(), resolution=target.image.shape[-1], points_in_view=options["points_in_view"],
                                   supersample=options["supersample"])
     if target.truth is None:
-        per_view, images, truth = _against_input(drawn, target.image, perceptual), drawn[None], target.image[None]
+        per_view, images, truth = against_input(drawn, target.image, perceptual), drawn[None], target.image[None]
     else:
         scored = score(reconstruction, target.truth, **options, perceptual=perceptual)
         per_view, images, truth = scored.frame, scored.images, scored.truth
@@ -109,7 +109,8 @@ def _trivial(truth: Tensor) -> dict[str, float]:
     return {name: mean for name, mean in means.items() if np.isfinite(mean)}
 
 
-def _against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:
+def against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:
+    """One row: the scores of a picture (R,R) of the whole view against the picture (R,R) that was the input."""
     import pandas as pd
 
     row = {name: float(value) for name, value in metrics.compare(drawn[None], image[None]).items()}

@@ -69,6 +69,8 @@ def fit(config: DictConfig) -> dict[str, float]:
 
     with runs.start(folder, settings, identity, source.label) as run:
         folder.begin(OmegaConf.to_yaml(config))
+        kept = folder.keep_target(target.image, target.truth)
+        run.artifact(kept.name, kept)
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:
             reconstruction = method.reconstruct(target.image, on_step=reporter, checkpoint=checkpoint)

@@ -1,0 +1,279 @@
+"""What a fit leaves behind is judged by what its target was drawn with, or by its picture, and is data alone."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from hydra import compose, initialize_config_module
+from PIL import Image
+
+from fractal_exp import IFS, InputError, attractor, codes, tracking
+from fractal_exp.apps import configuration, records
+from fractal_exp.apps import evaluate as app
+from fractal_exp.apps.candidates import gather
+from fractal_exp.apps.folders import FitFolder
+from fractal_exp.apps.train import fit
+from fractal_exp.suite import random_suite, target
+from fractal_exp.targets import KnownCode
+
+TINY = ["scale=smoke", "iterations=4", "threads=1", "checkpoint_every=10"]
+SCORES = ["f1", "iou", "psnr", "ssim"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    return tmp_path
+
+
+def train(*overrides: str) -> dict[str, float]:
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        return fit(compose("train", [*TINY, *overrides]))
+
+
+def cross(path: Path) -> Path:
+    image = np.full((64, 64), 255, np.uint8)
+    image[10:54, 28:36] = image[28:36, 10:54] = 0
+    image[10, 28:36] = 250  # a faint edge
+    Image.fromarray(image).save(path)
+    return path
+
+
+@pytest.mark.parametrize("probabilities", ["area", "published"])
+def test_the_fern_scores_the_same_in_train_and_evaluate(folder, probabilities):
+    scores = train("target=known", f"target.probabilities={probabilities}", "name=fern", "tracking=none")
+    kept = IFS.load(folder / "outputs" / "fits" / "fern" / "truth.json")
+    assert (kept.probabilities is None) == (probabilities == "area")
+    app.main(["outputs/fits", "--resolution", "64"])
+    table = pd.read_parquet(folder / "evaluation" / "per_view.parquet")
+    result = table[table.method == "result"].reset_index(drop=True)
+    trained = pd.read_csv(folder / "outputs" / "fits" / "fern" / "per_view.csv")
+    for name in SCORES:
+        np.testing.assert_allclose(result[name], trained[name], rtol=1e-9)
+        assert scores[f"eval/{name}"] == pytest.approx(result[name].mean(), rel=1e-9)
+    [row] = pd.read_csv(folder / "evaluation" / "codes.csv").itertuples()
+    assert row.probabilities == {"area": "area", "published": "own"}[probabilities]
+    assert "map probabilities of the truths: " in (folder / "evaluation" / "report.txt").read_text()
+
+
+def test_a_target_is_drawn_with_the_probabilities_that_its_truth_states():
+    area, published = KnownCode("fern").load(64), KnownCode("fern", probabilities="published").load(64)
+    assert not torch.equal(area.image, published.image)
+    for each in (area, published):
+        assert torch.equal(target(each.truth, 64), each.image)
+    with pytest.raises(InputError, match="gives no probabilities; take target.probabilities=area"):
+        KnownCode("sierpinski_triangle", probabilities="published")
+
+
+def test_a_classic_named_as_truth_is_the_one_that_targets_are_drawn_with(folder):
+    codes.known("fern").save(folder / "mine.json")
+    [named] = gather(["mine.json"], "fern", ".")
+    assert named.aim.truth.probabilities is None
+    [own] = gather(["mine.json"], "mine.json", ".")
+    assert torch.equal(own.aim.truth.probabilities, codes.known("fern").probabilities)
+
+
+def test_fits_of_codes_and_of_pictures_are_judged_apart(folder, capsys):
+    train("target=known", "name=fern", "tracking=none")
+    scores = train("target=image", f"target.path={cross(folder / 'cross.png')}", "name=cross")
+    (folder / "cross.png").unlink()
+    app.main(["outputs/fits", "--resolution", "32", "--track", "judgements"])
+    report = capsys.readouterr().out
+    assert "1 codes, mean of 7 views each" in report and "1 codes of pictures against the input" in report
+    judged = pd.read_parquet(folder / "evaluation" / "per_view.parquet")
+    assert set(judged.fractal) == {"fern"} and len(pd.read_csv(folder / "evaluation" / "codes.csv")) == 1
+    inputs = pd.read_csv(folder / "evaluation" / "inputs.csv")
+    assert inputs.method.tolist() == ["result", "all white", "all black"]
+    assert set(inputs.against) == {"input"} and set(inputs.resolution) == {64} and set(inputs.input) == {"target.png"}
+    for name in SCORES:
+        assert inputs[name][0] == pytest.approx(scores[f"eval/{name}"], rel=1e-4)
+    assert inputs.f1[0] == pytest.approx(scores["eval/f1"], rel=1e-12), "not a pixel gets lost"
+    assert {path.name for path in (folder / "evaluation" / "strips").iterdir()} == {"fern.png", "cross.png"}
+    uri = tracking.prepare_store(folder / "outputs")
+    run = tracking.runs_frame(uri, "judgements").iloc[0]
+    assert run["metrics.input/f1"] == pytest.approx(inputs.f1[0]) and 0 <= run["metrics.eval/f1"] <= 1
+
+    # The run of the fit holds its picture too.
+    [logged] = tracking.runs_frame(uri, "fits").itertuples()
+    [candidate] = gather([f"run:{logged.run_id}"], None, folder / "outputs")
+    assert candidate.aim.truth is None and candidate.aim.picture.shape == (64, 64)
+
+
+def test_only_pictures_and_older_ones(folder, capsys):
+    train("target=image", f"target.path={cross(folder / 'cross.png')}", "name=cross", "tracking=none")
+    (folder / "outputs" / "fits" / "cross" / "target.png").unlink()  # as fits were before it was kept
+    app.main(["outputs/fits"])
+    assert "kept with 8 bits only" in capsys.readouterr().out
+    assert not (folder / "evaluation" / "per_view.csv").exists()
+
+
+def test_a_run_keeps_its_truth(folder):
+    train("target=suite", "target.index=2", "name=two")
+    uri = tracking.prepare_store(folder / "outputs")
+    [run] = tracking.runs_frame(uri, "fits").itertuples()
+    assert json.loads(tracking.read_artifact(uri, run.run_id, "truth.json"))["format"] == "fractal-exp/ifs"
+    [candidate] = gather([f"run:{run.run_id}"], None, folder / "outputs")
+    assert torch.equal(candidate.aim.truth.linear, random_suite(3)[2].linear)
+
+
+def test_a_kept_picture_loses_no_lit_pixel(tmp_path):
+    image = torch.rand(32, 32, generator=torch.Generator().manual_seed(0))
+    image[0, :4] = torch.tensor([0.0, 1e-9, 1e-6, 1.0])
+    folder = FitFolder.open(tmp_path, "fit")
+    assert folder.keep_target(image, None).name == "target.png"
+    back = records.read_aim({"target.png": (folder.path / "target.png").read_bytes()}.get, "").picture
+    assert torch.equal(back > 0, image > 0) and float((back - image).abs().max()) < 2e-5
+    folder.keep_target(image, codes.known("tree"))
+    assert not (folder.path / "target.png").exists() and (folder.path / "truth.json").exists()
+
+
+def record(folder: Path, target: object, name: str = "fit") -> Path:
+    """A finished fit of before truth.json, with what its record says of the target."""
+    fit = folder / name
+    (fit / "views").mkdir(parents=True)
+    attractor.normalize(codes.known("fern")).save(fit / "code.json")
+    (fit / "finished.json").write_text(json.dumps({"identity": {"target": target}, "scores": {}}))
+    return fit
+
+
+def test_older_records_of_codes_are_read(folder):
+    record(folder, {"_target_": "fractal_exp.targets.KnownCode", "name": "fern", "kind": "grey"}, "a")
+    record(folder, {"_target_": "fractal_exp.targets.SuiteFractal", "index": 4, "seed": 7, "kind": "binary"}, "b")
+    a, b = gather(["."], None, ".")
+    assert a.aim.truth.probabilities is None and torch.equal(a.aim.truth.linear, codes.known("fern").linear)
+    assert torch.equal(b.aim.truth.linear, random_suite(5, 7)[4].linear)
+
+
+class Called(Exception):
+    """Something that a record named was called."""
+
+
+@pytest.fixture
+def trap(monkeypatch):
+    """Whatever builds objects from names, loads pickles, opens pictures or reads the environment springs it."""
+    import hydra.utils
+    import omegaconf
+
+    def spring(*args, **kwargs):
+        raise Called(args)
+
+    for owner, name in ((hydra.utils, "instantiate"), (hydra.utils, "get_object"), (configuration, "instantiate"),
+                        (configuration, "get_object"), (configuration, "build"), (np, "load"), (torch, "load"),
+                        *((omegaconf.OmegaConf, each) for each in ("create", "load", "resolve", "to_container"))):
+        monkeypatch.setattr(owner, name, spring)
+    monkeypatch.setattr("fractal_exp.images.read_target", spring)
+    monkeypatch.setattr("fractal_exp.targets.Picture.__init__", spring)
+    monkeypatch.setattr("os.system", spring)
+    return spring
+
+
+KNOWN, SUITE = "fractal_exp.targets.KnownCode", "fractal_exp.targets.SuiteFractal"
+HOSTILE = {
+    "a loader by an attribute path": ({"_target_": "fractal_exp.targets.images.np.load", "file": "x.npy",
+                                       "allow_pickle": True}, "no target of this package"),
+    "a command": ({"_target_": "os.system", "command": "touch pwned"}, "no target of this package"),
+    "a nested object": ({"_target_": KNOWN, "name": {"_target_": "os.system", "command": "touch pwned"}},
+                        "target.name"),
+    "positional arguments": ({"_target_": KNOWN, "_args_": ["fern"]}, "target._args_"),
+    "a partial": ({"_target_": KNOWN, "_partial_": True}, "target._partial_"),
+    "an interpolation": ({"_target_": KNOWN, "name": "${oc.env:HOME}"}, r"no classic code is called '\${oc.env:HOME}'"),
+    "a number for a name": ({"_target_": KNOWN, "name": 3}, "target.name"),
+    "a text for a number": ({"_target_": SUITE, "index": "3", "seed": 1}, "target.index"),
+    "a truth value for a number": ({"_target_": SUITE, "index": True, "seed": 1}, "target.index"),
+    "a fraction": ({"_target_": SUITE, "index": 1.5, "seed": 1}, "target.index"),
+    "a huge index": ({"_target_": SUITE, "index": 10**12, "seed": 1}, "target.index"),
+    "a huge seed": ({"_target_": SUITE, "index": 0, "seed": 10**400}, "target.seed"),
+    "a negative index": ({"_target_": SUITE, "index": -1, "seed": 1}, "target.index"),
+    "an unknown key": ({"_target_": SUITE, "seed": 1, "path": "/etc/passwd"}, "target.path"),
+    "another kind": ({"_target_": KNOWN, "kind": "colour"}, "target.kind"),
+    "a very long name": ({"_target_": KNOWN, "name": "f" * 10_000}, "target.name"),
+    "no class": ({"name": "fern"}, "names no class"),
+    "a list for a class": ({"_target_": ["os.system"]}, "names no class"),
+    "a list": (["fern"], "names no class"),
+    "a text": ("fern", "names no class"),
+    "nothing": (None, "names no class"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_record_calls_nothing_and_gets_one_line(folder, trap, name):
+    target, message = HOSTILE[name]
+    fit = record(folder, target)
+    with pytest.raises(InputError, match=message) as refusal:
+        gather([str(fit)], None, ".")
+    assert "finished.json" in str(refusal.value) and len(str(refusal.value)) < 1200 and "\n" not in str(refusal.value)
+    assert not (folder / "pwned").exists()
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_configuration_of_a_run_calls_nothing(folder, trap, name, monkeypatch):
+    target, message = HOSTILE[name]
+    files = {"code.json": json.dumps(codes.known("fern").to_json()).encode(),
+             "config.yaml": ("target: " + json.dumps(target)).encode()}
+    with pytest.raises(InputError, match=message):
+        records.read_aim(files.get, "run 3f")
+
+
+def test_a_picture_that_a_record_names_is_never_opened(folder, trap):
+    secret = cross(folder / "secret.png")
+    record(folder, {"_target_": "fractal_exp.targets.Picture", "path": str(secret)}, "one")
+    record(folder, {"_target_": "fractal_exp.targets.RetinaVessels"}, "two")
+    for candidate in gather(["."], None, "."):
+        assert candidate.aim.truth is None and candidate.aim.picture is None
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_fit_that_keeps_its_truth_is_not_asked_for_a_record(folder, trap, name):
+    fit = record(folder, HOSTILE[name][0])
+    codes.known("tree").save(fit / "truth.json")
+    [candidate] = gather([str(fit)], None, ".")
+    assert torch.equal(candidate.aim.truth.linear, codes.known("tree").linear)
+
+
+DAMAGED = {
+    "finished.json": [b"", b"{", b"\xff\xfe", b"[]", b"null", b"[" * 100_000, b'{"identity": []}', b'{"identity": 3}',
+                      b"1" * 5000],
+    "truth.json": [b"", b"{", b"null", b"[" * 100_000, b"{}", b'{"format": "fractal-exp/ifs", "version": 1}', b"[[1]]",
+                   b"[[2, 0, 0, 2, 0, 0]]", b"[[1e999, 0, 0, 0, 0, 0]]"],
+    "target.png": [b"", b"GIF89a", b"\x89PNG\r\n\x1a\n", b"%!PS-Adobe-3.0 EPSF-3.0"],
+}
+
+
+@pytest.mark.parametrize(("name", "data"), [(name, data) for name, all_ in DAMAGED.items() for data in all_],
+                         ids=lambda value: str(value)[:30])
+def test_a_damaged_file_gets_one_line_that_names_it(folder, capsys, name, data):
+    fit = record(folder, {"_target_": KNOWN, "name": "fern", "kind": "grey"})
+    (fit / name).write_bytes(data)
+    with pytest.raises(SystemExit) as stop:
+        app.main([str(fit)])
+    [line] = capsys.readouterr().err.strip().splitlines()
+    assert stop.value.code == 2 and f"fit/{name}" in line and len(line) < 500
+
+
+def test_a_damaged_record_is_named_when_the_fit_is_repeated(folder):
+    overrides = ["target=known", "name=fern", "tracking=none"]
+    train(*overrides)
+    path = folder / "outputs" / "fits" / "fern" / "finished.json"
+    for data in (b"{", b"[]", b'{"identity": {}, "scores": 3}'):
+        path.write_bytes(data)
+        with pytest.raises(InputError, match="fern/finished.json"):
+            train(*overrides, "resume=true")
+
+
+def test_yaml_of_a_run_is_safe(trap):
+    for config in (b"target: !!python/object/apply:os.system [touch pwned]", b"target: {a: [}", b"[" * 100_000, b"- 1",
+                   b"a: &a [x, x]\nb: &b [*a, *a]\ntarget: {_target_: fractal_exp.targets.KnownCode, name: *b}"):
+        with pytest.raises(InputError, match="run 3f/config.yaml"):
+            records.read_aim({"config.yaml": config}.get, "run 3f")
+
+
+def test_only_configurations_of_this_process_are_instantiated():
+    package = Path(records.__file__).parents[1]
+    users = {path.name for path in package.rglob("*.py")
+             if any(word in path.read_text() for word in ("instantiate(", "get_object(", "import instantiate"))}
+    assert users == {"configuration.py"}

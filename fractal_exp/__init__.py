@@ -9,12 +9,10 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-# torch and numba bring an OpenMP pool each, which work in turn: idle threads that spin for long would take the other's
-# cores, and those that sleep at once take longer to wake than small operations last: an iteration of 32 ms with a short
-# spin takes 55 without. Read when torch is imported, so it comes first.
-if "OMP_WAIT_POLICY" not in os.environ:
-    os.environ["OMP_WAIT_POLICY"] = "passive"
-    os.environ.setdefault("GOMP_SPINCOUNT", "1000")
+from . import threads
+
+if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & os.environ.keys():  # else the user has chosen
+    threads.keep_idle_threads_quiet()  # before torch is imported, where this package is the first to import it
 
 from .errors import InputError
 from .ifs import IFS, View

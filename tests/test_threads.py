@@ -1,5 +1,6 @@
 """One count of threads for both pools."""
 
+import os
 import subprocess
 import sys
 
@@ -20,3 +21,36 @@ def test_a_limit_holds_for_both_pools_even_after_torch_has_worked():
 def test_a_count_that_the_machine_has_not_is_refused(count):
     with pytest.raises(InputError, match=f"between 1 and {threads.available()}"):
         threads.use(count)
+
+
+IDLE = """
+import os, time
+os.environ.pop("OMP_WAIT_POLICY", None), os.environ.pop("GOMP_SPINCOUNT", None)
+{imports}
+import torch
+numbers, spun = torch.ones(1 << 20), 0
+for _ in range(30):
+    numbers.add_(1)
+    before = time.process_time()
+    time.sleep(.01)
+    spun += time.process_time() - before
+print(spun / 30)
+"""
+
+
+@pytest.mark.skipif(threads.available() < 2 or sys.platform != "linux", reason="GNU's OpenMP on two cores or more")
+@pytest.mark.parametrize("imports", ["import fractal_exp", "import torch, fractal_exp",
+                                     "import torch; torch.set_num_threads(2); import fractal_exp"])
+def test_idle_threads_use_no_processor_whatever_is_imported_first(imports):
+    """Processor time, not wall time: threads that spin between two operations use three milliseconds of it."""
+    done = subprocess.run([sys.executable, "-c", IDLE.format(imports=imports)], capture_output=True, text=True,
+                          check=True)
+    assert float(done.stdout) < 1e-3
+
+
+def test_a_policy_of_the_user_is_left_alone():
+    program = ("import os, threading, torch, fractal_exp; "
+               "print(os.environ['OMP_WAIT_POLICY'], 'GOMP_SPINCOUNT' in os.environ, threading.active_count())")
+    environment = {k: v for k, v in os.environ.items() if k != "GOMP_SPINCOUNT"} | {"OMP_WAIT_POLICY": "active"}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "active False 1\n"

@@ -12,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from .checks import check_dense
 from .errors import InputError
 
 FORMAT = "fractal-exp/ifs"
@@ -172,9 +173,13 @@ def sampling_probabilities(linear: Tensor) -> Tensor:
 
 def _floats(name: str, value: Any) -> Tensor:
     try:
-        tensor = torch.as_tensor(value).detach().to(torch.float32)
-    except (TypeError, ValueError, RuntimeError) as error:
+        given = torch.as_tensor(value)
+    except (TypeError, ValueError, RuntimeError, OverflowError) as error:
         raise InputError(f"{name} must be a regular array of numbers: {error}") from error
+    check_dense(name, given)
+    if given.dtype == torch.bool or given.is_complex():
+        raise InputError(f"{name} must be real numbers, got {given.dtype}")
+    tensor = given.detach().to(torch.float32)
     if not bool(torch.isfinite(tensor).all()):
         raise InputError(f"{name} must be finite, got NaN or infinity")
     return tensor.clone()

@@ -8,17 +8,22 @@ float32), `cuda` (numba-cuda, float32, on torch's current stream, never waiting 
 from __future__ import annotations
 
 import math
-from numbers import Integral, Real
+from numbers import Integral
 
 import torch
 from torch import Tensor
 
+from ..checks import check_alike, check_count, check_dense, check_memory, check_number, check_tensor, shown
 from ..errors import InputError
+from ..threads import available
 from . import backends
+from .reference import cutoff_radius
 
 __all__ = ["chaos_game", "splat"]
 
-MAX_MAPS = 65_536  # a map's index is kept in 16 bits
+MAX_MAPS = 65_536      # a map's index is kept in 16 bits
+BYTES_OF_A_POINT = 10  # two coordinates, and the index of the map that led there
+LEAST_SIGMA = 1e-3     # pixels: a splat so small is drawn in one pixel or none, and below 1e-19 it overflows
 
 
 def chaos_game(
@@ -47,14 +52,18 @@ def chaos_game(
     for a GPU that they lie on; a seed that is to change in a CUDA graph has to be a tensor.
 
     Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, warmup outside 0 … length - 1,
-    probabilities that are negative or do not sum to 1, or a backend that cannot take the tensors.
+    probabilities that are negative or do not sum to 1, counts that take more memory than there is, or a backend that
+    cannot take the tensors.
     """
     batch, maps = _check_code(linear, offset)
     for name, value in (("trajectories", trajectories), ("length", length)):
-        _check_count(name, value)
-    if not isinstance(warmup, Integral) or not 0 <= warmup < length:
-        raise InputError(f"warmup must be an integer from 0 to length - 1 = {length - 1}, got {warmup!r}")
+        check_count(name, value)
+    if isinstance(warmup, bool) or not isinstance(warmup, Integral) or not 0 <= warmup < length:
+        raise InputError(f"warmup must be an integer from 0 to length - 1 = {shown(length - 1)}, got {shown(warmup)}")
     codes = math.prod(batch)
+    check_memory(f"a chaos game of {shown(trajectories)} trajectories of {shown(length)} points",
+                 codes * trajectories * length * BYTES_OF_A_POINT, linear.device,
+                 "lower trajectories or length, or play several games")
     thresholds = _thresholds(probabilities, batch, maps, linear.device).expand(codes, maps)
     seeds = _seeds(seed, batch, linear.device).expand(codes)
     run = backends.load(backends.choose(backend, linear)).chaos_game
@@ -83,59 +92,57 @@ def splat(
     it has no atomics; `torch` on a GPU adds with atomics and need not.
 
     Raises `InputError` on wrong shapes or dtypes, resolution or supersample below 1, sigma_px that is not a finite
-    number above 0, or a backend that cannot take the tensor.
+    number from 0.001 on, sizes that take more memory than there is, or a backend that cannot take the tensor.
     """
-    _check_tensor("points", points)
+    check_tensor("points", points)
     if points.ndim < 2 or points.shape[-1] != 2 or points.shape[-2] < 1:
         raise InputError(f"points must have shape (…, P, 2) with P >= 1, got {tuple(points.shape)}")
     for name, value in (("resolution", resolution), ("supersample", supersample)):
-        _check_count(name, value)
-    if not isinstance(sigma_px, Real) or not (math.isfinite(sigma_px) and sigma_px > 0):
-        raise InputError(f"sigma_px must be a finite number of supersampled pixels above 0, got {sigma_px!r}")
+        check_count(name, value)
+    check_number("sigma_px", sigma_px, f"a finite number of supersampled pixels from {LEAST_SIGMA} on", LEAST_SIGMA)
     batch, count = points.shape[:-2], points.shape[-2]
+    check_memory(f"splatting at {shown(resolution)}² pixels, supersample {shown(supersample)} and sigma_px "
+                 f"{shown(sigma_px)}", math.prod(batch) * _splat_bytes(points, resolution, supersample, sigma_px),
+                 points.device, "lower them, or draw fewer images at a time")
     run = backends.load(backends.choose(backend, points)).splat
     images = run(points.reshape(math.prod(batch), count, 2), int(resolution), sigma_px=float(sigma_px),
                  supersample=int(supersample))
     return images.view(*batch, resolution, resolution)
 
 
-def _check_tensor(name: str, value: Tensor) -> None:
-    if not isinstance(value, Tensor):
-        raise InputError(f"{name} must be a torch tensor, got {type(value).__name__}; use torch.as_tensor")
-    if 0 in value.shape:
-        raise InputError(f"{name} must not be empty, got shape {tuple(value.shape)}")
-
-
 def _check_code(linear: Tensor, offset: Tensor) -> tuple[torch.Size, int]:
     """The batch shape and the number of maps."""
-    _check_tensor("linear", linear)
-    _check_tensor("offset", offset)
+    check_tensor("linear", linear)
+    check_tensor("offset", offset)
     if linear.ndim < 3 or linear.shape[-2:] != (2, 2):
         raise InputError(f"linear must have shape (…, N, 2, 2), got {tuple(linear.shape)}")
     if offset.shape != linear.shape[:-1]:
         raise InputError(f"offset must have shape {tuple(linear.shape[:-1])} to go with linear "
                          f"{tuple(linear.shape)}, got {tuple(offset.shape)}")
-    if offset.dtype != linear.dtype or offset.device != linear.device:
-        raise InputError(f"linear and offset must agree in dtype and device, got {linear.dtype} on {linear.device} "
-                         f"and {offset.dtype} on {offset.device}; convert one with offset.to(linear)")
+    check_alike("offset", offset, "linear", linear)
     if linear.shape[-3] > MAX_MAPS:
         raise InputError(f"at most {MAX_MAPS} maps are supported, got {linear.shape[-3]}")
     return linear.shape[:-3], linear.shape[-3]
 
 
-def _check_count(name: str, value: int) -> None:
-    if not isinstance(value, Integral) or value < 1:
-        raise InputError(f"{name} must be an integer of at least 1, got {value!r}")
+def _splat_bytes(points: Tensor, resolution: int, supersample: int, sigma_px: float) -> float:
+    """About what one image takes: itself, with gradients the transmittance of every supersampled pixel, and on a CPU a
+    buffer for each thread that holds three by two footprints."""
+    footprint = 2 * cutoff_radius(float(sigma_px)) + 1
+    buffers = 24 * available() * footprint**2 if points.device.type == "cpu" else 0
+    return 4.0 * resolution**2 + (4 * points.requires_grad + 0.01) * (resolution * supersample)**2 + buffers
 
 
 def _thresholds(probabilities: Tensor | None, batch: torch.Size, maps: int, device: torch.device) -> Tensor:
     """The cumulative probabilities in units of 2^-32, int64 (B or 1, N): exact on every device."""
     if probabilities is None:
         return torch.arange(1, maps + 1, device=device)[None] * 2**32 // maps
-    _check_tensor("probabilities", probabilities)
+    check_tensor("probabilities", probabilities)
     if probabilities.shape not in ((maps,), (*batch, maps)):
         raise InputError(f"probabilities must have shape ({maps},), one per map, or {(*batch, maps)}, "
                          f"got {tuple(probabilities.shape)}")
+    if not probabilities.dtype.is_floating_point:
+        raise InputError(f"probabilities must be floating-point numbers, got {probabilities.dtype}; use tensor.float()")
     p = probabilities.detach().cpu().double().reshape(-1, maps)
     if not bool((p >= 0).all()):
         raise InputError(f"probabilities must not be negative or NaN, got {float(p.min()):.6g}")
@@ -150,10 +157,11 @@ def _thresholds(probabilities: Tensor | None, batch: torch.Size, maps: int, devi
 def _seeds(seed: int | Tensor, batch: torch.Size, device: torch.device) -> Tensor:
     """int64 (B or 1,)."""
     if isinstance(seed, Tensor):
+        check_dense("seed", seed)
         if seed.dtype != torch.int64 or seed.shape != batch:
             raise InputError(f"a tensor of seeds must be int64 of the batch's shape {tuple(batch)}, got {seed.dtype} "
                              f"of shape {tuple(seed.shape)}")
         return seed.to(device).reshape(-1)
-    if not isinstance(seed, Integral) or not -(2**63) <= seed < 2**63:
-        raise InputError(f"seed must be an integer of 64 bits or an int64 tensor with one per code, got {seed!r}")
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or not -(2**63) <= seed < 2**63:
+        raise InputError(f"seed must be an integer of 64 bits or an int64 tensor with one per code, got {shown(seed)}")
     return torch.full((1,), int(seed), dtype=torch.int64, device=device)

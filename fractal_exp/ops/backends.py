@@ -42,7 +42,7 @@ BACKENDS: dict[str, Backend] = {  # "auto" takes the first that can
 
 def check_name(name: str) -> None:
     """Raise `InputError` unless `name` is "auto" or a backend."""
-    if name != "auto" and name not in BACKENDS:
+    if not isinstance(name, str) or name != "auto" and name not in BACKENDS:
         raise InputError(f"backend must be one of {', '.join(['auto', *BACKENDS])}, got {name!r}")
 
 

@@ -14,12 +14,15 @@ from types import ModuleType
 import torch
 from torch import Tensor
 
+from ..checks import check_alike, check_count, check_dense, check_memory, check_tensor, shown
 from ..errors import InputError
 from . import reference_collage as reference
 from .backends import choose
 from .reference_collage import Descent
 
 KERNELS = {"cpu": "cpu_collage", "cuda": "cuda_collage", "torch": "reference_collage"}  # modules with both functions
+
+LARGEST = 32_768  # cells a side: a cell's number is kept in 32 bits
 
 __all__ = ["BinnedMeasure", "Descent", "collage_error", "descend", "pushforward"]
 
@@ -30,7 +33,7 @@ class BinnedMeasure:
 
     samples (K,3): x, y, mass; bins (G,G): the same masses shared out bilinearly on a grid of G cells a side, row 0 at
     the top; levels: how many grids of G, G/2, G/4 … a side are compared. float32, on one device. Raises `InputError`
-    if the side cannot be halved so often.
+    on other shapes, tensors that differ in dtype or device, or a side that cannot be halved so often.
     """
 
     samples: Tensor
@@ -38,12 +41,16 @@ class BinnedMeasure:
     levels: int = 3
 
     def __post_init__(self) -> None:
+        check_tensor("samples", self.samples)
+        check_tensor("bins", self.bins)
+        check_alike("bins", self.bins, "samples", self.samples)
+        check_count("levels", self.levels)
+        _check_samples(self.samples)
         size = self.size
-        if self.bins.shape != (size, size) or self.levels < 1 or size % 2 ** (self.levels - 1):
-            raise InputError(f"the bins must be square with a side that can be halved {self.levels - 1} times, got "
-                             f"{tuple(self.bins.shape)}")
-        if self.samples.ndim != 2 or self.samples.shape[1] != 3 or len(self.samples) == 0:
-            raise InputError(f"samples must have shape (K, 3) with K >= 1, got {tuple(self.samples.shape)}")
+        if self.bins.shape != (size, size) or self.levels > size.bit_length() or size % 2 ** (self.levels - 1):
+            raise InputError(f"the bins must be square with a side that can be halved {shown(self.levels - 1)} times, "
+                             f"got {tuple(self.bins.shape)}")
+        _check_size(size)
         points, mass = self.samples[:, :2], self.samples[:, 2:]
         mean = (points * mass).sum(0)
         off = points - mean
@@ -61,19 +68,39 @@ class BinnedMeasure:
         return self.bins.shape[0]
 
 
+def _check_size(size: int) -> None:
+    """Raise `InputError` unless `size` cells a side can be used: a sample is shared by two at least."""
+    check_count("size", size, 2)
+    if size > LARGEST:
+        raise InputError(f"size must be at most {LARGEST} cells a side, got {shown(size)}")
+
+
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, backend: str = "auto") -> Tensor:
     """The measures sum_i w_i f_i#mu in bilinear bins: (B,N,6), (B,N) and samples (K,3) of x, y, mass -> (B,G,G).
 
-    A map is a row a b c d e f, (x, y) -> (a x + b y + e, c x + d y + f); one of weight 0 is absent. What falls beyond
-    the canvas is counted in its edge cells. Raises `InputError` on other shapes.
+    A map is a row a b c d e f, (x, y) -> (a x + b y + e, c x + d y + f); one whose weight is not above 0 is absent.
+    What falls beyond the canvas is counted in its edge cells. Numbers that are not finite spoil their own code alone.
+    Raises `InputError` on other shapes, tensors that differ in dtype or device, a size outside 2 … 32768, or one that
+    takes more memory than there is.
     """
     _check(maps, weights)
-    return _backend(backend, maps).pushforward(maps, weights, samples, size)
+    check_tensor("samples", samples)
+    check_alike("samples", samples, "maps", maps)
+    _check_samples(samples)
+    _check_size(size)
+    check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
+    return _backend(backend, maps).pushforward(maps, weights, samples, int(size))
 
 
 def collage_error(bins: Tensor, measure: BinnedMeasure) -> Tensor:
     """How far bins (B,G,G) are from the measure, (B,): squared Hellinger distance sum (sqrt(q) - sqrt(m))², the mean
-    over the measure's grids. 0 where they agree; the square root makes counting noise equal everywhere."""
+    over the measure's grids. 0 where they agree; the square root makes counting noise equal everywhere. Raises
+    `InputError` if the bins have another shape, dtype or device than the measure's."""
+    _check_measure(measure)
+    check_dense("bins", bins)
+    if bins.ndim != 3 or bins.shape[1:] != measure.bins.shape:
+        raise InputError(f"bins must have shape (B, {measure.size}, {measure.size}), got {tuple(bins.shape)}")
+    check_alike("bins", bins, "measure.bins", measure.bins)
     return reference.collage_error(bins, measure.roots, measure.levels)
 
 
@@ -81,17 +108,27 @@ def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent,
             chosen: Tensor | None = None, backend: str = "auto") -> tuple[Tensor, Tensor, Tensor]:
     """Move maps (B,N,6) and weights (B,N) towards the least collage error: the new ones and their error (B,).
 
-    Every code of the batch goes its own way, by Adam as `how` says. backgrounds (C,G,G) is a measure that is there
-    already, chosen (B,) int64 says which one of them for each code. Raises `InputError` on other shapes.
+    Every code of the batch goes its own way, by Adam as `how` says; numbers that are not finite spoil their own code
+    alone. backgrounds (C,G,G) is a measure that is there already, chosen (B,) int64 says which one of them, 0 … C - 1,
+    for each code: the first if None. Raises `InputError` on other shapes, tensors that differ in dtype or device, or a
+    number in `chosen` outside its range; on a GPU the last is not looked at, since that would wait for the device.
     """
     _check(maps, weights)
+    _check_measure(measure)
+    if not isinstance(how, Descent):
+        raise InputError(f"how must be a Descent, got {shown(how)}")
+    check_alike("measure.bins", measure.bins, "maps", maps)
     if backgrounds is None:
-        backgrounds = torch.zeros(1, measure.size, measure.size, device=maps.device)
+        backgrounds = torch.zeros(1, measure.size, measure.size, dtype=maps.dtype, device=maps.device)
     if chosen is None:
         chosen = torch.zeros(len(maps), dtype=torch.int64, device=maps.device)
-    if backgrounds.shape[1:] != measure.bins.shape or chosen.shape != (len(maps),):
+    check_tensor("backgrounds", backgrounds)
+    check_dense("chosen", chosen)
+    check_alike("backgrounds", backgrounds, "maps", maps)
+    if backgrounds.ndim != 3 or backgrounds.shape[1:] != measure.bins.shape or chosen.shape != (len(maps),):
         raise InputError(f"backgrounds must have shape (C, {measure.size}, {measure.size}) and chosen ({len(maps)},), "
                          f"got {tuple(backgrounds.shape)} and {tuple(chosen.shape)}")
+    _check_chosen(chosen, len(backgrounds), maps)
     return _backend(backend, maps).descend(maps, weights, measure.samples, measure.roots, measure.mean,
                                            measure.covariance, backgrounds.flatten(1), chosen, measure.size,
                                            measure.levels, how)
@@ -102,6 +139,28 @@ def _backend(name: str, tensor: Tensor) -> ModuleType:
 
 
 def _check(maps: Tensor, weights: Tensor) -> None:
+    check_dense("maps", maps)
+    check_dense("weights", weights)
     if maps.ndim != 3 or maps.shape[-1] != 6 or weights.shape != maps.shape[:2]:
         raise InputError(f"maps must have shape (B, N, 6) and weights (B, N), got {tuple(maps.shape)} and "
                          f"{tuple(weights.shape)}")
+    check_alike("weights", weights, "maps", maps)
+
+
+def _check_samples(samples: Tensor) -> None:
+    if samples.ndim != 2 or samples.shape[1] != 3:
+        raise InputError(f"samples must have shape (K, 3) with K >= 1, got {tuple(samples.shape)}")
+
+
+def _check_measure(measure: BinnedMeasure) -> None:
+    if not isinstance(measure, BinnedMeasure):
+        raise InputError(f"measure must be a BinnedMeasure, got {shown(measure)}")
+
+
+def _check_chosen(chosen: Tensor, count: int, maps: Tensor) -> None:
+    if chosen.dtype != torch.int64 or chosen.device != maps.device:
+        raise InputError(f"chosen must be int64 on {maps.device}, got {chosen.dtype} on {chosen.device}; convert it "
+                         f"with chosen.long().to(maps.device)")
+    if chosen.device.type == "cpu" and len(chosen) and not 0 <= int(chosen.min()) <= int(chosen.max()) < count:
+        raise InputError(f"chosen must hold numbers from 0 to {count - 1}, one of the {count} backgrounds for each "
+                         f"code, got {int(chosen.min())} to {int(chosen.max())}")

@@ -249,7 +249,7 @@ def _adam(g, first, second, k):
         g[j] = first[j] / (1 - BETA_1**k) / (math.sqrt(second[j] / (1 - BETA_2**k)) + 1e-7)
 
 
-@kernel(parallel=True, fastmath=FUSED)
+@kernel(parallel=True, fastmath=FUSED, error_model="numpy")  # weights that sum to 0 spoil their own code alone
 def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, errors, steps, rate,
              weight_rate, decay, largest, smaller, prior, radius, strength, tied):
     count = maps.shape[1]

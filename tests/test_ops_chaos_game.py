@@ -189,3 +189,16 @@ def test_bad_input_is_refused_in_one_line(change, message):
     with pytest.raises(InputError, match=message) as caught:
         chaos_game(arguments.pop("linear"), arguments.pop("offset"), **arguments)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("exponent", [-90, -30, 30])
+def test_a_cotangent_times_a_power_of_two_gives_the_gradient_times_it_bit_for_bit(exponent):
+    """Of the last points alone, whose gradient fades to nothing on the way back through the trajectories."""
+    code = random_code(maps=4)
+    points = chaos_game(*code, trajectories=40, length=300, backend="cpu")
+    cotangent = torch.zeros_like(points)
+    cotangent.view(40, 290, 2)[:, -1] = torch.randn(40, 2, generator=torch.Generator().manual_seed(1))
+    whole = torch.autograd.grad(points, code, cotangent, retain_graph=True)
+    scaled = torch.autograd.grad(points, code, cotangent * 2.0**exponent)
+    for ours, expected in zip(scaled, whole, strict=True):
+        assert torch.equal(ours, expected * 2.0**exponent)

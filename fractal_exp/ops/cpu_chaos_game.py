@@ -119,7 +119,7 @@ def _backward(maps, seeds, points, indices, grad_points, partial):
             _, path[0, 0], path[0, 1] = start(seeds[code], trajectory)
             for k in range(warmup):
                 path[k + 1, 0], path[k + 1, 1] = _step(table[drawn[k]], path[k, 0], path[k, 1])
-            gx = gy = float32(0)
+            gx = gy = 0.0  # in double precision: what fades along the trajectory meets no denormal numbers, slow ones
             for k in range(length - 1, warmup, -1):
                 gx = unless_held(kept[k - warmup, 0], gx + grad[k - warmup, 0])
                 gy = unless_held(kept[k - warmup, 1], gy + grad[k - warmup, 1])

@@ -16,12 +16,15 @@ from numba import float32, int64, njit, prange
 
 from .jit import FAST, kernel
 from .reference import ALPHA_MAX, ALPHA_MIN, cutoff_radius
+from .scale import factors
 
 TILE = 160              # pixels: 100 kB of float32, at home in the second-level cache
 FEWEST_TILES = 8        # along a small image's side, so that there is work for every thread
 LANES = 8               # footprints are padded to full vectors
 TILE_COST = 1 / 256     # of a pixel of a tile that is not empty, in points
 FLOOR = 1e-30           # keeps the transmittance out of the denormal numbers, which are slow
+LARGEST = 80            # gradients of an image are computed in units in which the largest is about 2^80: their products
+FAINTEST = float32(2.0**-80)  # with the floor are no denormal numbers either, and what is fainter than this is 0
 ALPHA_MIN = float32(ALPHA_MIN)
 ALPHA_MAX = float32(ALPHA_MAX)
 
@@ -62,7 +65,7 @@ def backward(points: np.ndarray, transmittance: np.ndarray, starts: np.ndarray, 
     """The gradient of the points (B,P,2) from that of the images (B,R,R)."""
     grad = np.zeros_like(points)
     shares = _shares(starts, grid, numba.get_num_threads())
-    _backward(points, starts, entries, shares, *grid, transmittance, grad_image, grad)
+    _backward(points, starts, entries, shares, *grid, transmittance, grad_image, factors(grad_image, LARGEST), grad)
     return grad
 
 
@@ -223,7 +226,8 @@ def _downsample(transmittance, cell, sums, image):
 
 
 @kernel(parallel=True, fastmath=FAST)
-def _backward(points, starts, entries, shares, side, cell, tile, reach, sigma, transmittance, grad_image, grad):
+def _backward(points, starts, entries, shares, side, cell, tile, reach, sigma, transmittance, grad_image, factors,
+              grad):
     across = (side + tile - 1) // tile
     width = (2 * reach + LANES) // LANES * LANES
     scale = 0.5 * side / (sigma * sigma)
@@ -239,7 +243,8 @@ def _backward(points, starts, entries, shares, side, cell, tile, reach, sigma, t
                 continue
             code = t // (across * across)
             top, left = t // across % across * tile, t % across * tile
-            _weigh(transmittance[code], grad_image[code], top - reach, left - width, cell, weights, buffer)
+            _weigh(transmittance[code], grad_image[code], factors[code], top - reach, left - width, cell, weights,
+                   buffer)
             for e in range(starts[t], starts[t + 1]):
                 x, y = _pixel(points[code], entries[e], side)
                 # The tile of the centre, or the nearest to it, is the one that sums up.
@@ -263,13 +268,13 @@ def _backward(points, starts, entries, shares, side, cell, tile, reach, sigma, t
                 for j in range(width):
                     gx += along_x[j] * dx[j]
                     gy += along_y[j]
-                grad[code, entries[e], 0] = gx * scale
-                grad[code, entries[e], 1] = -gy * scale
+                grad[code, entries[e], 0] = gx * scale / factors[code]
+                grad[code, entries[e], 1] = -gy * scale / factors[code]
 
 
 @njit
-def _weigh(transmittance, grad_image, top, left, cell, weights, buffer):
-    """Fill the buffer, whose corner is pixel (top, left), with dL/dI · T per pixel, and 0 beyond the image."""
+def _weigh(transmittance, grad_image, factor, top, left, cell, weights, buffer):
+    """Fill the buffer, whose corner is pixel (top, left), with factor · dL/dI · T per pixel, and 0 beyond the image."""
     side = len(transmittance)
     mean = float32(1 / (cell * cell))
     for r in range(len(buffer)):
@@ -281,8 +286,10 @@ def _weigh(transmittance, grad_image, top, left, cell, weights, buffer):
         if r % cell == 0 or r == top:
             cells = grad_image[r // cell]
             for j in range(first // cell, (last + cell - 1) // cell):
+                weight = float32(cells[j] * factor) * mean
                 for c in range(max(j * cell, first), min((j + 1) * cell, last)):
-                    weights[c - first] = cells[j] * mean
+                    weights[c - first] = weight
         target, source = buffer[r - top, first - left:last - left], transmittance[r, first:last]
         for c in range(len(target)):
-            target[c] = weights[c] * source[c]
+            value = weights[c] * source[c]
+            target[c] = float32(0) if abs(value) < FAINTEST else value  # not NaN

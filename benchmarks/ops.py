@@ -84,6 +84,26 @@ def seconds(case: Case, backend: str, repeats: int) -> tuple[float, float]:
     return min(forward), min(backward)
 
 
+LOSSES: dict[str, Callable[[Tensor], Tensor]] = {  # whose gradients differ in scale
+    "sum": Tensor.sum, "mean": Tensor.mean, "sum · 1e-20": lambda image: image.sum() * 1e-20,
+    "squared mean": lambda image: image.square().mean()}
+
+
+def slowest_loss(case: Case, repeats: int) -> dict:
+    """The best backward time of the operation by loss, taken in turns, and how much longer the slowest takes than the
+    sum: small gradients times faint pixels are denormal numbers, with which a processor may be slow."""
+    times: dict[str, list[float]] = {name: [] for name in LOSSES}
+    for _ in range(repeats):
+        for name, loss in LOSSES.items():
+            inputs = tuple(t.clone().requires_grad_() for t in case.inputs)
+            output = case.run(inputs, "cpu")
+            gradient, = torch.autograd.grad(loss(output), output)
+            times[name].append(timed(lambda given=(output, inputs, gradient): torch.autograd.grad(*given)))
+    best = {name: min(each) for name, each in times.items()}
+    return {"backward_ms_by_loss": {name: 1e3 * each for name, each in best.items()},
+            "slowest_loss_ratio": max(best.values()) / best["sum"]}
+
+
 def gradient_error(case: Case) -> float:
     """|g - g64| / |g64| over all inputs, under one random cotangent."""
     gradients, cotangent = [], None
@@ -142,6 +162,7 @@ def twin_figures(case: Case, total_ms: float, repeats: int) -> dict:
 KERNEL = """
 {case}
   kernel  {forward_ms:9.2f} + {backward_ms:.2f} = {total_ms:.2f} ms: {points_per_second:.3g} points/s
+  losses  {slowest_loss_ratio:9.2f} times a sum's backward time, for the loss that takes longest
   floor   {floor_ms:9.2f} ms for {megabytes:.0f} MB, {megaflops:.0f} MFLOP: {of_floor:.0%} reached
   memory  {memory_growth_mb:9.0f} MB more, {memory_peak_mb:.0f} MB in all"""
 TWIN = """\
@@ -164,7 +185,7 @@ def main() -> None:
     print(f"{platform.machine()}, {count} threads, torch {torch.__version__}, numba {numba.__version__}; "
           f"copy {limits[0] / 1e9:.1f} GB/s, matrix product {limits[1] / 1e9:.0f} GFLOP/s")
     for case, row in measured:
-        row |= floor_figures(case, row["total_ms"], limits)
+        row |= floor_figures(case, row["total_ms"], limits) | slowest_loss(case, max(3, arguments.repeats // 4))
         print(KERNEL.format(**row))
         if not arguments.no_twin:
             row |= twin_figures(case, row["total_ms"], arguments.twin_repeats)

@@ -1,20 +1,20 @@
-"""Where an attractor lies: a disc and a box that are certain, the box that is seen, and the frame that follows."""
+"""Where an attractor lies: a disc and half planes that are certain, the box that is seen, the frame that follows."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from .ifs import IFS
-from .ops.address_tree import farthest_word, lowered
+from .ops.address_tree import farthest_word, lowered, raised
 
 FRAME_SIDE = 1.5          # the longer side of a normalised attractor: 25% padding of the canvas [-1,1]²
 BOX_TOLERANCE = 1e-7      # of the box's longer side
-MAX_WORDS = 50_000        # words kept per level of the address tree,
-MAX_VISITS = 1_000_000    # and looked at in all
 DIRECTIONS = 1024         # of the support function's table
 MAX_SWEEPS = 5_000        # of the support function's fixed-point iteration
+MAX_LETTERS = 20_000      # of words whose reach is bounded by their length too
 VISIBLE_CHANCE = 1e-6     # of a word that is seen
 LETTERS = 2000            # of a random address
 
@@ -43,29 +43,10 @@ def support_function(code: IFS) -> np.ndarray:
     """
     linear, offset = _float64(code)
     center, radius = bounding_disc(code)
-    units = _unit_vectors()
-    first, weights = _interpolation(np.einsum("nij,ki->nkj", linear, units))
-    shift = offset @ units.T
-    table = units @ center + radius
+    table = _unit_vectors() @ center + radius
+    first, weights, shift = _one_letter(linear, offset)
     slack = 1 - np.linalg.norm(linear, ord=2, axis=(1, 2)).max()
     return lowered(table, first, weights, shift, 1e-7 * slack * radius, MAX_SWEEPS)
-
-
-def bounding_box(code: IFS) -> np.ndarray:
-    """The attractor's axis-aligned box (x_min, y_min, x_max, y_max), float64, certain and tight.
-
-    Each side is the support function in one direction, found by branch and bound over the address tree; the box is
-    never too small, and too large by at most 1e-7 of its longer side (more only where very many words nearly tie).
-    Raises `InputError` if the code is not contractive.
-    """
-    linear, offset = _float64(code)
-    table = support_function(code)
-    quarter = DIRECTIONS // 4
-    width, height = table[0] + table[2 * quarter], table[quarter] + table[3 * quarter]
-    tolerance = max(BOX_TOLERANCE * max(width, height), 1e-12)
-    directions = _unit_vectors()[::quarter]
-    right, top, left, bottom = (_support(u, linear, offset, table, tolerance) for u in directions)
-    return np.array([-left, -bottom, right, top])
 
 
 def visible_box(code: IFS) -> np.ndarray:
@@ -73,7 +54,7 @@ def visible_box(code: IFS) -> np.ndarray:
 
     It holds f_w(c) for every word w of chance p_w >= 1e-6, c the mean of the invariant measure. This is the kind of
     box that the paper normalises by, that of many sampled points, without their luck: it depends neither on a seed nor
-    on the order of the maps. It lies inside `bounding_box`, at times far inside: a map with a singular value near 1
+    on the order of the maps. The attractor's own box may be far larger: a map with a singular value near 1
     stretches the attractor into tails of chance 1e-8 that no picture ever shows (over the random suite the two differ
     by more than 1% of the side for a quarter of the codes). Raises `InputError` if the code is not contractive.
     """
@@ -84,13 +65,29 @@ def visible_box(code: IFS) -> np.ndarray:
 def visible_tips(code: IFS) -> list[tuple[float, np.ndarray]]:
     """How far the `visible_box` reaches to the right, the top, the left and the bottom, and the words that reach there,
     each an array (L,) of maps, the outermost first. Raises `InputError` if the code is not contractive."""
-    table = support_function(code)
+    code.check_contractive()
     linear, offset = _float64(code)
     chance = code.sampling_probabilities().cpu().double().numpy()
     mean = np.linalg.solve(np.eye(2) - np.einsum("n,nij->ij", chance, linear), chance @ offset)
+    table = _reach_of_visible_words(code, linear, offset, chance, mean)
     tolerance = BOX_TOLERANCE * max(table[0] + table[DIRECTIONS // 2], table[DIRECTIONS // 4] + table[-DIRECTIONS // 4])
     return [farthest_word(u, linear, offset, chance, mean, table, VISIBLE_CHANCE, tolerance)
             for u in _unit_vectors()[:: DIRECTIONS // 4]]
+
+
+def _reach_of_visible_words(code: IFS, linear: np.ndarray, offset: np.ndarray, chance: np.ndarray,
+                            mean: np.ndarray) -> np.ndarray:
+    """Certain upper bounds (K,) of u_k·f_w(mean) over all words w of chance 1e-6 or more.
+
+    Such words lie in the attractor's half planes, and they have few letters. Where a map hardly contracts, the first
+    bound is useless and the second is tight: half planes a million times too far away would let a search end early.
+    """
+    table = support_function(code)
+    likeliest = chance.max()
+    letters = math.log(VISIBLE_CHANCE) / math.log(likeliest) if likeliest < 1 else math.inf
+    if letters > MAX_LETTERS:
+        return table
+    return np.minimum(table, raised(_unit_vectors() @ mean, *_one_letter(linear, offset), math.floor(letters) + 1))
 
 
 def normalize(code: IFS) -> IFS:
@@ -125,6 +122,12 @@ def _float64(code: IFS) -> tuple[np.ndarray, np.ndarray]:
     return code.linear.cpu().double().numpy(), code.offset.cpu().double().numpy()
 
 
+def _one_letter(linear: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How u_k·f_i(x) follows from the table of u·x: see `lowered`."""
+    units = _unit_vectors()
+    return *_interpolation(np.einsum("nij,ki->nkj", linear, units)), offset @ units.T
+
+
 def _unit_vectors() -> np.ndarray:
     angle = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
     return np.column_stack([np.cos(angle), np.sin(angle)])
@@ -139,45 +142,3 @@ def _interpolation(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     length = np.linalg.norm(rows, axis=-1)[..., None]
     weights = length * np.stack([np.sin(delta - phi), np.sin(phi)], -1) / np.sin(delta)
     return first, np.maximum(weights, 0)
-
-
-def _interpolate(table: np.ndarray, first: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return weights[..., 0] * table[first] + weights[..., 1] * table[(first + 1) % DIRECTIONS]
-
-
-def _support(u: np.ndarray, linear: np.ndarray, offset: np.ndarray, table: np.ndarray, tolerance: float) -> float:
-    """An upper bound, within `tolerance`, of max over the attractor of u·x.
-
-    A word w is kept as the row v = u^T M_w and the number s = u·b_w, since u·f_w(x) = v·x + s; its value on the
-    attractor is at most h(v) + s.
-    """
-    fixed = np.linalg.solve(np.eye(2) - linear, offset[..., None])[..., 0]
-    rows, shifts = u[None], np.zeros(1)
-    best, visits = -np.inf, 0
-    while True:
-        upper = _interpolate(table, *_interpolation(rows)) + shifts
-        best = max(best, float((rows @ fixed.T + shifts[:, None]).max()),
-                   _descend(rows[upper.argmax()], shifts[upper.argmax()], linear, offset, table, fixed))
-        keep = upper > best + tolerance
-        if not keep.any():
-            return best + tolerance
-        visits += len(rows)
-        if keep.sum() * len(linear) > MAX_WORDS or visits > MAX_VISITS:
-            return float(upper.max())
-        rows, shifts = rows[keep], shifts[keep]
-        shifts = (shifts[:, None] + rows @ offset.T).reshape(-1)
-        rows = np.einsum("ki,nij->knj", rows, linear).reshape(-1, 2)
-        # Words that agree here agree for ever: the whole lower edge of Sierpinski's carpet is one state.
-        state = np.round(np.column_stack([rows, shifts]) / (1e-2 * tolerance))
-        _, first = np.unique(state, axis=0, return_index=True)
-        rows, shifts = rows[first], shifts[first]
-
-
-def _descend(row: np.ndarray, shift: float, linear: np.ndarray, offset: np.ndarray, table: np.ndarray,
-             fixed: np.ndarray, depth: int = 64) -> float:
-    """The value u·x of an attractor point, reached by taking the most promising map `depth` times."""
-    for _ in range(depth):
-        rows, shifts = row @ linear, shift + offset @ row
-        i = int((_interpolate(table, *_interpolation(rows)) + shifts).argmax())
-        row, shift = rows[i], shifts[i]
-    return float((fixed @ row).max() + shift)

@@ -74,3 +74,45 @@ def test_a_process_that_compiles_the_kernels_of_a_search_and_one_that_loads_them
     compiled, loaded = (subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout
                         for _ in range(2))
     assert list(tmp_path.rglob("*.nbi")) and compiled == loaded
+
+
+USED = ("import torch; from fractal_exp import ops\n"
+        "{before}\n"
+        "code = torch.eye(2)[None] / 2, torch.zeros(1, 2)\n"
+        "print(float(ops.chaos_game(*code, trajectories=1, length=60).abs().max()) < 1)")
+
+
+def use_kernels(folder: Path, before: str = "") -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, "-c", USED.format(before=before)], capture_output=True, text=True,
+                          env=os.environ | {"NUMBA_CACHE_DIR": str(folder)})
+
+
+@pytest.fixture(scope="module")
+def filled_cache(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cache")
+    assert use_kernels(folder).stdout == "True\n"
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", [lambda data: b"", lambda data: data[:len(data) // 2], lambda data: b"\x80" * 999],
+                         ids=["empty", "cut off", "nonsense"])
+def test_a_damaged_cache_is_said_once_and_made_anew(filled_cache, tmp_path, kind, damage):
+    folder = tmp_path / "cache"
+    shutil.copytree(filled_cache, folder)
+    files = list(folder.rglob(f"*.{kind}"))
+    for file in files:
+        file.write_bytes(damage(file.read_bytes()))
+    first, second = use_kernels(folder), use_kernels(folder)
+    assert files and first.stdout == second.stdout == "True\n", first.stderr
+    assert first.stderr.count("compiled kernels cannot be kept") == 1 and len(first.stderr.splitlines()) == 1
+    assert second.stderr == ""
+
+
+def test_a_full_disk_costs_the_cache_alone(tmp_path):
+    """A limit on the size of files stands for the disk; with the signal ignored, writing raises an OSError."""
+    limit = ("import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+             "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))")
+    done = use_kernels(tmp_path, limit)
+    assert done.stdout == "True\n", done.stderr
+    assert done.stderr.count("compiled kernels cannot be kept") == 1 and len(done.stderr.splitlines()) == 1

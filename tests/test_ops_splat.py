@@ -186,7 +186,7 @@ def test_bad_input_is_refused_in_one_line(change, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("exponent", [-100, -60, -30, -6, 9, 60])
+@pytest.mark.parametrize("exponent", [-90, -60, -30, -6, 9, 60])
 def test_a_cotangent_times_a_power_of_two_gives_the_gradient_times_it_bit_for_bit(exponent):
     """No arithmetic meets a denormal number, which would round, and be slow: those that gradients of 1e-6 make with a
     transmittance of 1e-30, say. A dense cloud, so that there are such pixels."""

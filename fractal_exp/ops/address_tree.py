@@ -32,6 +32,25 @@ def lowered(table, first, weights, shift, tolerance, sweeps):
 
 
 @kernel()
+def raised(table, first, weights, shift, sweeps):
+    """The upper bounds (K,) of u_k·f_w(x) over all words w of at most `sweeps` letters, from those of u_k·x in the
+    table: as in `lowered`, but from below, h_k <- max(h_k, max_i w_ik0 h_f + w_ik1 h_f+1 + s_ik)."""
+    maps, directions = shift.shape
+    for _ in range(sweeps):
+        swept, rise = table.copy(), False
+        for k in range(directions):
+            for i in range(maps):
+                f = first[i, k]
+                reach = weights[i, k, 0] * table[f] + weights[i, k, 1] * table[(f + 1) % directions] + shift[i, k]
+                if reach > swept[k]:
+                    swept[k], rise = reach, True
+        table = swept
+        if not rise:
+            break
+    return table
+
+
+@kernel()
 def farthest_word(u, linear, offset, chance, mean, table, least, tolerance):
     """max u·f_w(mean) over the words w of chance at least `least`, to within `tolerance`, and that word, its letters
     from the outermost map on: depth first, the most promising map first, leaving out what the half planes of `table`

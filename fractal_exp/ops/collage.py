@@ -70,9 +70,7 @@ class BinnedMeasure:
 
 def _check_size(size: int) -> None:
     """Raise `InputError` unless `size` cells a side can be used: a sample is shared by two at least."""
-    check_count("size", size, 2)
-    if size > LARGEST:
-        raise InputError(f"size must be at most {LARGEST} cells a side, got {shown(size)}")
+    check_count("size", size, 2, LARGEST)
 
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, backend: str = "auto") -> Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import logging
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -15,7 +16,48 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}
 # loads it, in the last bit, and a search that branches on it ends elsewhere.
 FUSED = FAST - {"reassoc"}
 
+log = logging.getLogger(__name__)
 _ONE_AT_A_TIME = threading.Lock()
+
+
+class ForgivingCache:
+    """numba's cache of a function, but what cannot be read or written is said once and done without.
+
+    A damaged index is emptied, so that the next process finds a cache again.
+    """
+
+    def __init__(self, cache: Any) -> None:
+        self._cache = cache
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+    def load_overload(self, *arguments: Any) -> Any:
+        try:
+            return self._cache.load_overload(*arguments)
+        except Exception as error:  # unpickling what is damaged may raise anything
+            _say_that_the_cache_is_useless(str(self._cache.cache_path), error)
+        try:
+            self._cache.flush()
+        except OSError:
+            pass  # it was said that it is useless
+
+    def save_overload(self, *arguments: Any) -> None:
+        try:
+            self._cache.save_overload(*arguments)
+        except Exception as error:
+            _say_that_the_cache_is_useless(str(self._cache.cache_path), error)
+
+
+@functools.cache
+def _say_once(folder: str) -> None:
+    log.warning("compiled kernels cannot be kept in %s, they are compiled again for this process; empty the folder, "
+                "make room on its disk, or name another one in NUMBA_CACHE_DIR", folder)
+
+
+def _say_that_the_cache_is_useless(folder: str, error: Exception) -> None:
+    _say_once(folder)
+    log.debug("numba's cache in %s: %r", folder, error)
 
 
 def kernel(**options: Any) -> Callable[[Callable], Callable]:
@@ -27,6 +69,7 @@ def kernel(**options: Any) -> Callable[[Callable], Callable]:
     def compile_lazily(function: Callable) -> Callable:
         try:
             compiled = njit(function, cache=True, nogil=True, **options)
+            compiled._cache = ForgivingCache(compiled._cache)
         except RuntimeError:  # no folder can be written: compile in every process
             compiled = njit(function, nogil=True, **options)
 

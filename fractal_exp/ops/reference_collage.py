@@ -12,6 +12,7 @@ from ..checks import check_count, check_number
 FLOOR = 1e-5                # of a bin's mass under the square root: what is fainter hardly counts
 BETA_1, BETA_2 = 0.9, 0.98  # of Adam
 EDGE = 1.001
+MAX_STEPS = 1_000_000       # of a descent: more would take hours, in one call that nothing interrupts
 LEAST_RADIUS = 1e-6         # canvas units; divided by
 
 
@@ -21,8 +22,8 @@ class Descent:
     logarithms of the weights, both falling to `decay` of it; `largest` singular value allowed, and `smaller`, of the
     smaller one of each map; `prior`, the strength of the pull of weights towards |det| + 0.01; maps that displace the
     measure by less than `identity_radius` (rms, canvas units) are pushed off with `identity_weight`; `tied` weights
-    follow |det| + 0.01 exactly. Raises `InputError` unless steps is an integer of at least 0, the radius is at least
-    1e-6, and the others are finite numbers of at least 0."""
+    follow |det| + 0.01 exactly. Raises `InputError` unless steps is an integer from 0 to 1 000 000, the radius is at
+    least 1e-6, and the others are finite numbers of at least 0."""
 
     steps: int
     rate: float = 0.01
@@ -36,7 +37,7 @@ class Descent:
     tied: bool = False
 
     def __post_init__(self) -> None:
-        check_count("steps", self.steps, 0)
+        check_count("steps", self.steps, 0, MAX_STEPS)
         check_number("identity_radius", self.identity_radius, f"a finite number from {LEAST_RADIUS} on", LEAST_RADIUS)
         for name in ("rate", "weight_rate", "decay", "largest", "smaller", "prior", "identity_weight"):
             check_number(name, getattr(self, name), "a finite number of at least 0", 0)

@@ -1,0 +1,100 @@
+"""Whether it matters what is imported first, and who sets torch's threads: it should not.
+
+    python -m benchmarks.import_orders --json benchmarks/results/import_orders.json
+
+Every measurement is a process of its own; the orders take turns, so that what else the machine does falls on all of
+them. Timed are a chaos game of 2000 x 250, a torch operation on a million numbers, and both in turns; alone, and
+beside a process that keeps as many cores busy as half of them. What counts is the ratio to the best order, of the
+medians over rounds; a time is the lower quartile of its repetitions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .environment import ROOT, environment
+
+ORDERS = {
+    "package, torch": "import fractal_exp, torch",
+    "torch, package": "import torch, fractal_exp",
+    "torch, threads, package": "import torch; torch.set_num_threads({cores}); import fractal_exp",
+    "package, torch, threads": "import fractal_exp, torch; torch.set_num_threads({cores})",
+    "numba, torch, package": "import numba, torch, fractal_exp",
+}
+WORK = """
+import json, statistics, time
+from fractal_exp import ops
+generator = torch.Generator().manual_seed(0)
+code = 0.4 * torch.rand(10, 2, 2, generator=generator), torch.rand(10, 2, generator=generator)
+numbers = torch.rand(1 << 20)
+def game(): ops.chaos_game(*code, seed=1)
+def operation(): (numbers * 2 + 1).sum()
+def both(): game(), operation()
+def time_of(call):
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+both()
+print(json.dumps({call.__name__: 1e3 * statistics.quantiles([time_of(call) for _ in range(REPEATS)])[0]
+                  for call in (game, operation, both)}))
+"""
+
+
+def measure(order: str, repeats: int) -> dict[str, float]:
+    """Milliseconds by kind of work, of one process."""
+    program = ORDERS[order].format(cores=os.cpu_count()) + WORK.replace("REPEATS", str(repeats))
+    clean = {k: v for k, v in os.environ.items() if k not in ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT")}
+    done = subprocess.run([sys.executable, "-c", program], env=clean, cwd=ROOT, capture_output=True, text=True,
+                          check=True)
+    return json.loads(done.stdout)
+
+
+@contextmanager
+def busy_processes(count: int) -> Iterator[None]:
+    """So many processes that compute all the while."""
+    others = [subprocess.Popen([sys.executable, "-c", "while True: sum(range(100000))"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for other in others:
+            other.kill()
+            other.wait()
+
+
+def ratios(rounds: list[dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:
+    """By kind of work and order: the median time over the rounds, as a multiple of the best order's."""
+    result = {}
+    for kind in next(iter(rounds[0].values())):
+        medians = {order: statistics.median(each[order][kind] for each in rounds) for order in ORDERS}
+        result[kind] = {order: median / min(medians.values()) for order, median in medians.items()}
+    return result
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=7, help="processes of each order (default 7)")
+    parser.add_argument("--repeats", type=int, default=60, help="repetitions in each (default 60)")
+    parser.add_argument("--json", type=Path, metavar="PATH", help="also write the figures here")
+    arguments = parser.parse_args()
+
+    report = {"environment": environment("cpu"), "load_before": os.getloadavg()[0]}
+    for state, others in (("alone", 0), ("beside a busy process", max(1, (os.cpu_count() or 2) // 2))):
+        with busy_processes(others):
+            rounds = [{order: measure(order, arguments.repeats) for order in ORDERS} for _ in range(arguments.rounds)]
+        report[state] = {"ratio": ratios(rounds), "milliseconds": rounds}
+        for kind, by_order in report[state]["ratio"].items():
+            print(f"{state}, {kind}: " + ", ".join(f"{order} {ratio:.2f}" for order, ratio in by_order.items()))
+    if arguments.json:
+        arguments.json.write_text(json.dumps(report, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
 from .. import ops
+from ..ops.collage import orbit_bins
 from ..ops.reference_collage import contract
 from ..seeds import derive
 from . import maps as affine
@@ -91,6 +92,10 @@ class Jacobian(ABC):
     def _play(self, maps: Tensor, chances: Tensor) -> Tensor:
         return played(maps, chances, POINTS_PER_CELL * self.side**2, self.seed)
 
+    def _binned(self, maps: Tensor, chances: Tensor) -> Tensor:
+        """The measures (B,G,G) of what is played with maps (B,N,6)."""
+        return orbit_bins(maps, chances, self.side, seed=self.seed, **orbits(POINTS_PER_CELL * self.side**2))
+
 
 class Played(Jacobian):
     """From one run of the chaos game, followed with common random numbers (the chances are held), and the grey level as
@@ -103,10 +108,8 @@ class Played(Jacobian):
         kappa = -(1 - smooth).log() / _smooth(known).clamp_min(1e-12)
         kappa = torch.where(known > 0, kappa, 0)
         slope = picture.levels.dark(greys[0], smooth) * kappa
-        columns = known.new_empty(len(self.units), *known.shape)
-        for k in range(len(self.units)):
-            points = self._play(self.nudged(k, STEP_PX), drawn.chances)
-            columns[k] = (point_bins(points, self.side) - known) / STEP_PX * slope
+        columns = self._binned(torch.stack([self.nudged(k, STEP_PX) for k in range(len(self.units))]), drawn.chances)
+        columns.sub_(known).div_(STEP_PX).mul_(slope)
         for k, grey in enumerate(greys):
             if k:
                 columns = avg_pool2d(columns, 2, ceil_mode=True)
@@ -131,8 +134,13 @@ class Redrawn(Jacobian):
 
 def played(maps: Tensor, chances: Tensor, count: int, seed: int) -> Tensor:
     """About so many points (P,2) of the chaos game with maps (N,6) and chances (N,)."""
-    return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], length=430, warmup=30, seed=seed,
-                          trajectories=count // 400 + 1, probabilities=chances)
+    return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], seed=seed, probabilities=chances,
+                          **orbits(count))
+
+
+def orbits(count: int) -> dict[str, int]:
+    """The numbers of the chaos game for about so many points."""
+    return {"trajectories": count // 400 + 1, "length": 430, "warmup": 30}
 
 
 def _smooth(image: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 from .. import ops
 from ..ifs import IFS
 from ..ops import cuda_launch
-from ..ops.collage import BinnedMeasure, pushforward
+from ..ops.collage import BinnedMeasure, orbit_bins, pushforward
 
 SUPERSAMPLE = 16                       # of the pictures that carry a density (Section 5 of the paper)
 POINTS_PER_PIXEL = 50_000_000 / 1024**2
@@ -137,9 +137,8 @@ def halve(bins: Tensor, size: int) -> Tensor:
 
 def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
     """The measure (G,G) of the attractor of maps (N,6) played with chances in proportion to weights (N,)."""
-    drawn = ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], trajectories=max(1, points // 400),
-                           length=430, warmup=30, probabilities=weights / weights.sum(), seed=seed)
-    return point_bins(drawn, size)
+    return orbit_bins(maps[None], weights / weights.sum(), size, trajectories=max(1, points // 400), length=430,
+                      warmup=30, seed=seed)[0]
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:

@@ -14,6 +14,7 @@ from types import ModuleType
 import torch
 from torch import Tensor
 
+from .. import ops
 from ..checks import check_alike, check_count, check_dense, check_memory, check_tensor, shown
 from ..errors import InputError
 from . import reference_collage as reference
@@ -23,8 +24,9 @@ from .reference_collage import Descent
 KERNELS = {"cpu": "cpu_collage", "cuda": "cuda_collage", "torch": "reference_collage"}  # modules with both functions
 
 LARGEST = 32_768  # cells a side: a cell's number is kept in 32 bits
+LARGEST_COUNT = 2**31 - 1  # of trajectories, and of their points
 
-__all__ = ["BinnedMeasure", "Descent", "collage_error", "descend", "pushforward"]
+__all__ = ["BinnedMeasure", "Descent", "collage_error", "descend", "orbit_bins", "pushforward"]
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,35 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, ba
     _check_size(size)
     check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
     return _backend(backend, maps).pushforward(maps, weights, samples, int(size))
+
+
+def orbit_bins(maps: Tensor, probabilities: Tensor, size: int, *, trajectories: int, length: int, warmup: int,
+               seed: int, backend: str = "auto") -> Tensor:
+    """The measures of the orbits of codes in bilinear bins: maps (B,N,6), probabilities (N,) of all -> (B,G,G).
+
+    The points are those of `ops.chaos_game`, of equal mass, with the same random numbers for all codes. The CPU backend
+    keeps none of them, and gives each thread codes of its own. Raises `InputError` on other shapes, a size outside
+    2 … 32768 or one that takes more memory than there is, and on what `ops.chaos_game` refuses.
+    """
+    check_tensor("maps", maps)
+    if maps.ndim != 3 or maps.shape[-1] != 6:
+        raise InputError(f"maps must have shape (B, N, 6), got {tuple(maps.shape)}")
+    for name, value in (("trajectories", trajectories), ("length", length)):
+        check_count(name, value, most=LARGEST_COUNT)
+    check_count("warmup", warmup, 0, length - 1)
+    check_count("seed", seed, -2**63, 2**63 - 1)
+    _check_size(size)
+    check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
+    if choose(backend, maps) == "cpu":
+        thresholds = ops._thresholds(probabilities, (), maps.shape[1], maps.device)[0]
+        return _backend("cpu", maps).orbit_bins(maps, thresholds, seed, size, trajectories, length, warmup)
+    identity, bins = maps.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), []
+    for each in maps:  # one after another, for the sake of memory
+        points = ops.chaos_game(each[:, :4].unflatten(-1, (2, 2)), each[:, 4:], trajectories=trajectories,
+                                length=length, warmup=warmup, probabilities=probabilities, seed=seed, backend=backend)
+        samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], -1)
+        bins.append(pushforward(identity, maps.new_ones(1, 1), samples, size, backend=backend)[0])
+    return torch.stack(bins)
 
 
 def collage_error(bins: Tensor, measure: BinnedMeasure) -> Tensor:

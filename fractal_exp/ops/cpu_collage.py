@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import torch
-from numba import float32, int32, intp, njit, prange
+from numba import float32, int32, intp, njit, prange, uint64
 from torch import Tensor
 
+from .cpu_chaos_game import GUIDE_BITS, guide_of, hold, next_state, start
 from .jit import FUSED, kernel
 from .reference_collage import BETA_1, BETA_2, FLOOR, Descent
 
@@ -34,6 +35,16 @@ def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean:
              errors.numpy(), how.steps, how.rate, how.weight_rate, how.decay, how.largest, how.smaller,
              how.prior, how.identity_radius, how.identity_weight, how.tied)
     return moved, masses, errors
+
+
+def orbit_bins(maps: Tensor, thresholds: Tensor, seed: int, size: int, trajectories: int, length: int, warmup: int
+               ) -> Tensor:
+    """See `collage.orbit_bins`; thresholds (N,) int64 are the cumulative probabilities in units of 2^-32."""
+    bins = torch.zeros(len(maps), size * size)
+    cumulative = thresholds.numpy()
+    _orbit_bins(*_arrays(maps), cumulative, guide_of(cumulative[None])[0], np.int64(seed), trajectories, length, warmup,
+                size, bins.numpy())
+    return bins.view(-1, size, size)
 
 
 def _arrays(*tensors: Tensor) -> list[np.ndarray]:
@@ -82,6 +93,31 @@ def _pushforward(maps, weights, samples, size, bins):
             if weights[b, n] > 0:
                 _locate(maps[b, n], samples, size, corner, right, down)
                 _add(weights[b, n], samples[2], corner, right, down, size, bins[b])
+
+
+@kernel(parallel=True, fastmath=FUSED)
+def _orbit_bins(maps, thresholds, guide, seed, trajectories, length, warmup, size, bins):
+    count = length - warmup
+    identity = np.array([1, 0, 0, 1, 0, 0], np.float32)
+    for b in prange(maps.shape[0]):
+        corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
+        points = np.empty((2, count), np.float32)
+        mass = np.full(count, float32(1 / (trajectories * count)))
+        for trajectory in range(trajectories):
+            state, x, y = start(seed, trajectory)
+            for k in range(length):
+                state = next_state(state)
+                variate = np.int64(state >> uint64(32))
+                i = guide[variate >> (32 - GUIDE_BITS)]
+                while variate >= thresholds[i]:
+                    i += 1
+                m = maps[b, i]  # in the order that LLVM gives the sums of the chaos game, for the same points to a bit
+                x, y = hold(m[1] * y + (m[0] * x + m[4])), hold(m[3] * y + (m[2] * x + m[5]))
+                if k >= warmup:
+                    points[0, k - warmup] = x
+                    points[1, k - warmup] = y
+            _locate(identity, points, size, corner, right, down)
+            _add(float32(1), mass, corner, right, down, size, bins[b])
 
 
 @vectorized

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import torch
 
 from fractal_exp import IFS, InputError, ops
-from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, orbit_bins, pushforward
 
 G = 8  # cells a side of the measure
 NUMBERS = [0, 1, -1, 2, 3, 7.5, True, False, None, "3", math.nan, math.inf, -math.inf, 1e-300, 1e300, 10**12,
@@ -61,6 +61,8 @@ def good(generator: torch.Generator) -> dict[str, tuple[Callable[..., object], d
         "measure": (BinnedMeasure, {"samples": samples, "bins": bins, "levels": 2}),
         "pushforward": (pushforward, {"maps": rand(2, 3, 6), "weights": rand(2, 3), "samples": samples, "size": G,
                                       "backend": "auto"}),
+        "orbit_bins": (orbit_bins, {"maps": rand(2, 3, 6) - 0.5, "probabilities": torch.full((3,), 1 / 3), "size": G,
+                                    "trajectories": 3, "length": 20, "warmup": 5, "seed": 1, "backend": "auto"}),
         "error": (lambda given, samples, measure, levels: collage_error(given, BinnedMeasure(samples, measure, levels)),
                   {"given": rand(2, G, G), "samples": samples, "measure": bins, "levels": 2}),
         "descend": (lambda samples, bins, levels, steps, rate, identity_radius, largest, tied, **others: descend(

@@ -178,7 +178,8 @@ def _grid(flat, size, level):
 @njit
 def _tile(maps, weights, samples, background, size, levels, bins, corner, right, down):
     """The measure that the maps make up on all levels; corner, right and down are (N,K), see `_locate`."""
-    bins[:size * size] = background
+    for i in range(size * size):  # a slice takes two seconds longer to compile, for the message of an error
+        bins[i] = background[i]
     for n in range(maps.shape[0]):
         if weights[n] > 0:
             _locate(maps[n], samples, size, corner[n], right[n], down[n])

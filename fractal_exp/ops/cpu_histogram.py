@@ -198,13 +198,22 @@ def _compose(word, maps, i, points, child):
     child[6], child[7] = word[6] + 1, points
 
 
+@njit
+def _copy(source, target):
+    """Into the first of a longer target (K,). An array assigned to a slice takes a second or two to compile, for the
+    message of an error that its shape might raise."""
+    for k in range(len(source)):
+        target[k] = source[k]
+
+
 @kernel()
 def cut(maps, mass, hull, size, root, thrown, pieces, whole):
     """A cut of the tree: words (J,8) that share out the points of the window, none with much more than its share. A
     word is its map to pixels a b c d x y, its depth, and the number of points to expect under it."""
     n = len(maps)
     words = np.zeros((1, 8))
-    words[0, :6], words[0, 7] = root, thrown
+    _copy(root, words[0])
+    words[0, 7] = thrown
     visited, split = 0, True
     while split and visited < 64 * CUT:
         share = words[:, 7].sum() / (pieces if whole else CUT)
@@ -213,7 +222,7 @@ def cut(maps, mass, hull, size, root, thrown, pieces, whole):
             visited += 1
             where, leaf = _is_leaf(word, hull, size)
             if where >= 0 and (word[7] <= share or leaf and not whole):
-                below[top] = word
+                _copy(word, below[top])
                 top += 1
             elif where >= 0:
                 split = True
@@ -230,7 +239,7 @@ def cut(maps, mass, hull, size, root, thrown, pieces, whole):
         _, leaf = _is_leaf(word, hull, size)
         parts = int(word[7] / piece) + 1 if leaf else 1
         for _ in range(parts):
-            jobs[top] = word
+            _copy(word, jobs[top])
             jobs[top, 7] = word[7] / parts
             top += 1
     return jobs[:top]
@@ -246,12 +255,12 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
     word, stack, top, job = np.empty(8), np.empty((64 * n, 8)), 0, 0
     while top > 0 or job < len(jobs):
         if top == 0:
-            word[:] = jobs[job]
+            _copy(jobs[job], word)
             deepest = word[6] + LEVELS
             job += 1
         else:
             top -= 1
-            word[:] = stack[top]
+            _copy(stack[top], word)
         done[2] += 1
         where, leaf = _is_leaf(word, hull, size)
         if done[1] + done[2] + (word[7] if leaf else 0.0) > budget:
@@ -273,7 +282,8 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
             continue
         if top + n > len(stack):
             taller = np.empty((2 * len(stack), 8))
-            taller[:top] = stack[:top]
+            for k in range(top):
+                _copy(stack[k], taller[k])
             stack = taller
         for i in range(n):
             if mass[i] > 0:

@@ -44,8 +44,10 @@ FAR = 30                       # noises from which on the frame tells nothing
 UNSETTLED, CLOSE = 1.1, 6      # times a drawing's noise: errors between which the dearest polish is worth while,
 REDRAWN = 3                    # of so many steps
 ROOTS_ERROR, LOW = 30, 0.5     # times the error before, or this if that is lower: of a root that may be one
+ROOTS_MAPS = 10                # up to so many maps, where the code is hopeless: N maps take 1.5 N² drawings
 ORDERS, ROOTED = (2, 3), 2     # roots that are tried, and of how many of the largest maps at the start
 MISSING = 1e3                  # the price of a map fewer than there must be
+HOPELESS = 0.4                 # radians, rms (`Picture.angle`): from here on a picture is taken to be of no code
 PROMISING, HOPEFUL = 1.25, 4   # times the error before: worth a polish of a new map, and of all where some are gone
 POLISH, DRAWINGS = 8, 4        # steps of all maps at the start and the end, and drawings at the very end
 
@@ -103,8 +105,11 @@ class PictureSearch:
         return self._tiling(new) if self._score(new) < self._score(shown) else now
 
     def finish(self, now: Tiling) -> Tiling:
-        """Tidied, and polished on several drawings at once, whose noise is less."""
-        found = self._drawn(self.tidied(now))
+        """Tidied, and polished on several drawings at once, whose noise is less, if it is noise that is left."""
+        tidied = self.tidied(now)
+        if self.is_hopeless(tidied):
+            return tidied
+        found = self._drawn(tidied)
         if found.weights is not None:
             tied = self._polished(self.picture.judge(found.maps), POLISH)
             found = self._simpler(tied, found)
@@ -158,6 +163,11 @@ class PictureSearch:
             self._noise = shown.maps, self.picture.noise(shown.code)
         return shown.error / self._noise[1]
 
+    def is_hopeless(self, code: Drawn | Tiling) -> bool:
+        """Whether the code is so far from the picture that there may be none: what is dear and only leads to a true
+        code, as roots of one of many maps, the last polish and another round, is then in vain."""
+        return self.picture.angle(code.error) >= HOPELESS
+
     @staticmethod
     def _simpler(tied: Drawn, own: Drawn) -> Drawn:
         """Weights of its own must be worth it: they follow noise, and stay behind where the maps move."""
@@ -209,6 +219,8 @@ class PictureSearch:
     def _rooted(self, shown: Drawn, chosen: int, order: int) -> Drawn:
         """The code with the root f of one map, or as it is if that map has none. What was found beside a power of f may
         be f∘g instead of g: both are given to choose from."""
+        if len(shown.maps) > ROOTS_MAPS and self.is_hopeless(shown):
+            return shown
         root = affine.root(shown.maps[chosen], order)
         if root is None:
             return shown

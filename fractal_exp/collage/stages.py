@@ -28,7 +28,6 @@ AGREED = 0.02    # relative difference of scores at which two islands have found
 LONGER, RECENT = 3, 2 / 3    # times the moves asked for: that there are at most, and since when the error was halved
 WRONG = 1.2      # times a drawing's noise: a picture error from which on a second round is worth while,
 STILL_WRONG = 2.0  # and a third and a fourth, which a right code that was drawn a little amiss would not gain by;
-HOPELESS = 0.4   # radians, rms: one from which on no round is (`Picture.angle`)
 AGAIN = 0.5      # the chance that a round is followed by another, as the progress bar takes it
 ISOMETRY, CONTRACTION = 0.95, 0.9   # smaller singular value of a map that may be a symmetry; the most without such maps
 LARGEST = 512    # pixels a side of the picture that is searched,
@@ -250,7 +249,7 @@ class Retouch(Stage):
 
     def _is_wrong(self, tiling: Tiling) -> bool:
         worth = STILL_WRONG if self.round else WRONG
-        return self.search.noises(tiling) > worth and self.search.picture.angle(tiling.error) < HOPELESS
+        return self.search.noises(tiling) > worth and not self.search.is_hopeless(tiling)
 
 
 class Full(Stage):

@@ -2,48 +2,68 @@
 
     python -m benchmarks.pictures                    one minute each
     python -m benchmarks.pictures --seconds 120
+    python -m benchmarks.pictures --seconds 0 --methods collage --pictures retina fern --threads 1
+                                                     what `make run` fits, to the end
 
-Each is judged on its input: F1, IoU, PSNR and SSIM of the inner 75% at the input's resolution.
+Each is judged on its input: F1, IoU, PSNR and SSIM of the inner 75% at the input's resolution. A line of JSON for each
+fit is added to --record: its scores, the seconds that cores worked on it, after each stage as well, commit and machine.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 import torch
 
-from fractal_exp import View, samples
+from fractal_exp import View, codes, samples, suite, threads
 from fractal_exp.evaluation import metrics
 from fractal_exp.evaluation.pictures import comparison_strip
 from fractal_exp.images import write_image
 from fractal_exp.methods import METHODS, load
+from fractal_exp.methods.base import Progress
 
-PICTURES = {"retina": samples.retina_vessels, "snowflake": samples.snowflake}
+from .environment import environment
+
+PICTURES = {"retina": samples.retina_vessels, "snowflake": samples.snowflake,
+            "fern": lambda resolution: suite.target(codes.known("fern"), resolution)}
+REAL = "retina", "snowflake"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--seconds", type=float, default=60, help="for each fit; 0: no limit")
     parser.add_argument("--resolution", type=int, default=256)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--pictures", choices=PICTURES, nargs="+", default=REAL)
+    parser.add_argument("--methods", choices=METHODS, nargs="+", default=list(METHODS))
+    parser.add_argument("--threads", type=int, help="default: one a core")
+    parser.add_argument("--record", type=Path, help="file of JSON lines to add to")
     parser.add_argument("--output", type=Path, default=Path("outputs/pictures"))
     args = parser.parse_args()
     rows, drawn, captions = [], [], []
-    for name, source in PICTURES.items():
-        image = source(args.resolution)
-        for method in METHODS:
+    used = threads.use(args.threads)
+    for name in args.pictures:
+        image = PICTURES[name](args.resolution)
+        for method in args.methods:
             for seed in args.seeds:
-                start = time.perf_counter()
-                built = load(method)(resolution=args.resolution, seed=seed, seconds=args.seconds)
-                found = built.reconstruct(image)
-                seconds = time.perf_counter() - start
+                start, work, stages = time.perf_counter(), time.process_time(), []
+                built = load(method)(resolution=args.resolution, seed=seed, seconds=args.seconds or None)
+                found = built.reconstruct(image, on_step=_keeper(stages, work))
+                seconds, work = time.perf_counter() - start, time.process_time() - work
                 result = found.render(View(), resolution=args.resolution)
                 scores = {k: float(v) for k, v in metrics.compare(result[None], image[None]).items()}
                 rows.append({"picture": name, "method": method, "seed": seed, "maps": len(found.code), **scores,
-                             "seconds": seconds})
+                             "seconds": seconds, "core_seconds": work})
+                if args.record:
+                    line = rows[-1] | {"limit": args.seconds or None, "threads": used, "stages": stages,
+                                       "environment": environment("cpu")}
+                    with args.record.open("a") as record:
+                        record.write(json.dumps(line) + "\n")
                 print(pd.DataFrame(rows[-1:]).round(3).to_string(index=False, header=len(rows) == 1), flush=True)
                 if seed == args.seeds[0]:
                     drawn.append((result, image))
@@ -53,6 +73,15 @@ def main() -> None:
     results, targets = (torch.stack(images) for images in zip(*drawn, strict=True))
     write_image(args.output / "pictures.png", comparison_strip(results, targets, captions))
     print(f"pictures: {args.output / 'pictures.png'}")
+
+
+def _keeper(stages: list[dict], start: float) -> Callable[[Progress], None]:
+    """Puts down what each stage of collage search ends with, and the seconds that cores had worked by then."""
+    def keep(progress: Progress) -> None:
+        if progress.code is not None:
+            stages.append({"stage": progress.stage, "maps": len(progress.code), "error": progress.scalars["error"],
+                           "core_seconds": round(time.process_time() - start, 2)})
+    return keep
 
 
 if __name__ == "__main__":

@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 from ..errors import InputError
+from .client import ENVIRONMENT
 from .reading import dashboard_command
 from .run import deliver
-from .store import ENVIRONMENT
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .store import FIRST_RETRY, LAST_RETRY, reason, root, shown
+from .addresses import reason, root, shown
+from .store import FIRST_RETRY, LAST_RETRY
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient

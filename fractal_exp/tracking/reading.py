@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from ..errors import InputError
-from .store import PARENT, connect, database_path, pages, patiently, shown
+from .addresses import database_path, shown
+from .client import connect
+from .store import PARENT, pages, patiently
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,19 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from .addresses import reason, shown
 from .base import Tracker
+from .client import connect
 from .outbox import Outbox, Upload
-from .store import (
-    FIRST_PATIENCE,
-    PARENT,
-    artifact_root,
-    connect,
-    is_written_elsewhere,
-    patiently,
-    process_tags,
-    reason,
-    shown,
-)
+from .store import FIRST_PATIENCE, PARENT, artifact_root, is_written_elsewhere, patiently, process_tags
 
 if TYPE_CHECKING:
     import pandas as pd

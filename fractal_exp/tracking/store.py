@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import fcntl
 import functools
 import importlib.metadata
-import logging
 import os
 import platform
 import re
 import socket
-import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from ..errors import InputError
-
-if TYPE_CHECKING:
-    from mlflow import MlflowClient
+from .addresses import database_path, reason, root, shown
+from .building import artifacts, build
+from .client import connect
 
 T = TypeVar("T")
 
@@ -31,27 +27,6 @@ FIRST_PATIENCE = 10.0                 # and that the first command waits, when a
 FIRST_RETRY, LAST_RETRY = 0.5, 5.0    # seconds between attempts, doubling
 PAGE = 1000                           # runs per request
 PARENT = "mlflow.parentRunId"         # the tag by which MLflow nests runs
-
-# Read by MLflow when it is imported or called. Its own retries would hold one call for minutes: ours stand instead.
-ENVIRONMENT = {
-    "MLFLOW_DISABLE_TELEMETRY": "true",
-    "MLFLOW_LOGGING_LEVEL": "WARNING",
-    "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR": "false",
-    "MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT": "true",
-    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
-    "MLFLOW_HTTP_REQUEST_TIMEOUT": "30",
-}
-
-
-def connect(uri: str) -> MlflowClient:
-    """A client of the store at `uri`. MLflow's global state stays untouched: one process can talk to several stores."""
-    for name, value in ENVIRONMENT.items():
-        os.environ.setdefault(name, value)
-    from mlflow import MlflowClient
-
-    logging.getLogger("alembic").setLevel(logging.WARNING)
-    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # it prints what it raises, we report it
-    return MlflowClient(uri)
 
 
 def prepare_store(folder: str | Path) -> str:
@@ -68,20 +43,9 @@ def prepare_store(folder: str | Path) -> str:
     if database is None:
         _check_server(uri)
     else:
-        _create(database, uri)
+        build(database, uri)
     mark_killed_runs(uri)
     return uri
-
-
-def database_path(uri: str) -> Path | None:
-    """The file of an SQLite store, None for a server. Raises `InputError` on any other kind of URI."""
-    if re.match(r"https?://", uri):
-        return None
-    match = re.fullmatch(r"sqlite:///(/[^?]+)", uri)
-    if match is None:
-        raise InputError(f"runs are kept by a server (http://… or https://…) or in sqlite:////absolute/path.db without "
-                         f"'?' in it, got {shown(uri)!r}; correct MLFLOW_TRACKING_URI or the output folder")
-    return Path(match[1])
 
 
 def _check_server(uri: str) -> None:
@@ -95,39 +59,10 @@ def _check_server(uri: str) -> None:
                          f"that you may use it, or unset MLFLOW_TRACKING_URI") from error
 
 
-def _create(database: Path, uri: str) -> None:
-    try:
-        (database.parent / "mlartifacts").mkdir(parents=True, exist_ok=True)
-        # MLflow's migrations fail when several processes run them at once on an empty file: commands started
-        # together wait here for the first.
-        with open(f"{database}.lock", "w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            with closing(sqlite3.connect(database, timeout=30, isolation_level=None)) as connection:
-                mode = connection.execute("PRAGMA journal_mode=WAL").fetchone()[0]
-                connection.execute("BEGIN IMMEDIATE")  # fails here, not after an hour, where nothing can be written
-                connection.execute("ROLLBACK")
-            if mode != "wal":
-                raise InputError(f"{database} lies on a file system where SQLite cannot write concurrently; choose an "
-                                 f"output folder on a local disk, or point MLFLOW_TRACKING_URI at a server")
-            _make_tables(database, uri)
-    except (OSError, sqlite3.Error) as error:
-        raise InputError(f"cannot keep runs in {database}: {error}; choose an output folder that can be written, or "
-                         f"move that file away") from error
-
-
-def _make_tables(database: Path, uri: str) -> None:
-    try:
-        connect(uri).search_experiments(max_results=1)  # MLflow makes its tables on the first call
-    except Exception as error:  # MlflowException, SQLAlchemyError or alembic's CommandError, by version and defect
-        version = importlib.metadata.version("mlflow")
-        raise InputError(f"MLflow {version} cannot use {database}: {reason(root(error))}; if another version wrote it, "
-                         f"copy the file and run: {sys.executable} -m mlflow db upgrade '{uri}'") from error
-
-
 def artifact_root(uri: str) -> str | None:
     """Where the artifacts of an SQLite store go, an absolute file:// URI; None where a server decides."""
     database = database_path(uri)
-    return database and (database.parent / "mlartifacts").as_uri()
+    return database and artifacts(database).as_uri()
 
 
 def patiently(uri: str, call: Callable[..., T], *args: Any, patience: float = PATIENCE, **kwargs: Any) -> T:
@@ -168,24 +103,6 @@ def pages(search: Callable[..., Any], **query: Any) -> Iterator[Any]:
         token = page.token
         if not token:
             return
-
-
-def shown(uri: str) -> str:
-    """The URI, or a text with URIs in it, without the passwords."""
-    return re.sub(r"//[^/@\s]+@", "//", uri)
-
-
-def reason(error: BaseException) -> str:
-    """An exception as one short line."""
-    line = shown(": ".join([type(error).__name__, *str(error).strip().splitlines()[:1]]))
-    return line if len(line) <= 300 else line[:299] + "…"
-
-
-def root(error: BaseException) -> BaseException:
-    """The exception that began it: MLflow wraps a refused connection five times."""
-    while inner := error.__cause__ or error.__context__:
-        error = inner
-    return error
 
 
 def process_tags() -> dict[str, str]:

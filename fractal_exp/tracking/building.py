@@ -1,0 +1,159 @@
+"""An SQLite store that is there whole or not at all, however the process that makes it ends."""
+
+from __future__ import annotations
+
+import fcntl
+import importlib.metadata
+import os
+import re
+import shutil
+import sqlite3
+import sys
+import tempfile
+from contextlib import closing
+from pathlib import Path
+
+from ..errors import InputError
+from .addresses import reason, root, shown
+from .client import configure, connect
+
+# What people put into a store, by table; a table that is missing holds nothing.
+WORK = ("SELECT 1 FROM runs", "SELECT 1 FROM experiments WHERE experiment_id <> 0", "SELECT 1 FROM registered_models",
+        "SELECT 1 FROM trace_info")
+FULL = "disk is full|disk I/O error|No space left|File too large|[Qq]uota"
+REMEDIES = {FULL: "make room there or choose another output folder, and give the same command again",
+            "not a database|malformed": "move that file away to begin anew"}
+
+
+def build(database: Path, uri: str) -> None:
+    """Make the store in the file `database` if it is not there, and check that it can be used.
+
+    The tables are made in a folder beside it and renamed into place, so that a kill, Ctrl-C or a full disk leaves the
+    old state. A half-made store without any work in it, as earlier versions left them, is made anew. Raises
+    `InputError` if the store cannot be made, written or read; a store that holds work is never replaced.
+    """
+    try:
+        artifacts(database).mkdir(parents=True, exist_ok=True)
+        # Commands that are started together wait here for the first.
+        with open(f"{database}.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            _remove_leftovers(database)
+            if not database.exists() or _is_half_made(database):
+                _make(database)
+            _check_writing(database)
+            _check_reading(database, uri)
+    except (OSError, sqlite3.Error) as error:
+        raise InputError(_cannot(database, error)) from error
+
+
+def artifacts(database: Path) -> Path:
+    """The folder of a store's files."""
+    return database.parent / "mlartifacts"
+
+
+def hide_default(store: object) -> None:
+    """Delete the experiment "Default", which MLflow makes in every store, if it is active and holds no run.
+
+    store: an MLflow client or tracking store. MLflow does not make it again, as it still finds its number.
+    """
+    from mlflow.entities import ViewType
+
+    if store.get_experiment("0").lifecycle_stage == "active" and not store.search_runs(
+            ["0"], "", ViewType.ALL, max_results=1):
+        store.delete_experiment("0")
+
+
+def _scratch(database: Path) -> str:
+    return f".{database.name}-new-"
+
+
+def _remove_leftovers(database: Path) -> None:
+    for folder in database.parent.glob(f"{_scratch(database)}*"):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_half_made(database: Path) -> bool:
+    """Whether a store was left unfinished, which nobody has worked with."""
+    with closing(sqlite3.connect(database, timeout=30)) as connection:
+        # MLflow adds its default experiment last of all.
+        if _finds(connection, "SELECT 1 FROM experiments WHERE experiment_id = 0"):
+            return False
+        return not any(_finds(connection, query) for query in WORK)
+
+
+def _finds(connection: sqlite3.Connection, query: str) -> bool:
+    try:
+        return connection.execute(f"{query} LIMIT 1").fetchone() is not None
+    except sqlite3.OperationalError as error:
+        if "no such table" in str(error):
+            return False
+        raise
+
+
+def _make(database: Path) -> None:
+    configure()
+    from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
+
+    # A new name each time: MLflow keeps its connections by name, also those to a file that is gone.
+    with tempfile.TemporaryDirectory(prefix=_scratch(database), dir=database.parent) as folder:
+        file = Path(folder, "new.db")
+        try:
+            store = SqlAlchemyStore(f"sqlite:///{file}", artifacts(database).as_uri())
+            hide_default(store)
+            store.engine.dispose()
+        except Exception as error:  # MlflowException, SQLAlchemyError or OSError, by where the disk was full
+            raise InputError(_cannot(database, root(error))) from error
+        with closing(sqlite3.connect(file, isolation_level=None)) as connection:
+            mode = connection.execute("PRAGMA journal_mode=WAL").fetchone()[0]
+        if mode != "wal":
+            raise InputError(_no_wal(database))
+        if left := [path.name for path in Path(folder).iterdir() if path != file]:
+            raise InputError(f"cannot make the store {database}: SQLite left {', '.join(left)} open")
+        _sync(file)
+        # A log that belonged to another file of this name would be played into the new one.
+        for path in (database, *(Path(f"{database}-{end}") for end in ("journal", "wal", "shm"))):
+            path.unlink(missing_ok=True)
+        os.replace(file, database)
+        _sync(database.parent)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _check_writing(database: Path) -> None:
+    """Fail here, not after an hour, where nothing can be written."""
+    with closing(sqlite3.connect(database, timeout=30, isolation_level=None)) as connection:
+        mode = connection.execute("PRAGMA journal_mode=WAL").fetchone()[0]
+        connection.execute("BEGIN IMMEDIATE")
+        connection.execute("ROLLBACK")
+    if mode != "wal":
+        raise InputError(_no_wal(database))
+
+
+def _check_reading(database: Path, uri: str) -> None:
+    try:
+        connect(uri).search_experiments(max_results=1)
+    except Exception as error:  # MlflowException, SQLAlchemyError or alembic's CommandError, by version and defect
+        if re.search(FULL, str(root(error))):
+            raise InputError(_cannot(database, root(error))) from error
+        version = importlib.metadata.version("mlflow")
+        raise InputError(f"MLflow {version} cannot use {database}: {reason(root(error))}; if another version wrote it, "
+                         f"copy the file and run: {sys.executable} -m mlflow db upgrade '{uri}'; to begin anew, move "
+                         f"that file away") from error
+
+
+def _no_wal(database: Path) -> str:
+    return (f"{database} lies on a file system where SQLite cannot write concurrently; choose an output folder on a "
+            f"local disk, or point MLFLOW_TRACKING_URI at a server")
+
+
+def _cannot(database: Path, error: BaseException) -> str:
+    line = shown(str(error).strip().splitlines()[0]) if str(error).strip() else type(error).__name__
+    remedy = next((remedy for sign, remedy in REMEDIES.items() if re.search(sign, line)),
+                  "choose an output folder that can be written")
+    return f"cannot keep runs in {database}: {line}; {remedy}"

@@ -54,7 +54,8 @@ def fill(uri: str, folder: Path, runs: int) -> None:
             params = {f"option{k}": k for k in range(60)}
             job = tracking.start_run(uri, "made-up", name, folder=folder, tags=tags, params=params,
                                      parent_run_id=parent.run_id)
-            scores = {f"{prefix}/{metric}": float(rng.random()) for prefix in ("eval", "white", "black")
+            scores = {f"{prefix}{metric}": float(rng.random())
+                      for prefix in ("eval/", "trivial/white_", "trivial/black_")
                       for metric in ("f1", "iou", "psnr", "ssim")}
             job.log(scores | {"time/fit_seconds": 60.0})
             job.log({f"train/{name}": 0.5 for name in ("loss", "mse", "ssim", "regularizer", "temperature")}, 800)

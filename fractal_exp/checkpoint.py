@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,13 +31,15 @@ class Checkpoint:
     """Where and how often a fit saves itself.
 
     path: the file; every: iterations between two saves; identity: the resolved configuration as plain data, which a
-    file must share to be resumed; resume: whether to go on from the file, if there is one.
+    file must share to be resumed; resume: whether to go on from the file, if there is one; first: called at every save
+    before the file counts, so that nothing else is behind it if the process is killed.
     """
 
     path: Path
     every: int = 500
     identity: Mapping[str, Any] = field(default_factory=dict)
     resume: bool = False
+    first: Callable[[], object] = lambda: None
 
     def __post_init__(self) -> None:
         if self.every < 1:
@@ -51,6 +53,7 @@ class Checkpoint:
                  "identity": dict(self.identity)}
         # Clones, as the file format takes no two tensors that share memory.
         tensors = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in snapshot.tensors.items()}
+        self.first()
         write_atomically(self.path, save(tensors, metadata={"notes": json.dumps(notes)}))
 
     def load(self) -> Snapshot | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MEASURED, TRIVIAL, PUBLISHED = "measured", "trivial", "published"
-TRIVIAL_ROWS = {"white": "all white", "black": "all black"}  # metrics white/f1 … of a run -> row
+TRIVIAL_ROWS = {"white": "all white", "black": "all black"}  # metrics trivial/white_f1 … of a run -> row
+SCORE = re.compile(rf"metrics\.(?:eval/|(?:trivial/)?({'|'.join(TRIVIAL_ROWS)})[_/])(.+)")  # once it was white/f1
 
 
 @dataclass(frozen=True)
@@ -74,10 +76,8 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
         "run_id": _column(runs, "run_id", planned),
     })
     for column in runs.columns:
-        prefix, _, metric = column.removeprefix("metrics.").partition("/")
-        if column.startswith("metrics.") and prefix in ("eval", *TRIVIAL_ROWS):
-            values = runs[column].to_numpy(dtype=float)
-            jobs[f"metric.{metric if prefix == 'eval' else f'{prefix}/{metric}'}"] = values
+        if score := SCORE.fullmatch(column):
+            jobs[f"metric.{'/'.join(filter(None, score.groups()))}"] = runs[column].to_numpy(dtype=float)
     return Sweep(study, parent["name"], parent["run_id"], about["title"], parent["tags.scale"],
                  parent["tags.perceptual"], about["baseline"], about["published"], jobs)
 

@@ -16,6 +16,7 @@ from ..checkpoint import compare, write_atomically
 from ..errors import InputError
 from ..ifs import IFS
 from ..images import write_image
+from ..tracking.addresses import shown
 from . import records
 
 WHITE = 65535  # of 16 bits
@@ -95,12 +96,12 @@ class FitFolder:
         return write_image(kept, levels, bits=16)
 
     def remember_run(self, uri: str, run_id: str | None) -> None:
-        """Keep which MLflow run this fit logs to, so that a resumed fit goes on with it."""
-        write_atomically(self._run, json.dumps({"uri": uri, "run_id": run_id}).encode())
+        """Keep which MLflow run this fit logs to, so that a resumed fit goes on with it; no password is written."""
+        write_atomically(self._run, json.dumps({"uri": shown(uri), "run_id": run_id}).encode())
 
     def run_to_resume(self, uri: str) -> str | None:
         """The run that the interrupted fit logged to in this store, or None."""
         if not (self._run.exists() and self.checkpoint.exists()):
             return None
         record = json.loads(self._run.read_text())
-        return record["run_id"] if record["uri"] == uri else None
+        return record["run_id"] if shown(record["uri"]) == shown(uri) else None

@@ -8,6 +8,7 @@ import hashlib
 import json
 import os
 import re
+import sys
 import time
 import traceback
 from collections.abc import Collection, Iterator, Sequence
@@ -19,7 +20,8 @@ from omegaconf import DictConfig
 
 from .. import threads
 from ..checkpoint import write_atomically
-from . import configuration
+from ..tracking.addresses import shown
+from . import configuration, parent
 from .runs import Runs
 from .train import fit
 
@@ -71,6 +73,7 @@ def run_job(config: DictConfig) -> str:
 
     A failure is an outcome too: it is noted, tracked and does not stop the other jobs.
     """
+    parent.follow(config.sweep.parent)
     name = job_name(HydraConfig.get().overrides.task, config.sweep.varies)
     config.output = str(Path(config.output).expanduser().absolute())
     folder = Path(config.output) / config.study / config.sweep.folder / name
@@ -85,9 +88,10 @@ def run_job(config: DictConfig) -> str:
             scores = fit(config)
             outcome = Outcome(FINISHED, row, sample, time.perf_counter() - start, scores, again)
         except Exception as error:
-            traceback.print_exc()
+            told = shown(traceback.format_exc())
+            print(told, file=sys.stderr)
             outcome = Outcome(FAILED, row, sample, time.perf_counter() - start,
-                              reason=f"{type(error).__name__}: {error}", traceback=traceback.format_exc())
+                              reason=shown(f"{type(error).__name__}: {error}"), traceback=told)
             _track_failure(config, row, sample, folder, error)
         outcome.write(folder)
     return outcome.status
@@ -107,7 +111,7 @@ def _track_failure(config: DictConfig, row: str, sample: str, folder: Path, erro
         sweep = {"run": config.sweep.run, "folder": config.sweep.folder, "row": row, "sample": sample}
         runs.fail(settings | {"sweep": sweep}, folder, error)
     except Exception:  # the outcome's file tells the parent in any case
-        traceback.print_exc()
+        print(shown(traceback.format_exc()), file=sys.stderr)
 
 
 @contextlib.contextmanager

@@ -29,11 +29,14 @@ NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPI
 
 @dataclass(frozen=True)
 class Judgement:
-    """per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; trivial: the means that an all
-    white and an all black image get, as white/… and black/…; counts: views/judged and views/empty, the views that the
-    scores are means of, and those that are left out since nothing is on them; pictures by name: the input as `target`,
-    its reconstruction as `result`, `comparison`, target | result | difference of every view, and where the truth is
-    known `zoomed_target` and `zoomed`, the view beyond 2x that shows most."""
+    """What a fit is worth.
+
+    per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; trivial: the means of an all white
+    and an all black image, as trivial/white_… and trivial/black_…; counts: views/judged, the views that the scores are
+    means of, and views/empty, those that are left out because nothing is on them; pictures by name: the input as
+    `target`, its reconstruction as `result`, `comparison` (target | result | difference of every view), and where the
+    truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most.
+    """
 
     per_view: pd.DataFrame
     scores: dict[str, float]
@@ -104,7 +107,8 @@ def f1_in_words(f1: float) -> str:
 
 
 def _trivial(truth: Tensor) -> dict[str, float]:
-    means = {f"{name.removeprefix('all ')}/{metric}": float(values.nanmean()) for name, picture in TRIVIAL.items()
+    means = {f"trivial/{name.removeprefix('all ')}_{metric}": float(values.nanmean())
+             for name, picture in TRIVIAL.items()
              for metric, values in metrics.compare(torch.full_like(truth, picture.value), truth).items()}
     return {name: mean for name, mean in means.items() if np.isfinite(mean)}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +77,8 @@ def train_distance(config: DictConfig) -> Path:
             _path(folder).unlink(missing_ok=True)
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:
-            trained = train(recipe, device=config.device, on_step=reporter, checkpoint=checkpoint)
+            trained = train(recipe, device=config.device, on_step=reporter,
+                            checkpoint=replace(checkpoint, first=run.secure))
         seconds = time.perf_counter() - start
         path = fractal_features.save(_path(folder), trained.layers, trained.channel_weights,
                                      trained.recipe | {"device": config.device, "validation": trained.scores})

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import os
+import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
 from .. import tracking
 from ..errors import InputError
 from ..ops import backends
+from ..tracking.addresses import shown
 from ..tracking.store import PARENT
 from .configuration import method_name
 from .folders import FitFolder
 
 SWEEP = "sweep"  # the tag `kind` of a parent run
+GENERAL = ("target", "target_image", "resolution", "scale", "variant", "perceptual", "perceptual_weights", "seed",
+           "device", "backend")  # settings that every method has
 
 
 class Runs(ABC):
@@ -79,9 +84,11 @@ class MlflowRuns(Runs):
             resumed = _job_run(uri, settings, folder.path)
         elif settings["resume"]:
             resumed = folder.run_to_resume(uri)
-        run = tracking.start_run(uri, settings["study"], folder.path.name, folder=folder.path,
-                                 params=_params(identity), tags=tags, resume_run_id=resumed,
-                                 parent_run_id=settings["sweep"] and settings["sweep"]["run"])
+        sweep = settings["sweep"]
+        run = tracking.start_run(uri, settings["study"], _run_name(settings, tags), folder=folder.path,
+                                 params=_params(identity), tags=tags | {"folder": folder.path.name},
+                                 resume_run_id=resumed, note=_note(settings, tags),
+                                 parent_run_id=sweep and sweep["run"])
         folder.remember_run(uri, run.run_id)
         run.artifact("config.yaml", OmegaConf.to_yaml(dict(settings)))
         return run
@@ -90,6 +97,8 @@ class MlflowRuns(Runs):
         uri = tracking.prepare_store(Path(settings["output"]))
         known = tracking.find_run(uri, settings["study"], {"kind": SWEEP, "sweep": folder.name})
         return tracking.start_run(uri, settings["study"], folder.name, folder=folder, resume_run_id=known,
+                                  note=f"**{settings['sweep']['title']}**: the sweep of the runs below it, with its "
+                                       f"table in report/{_command('fractal-sweep', settings['study'])}",
                                   tags={"kind": SWEEP, "sweep": folder.name, "scale": settings["scale"],
                                         "device": settings["device"], "perceptual": settings["perceptual"]})
 
@@ -112,7 +121,7 @@ class MlflowRuns(Runs):
 
     def where(self, settings: Mapping[str, Any]) -> str | None:
         if server := os.environ.get("MLFLOW_TRACKING_URI"):
-            return server
+            return shown(server)
         return "make dashboard" if Path(settings["output"]) == Path("outputs").absolute() else (
             f"python -m fractal_exp.tracking dashboard {settings['output']}")
 
@@ -129,6 +138,38 @@ def _job_run(uri: str, settings: Mapping[str, Any], folder: Path) -> str | None:
 
 
 def _params(identity: Mapping[str, Any]) -> dict[str, Any]:
-    """What is compared between runs: everything that shapes a fit, once (the method repeats its parts)."""
-    method = {key: value for key, value in identity["method"].items() if key not in identity and key != "objective"}
-    return {**identity, "method": method}
+    """What is compared between runs: what shapes a fit by its method, once (the method repeats its parts).
+
+    Settings of other methods, which the configuration holds too, are left out.
+    """
+    method = identity["method"]
+    whole = {key: value for key, value in identity.items()
+             if key in GENERAL or key in method or (key == "loss" and "objective" in method)}
+    own = {key: value for key, value in method.items() if key not in whole and key != "objective"}
+    return {**whole, "method": own}
+
+
+def _run_name(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:
+    """A few words, as lists have little room; the tags tell the rest."""
+    if settings["sweep"]:
+        return f"{tags['row']}, {tags['sample']}"
+    if settings["name"]:
+        return settings["name"]
+    variant = "" if tags["variant"] == "full" else f", {tags['variant']}"
+    seed = f", seed {settings['seed']}" if settings.get("seed") else ""
+    return f"{tags['target']}, {tags['method']}{variant}{seed}"
+
+
+def _note(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:
+    """The description of a run: what was fitted how, and the command."""
+    what = f"**{tags['target']}** by {tags['method']} ({tags['variant']}, {tags['scale']} scale)"
+    if sweep := settings["sweep"]:
+        return f"{what}: row {tags['row']}, sample {tags['sample']} of the sweep {sweep['folder']}"
+    return what + _command(f"fractal-{'train' if 'target' in settings else 'perceptual'}")
+
+
+def _command(*words: str) -> str:
+    """The command that made a run, as Hydra knows it; nothing where none did."""
+    if not HydraConfig.initialized():
+        return ""
+    return f"\n\n    {shlex.join([*words, *HydraConfig.get().overrides.task])}"

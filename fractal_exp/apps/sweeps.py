@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sys
 import threading
 import time
@@ -21,6 +22,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ..errors import InputError
 from ..tracking import NoTracker, Tracker, mark_killed_runs, prepare_store
+from ..tracking.addresses import shown
 from . import configuration
 from .commands import make_folder
 from .jobs import FAILED, Outcome, describe_scores, job_name
@@ -42,7 +44,7 @@ class OpenSweep(Callback):
             print(f"fractal-sweep: error: {error}", file=sys.stderr)
             raise SystemExit(2) from None
         except Exception:
-            traceback.print_exc()
+            print(shown(traceback.format_exc()), file=sys.stderr)
             raise SystemExit(1) from None
 
 
@@ -70,6 +72,7 @@ class Sweep:
         self.run.artifact("sweep.json", json.dumps(settings["sweep"], indent=1))
         self.run.artifact("config.yaml", OmegaConf.to_yaml(settings))
         _tell_jobs(config, {"folder": self.folder.name, "run": self.run.run_id or "null",
+                            "parent": str(os.getpid()) if config.sweep.tied else "null",
                             "varies": f"[{','.join(json.dumps(key) for key in self.keys)}]"})
         print(f"{settings['sweep']['title']}: {len(self.names)} jobs, {settings['scale']} scale, "
               f"{settings['sweep']['workers']} at a time; {self.folder}", flush=True)

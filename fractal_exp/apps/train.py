@@ -7,6 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,8 @@ def fit(config: DictConfig) -> dict[str, float]:
         run.artifact(kept.name, kept)
         start = time.perf_counter()
         with Reporter(run, folder) as reporter:
-            reconstruction = method.reconstruct(target.image, on_step=reporter, checkpoint=checkpoint)
+            reconstruction = method.reconstruct(target.image, on_step=reporter,
+                                                checkpoint=replace(checkpoint, first=run.secure))
         seconds = time.perf_counter() - start
         if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
             run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))

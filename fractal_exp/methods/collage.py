@@ -94,7 +94,7 @@ class Collage(Method):
         stages = plan(problem, rounds=rounds, islands=self.islands, moves=self.moves,
                       detail_moves=self.detail_moves, picture_moves=self.picture_moves)
         snapshot = checkpoint.load() if checkpoint else None
-        work = Work.of(snapshot, self.device) if snapshot else Work()
+        work = told = Work.of(snapshot, self.device) if snapshot else Work()
         size = problem.image.shape[0]
         tell = _Teller(on_step, stages, clock, self.previews, lambda code: levels.observe(code, size, self.seed))
         try:
@@ -109,13 +109,15 @@ class Collage(Method):
                 while work.step < stage.moves and clock.part < stage.ends and not stage.settled(work):
                     work = work.moved(stage.step(work.tiling, work.step))
                     tell(work)
+                    told = work
                 work = stage.close(work)
-                if checkpoint:
-                    checkpoint.save(work.snapshot())
                 tell.end_of(stage, work)
+                told = work
+                if checkpoint:
+                    checkpoint.save(told.snapshot())
         except KeyboardInterrupt:
-            if checkpoint:
-                checkpoint.save(work.snapshot())
+            if checkpoint:  # not a step further than what was told: the resumed search does not tell it again
+                checkpoint.save(told.snapshot())
             raise
         return CodeReconstruction(work.result.code.to("cpu").check_contractive())
 

@@ -1,13 +1,13 @@
 """Numbers, pictures and files of every fit, kept by MLflow; this folder is the only importer of mlflow.
 
 `store` is the place where runs are kept, made before work starts; `run` is one fit being logged, behind four verbs:
-log, image, artifact, table; `reading` gets it all back for reports, notebooks and the dashboard.
+log, image, artifact, table; `reading` gets it all back for reports and notebooks; `dashboard` shows it.
 """
 
 from .base import NoTracker, Tracker
+from .dashboard import dashboard_command
 from .reading import (
     comparison_address,
-    dashboard_command,
     find_run,
     nested_below,
     read_artifact,

@@ -1,13 +1,11 @@
 """`python -m fractal_exp.tracking dashboard FOLDER` and `… deliver FOLDER`."""
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
 from ..errors import InputError
-from .client import ENVIRONMENT
-from .reading import dashboard_command
+from .dashboard import serve
 from .run import deliver
 
 
@@ -18,6 +16,7 @@ def main(argv: list[str] | None = None) -> int:
     show = commands.add_parser("dashboard", help="serve the runs kept under FOLDER in the browser until Ctrl-C")
     show.add_argument("folder", type=Path)
     show.add_argument("--port", type=int, default=5000)
+    show.add_argument("--study", help="open this study (default: that of the newest run)")
     send = commands.add_parser("deliver", help="send what the run of FOLDER could not when its server was away")
     send.add_argument("folder", type=Path)
     args = parser.parse_args(argv)
@@ -25,9 +24,7 @@ def main(argv: list[str] | None = None) -> int:
         if args.command == "deliver":
             print(f"delivered: {' '.join(deliver(args.folder))}")
         else:
-            command = dashboard_command(args.folder, args.port)
-            print(f"dashboard: http://127.0.0.1:{args.port} (Ctrl-C ends it)", flush=True)
-            os.execve(command[0], command, {**ENVIRONMENT, **os.environ})
+            return serve(args.folder, args.port, args.study)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -51,6 +51,10 @@ class Tracker(ABC):
         """
 
     @abstractmethod
+    def secure(self) -> None:
+        """Make sure that what was logged so far arrives even if this process is killed now."""
+
+    @abstractmethod
     def finish(self, status: str = "FINISHED", error: BaseException | str | None = None) -> None:
         """Send what waits and end the run as FINISHED, FAILED or KILLED; a second call does nothing.
 
@@ -77,5 +81,7 @@ class NoTracker(Tracker):
     def artifact(self, name: str, content: Path | str | bytes) -> None: ...
 
     def table(self, name: str, frame: pd.DataFrame) -> None: ...
+
+    def secure(self) -> None: ...
 
     def finish(self, status: str = "FINISHED", error: BaseException | str | None = None) -> None: ...

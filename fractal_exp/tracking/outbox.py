@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import posixpath
 import shutil
 import sys
 import tempfile
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..checkpoint import write_atomically
 from .addresses import reason, root, shown
 from .store import FIRST_RETRY, LAST_RETRY
 
@@ -23,16 +23,18 @@ if TYPE_CHECKING:
 
 FLUSH_SECONDS = 5.0  # between two sendings,
 BATCH = 1000         # or when so many values wait; also the most that MLflow takes in one call
+NOTE = "run.json"    # in the folder of what is undelivered
 LAST_WAIT = 60.0     # seconds of silence after which a run that has ended stops trying
 
 
 @dataclass(frozen=True)
 class Upload:
-    """A file on its way, or, with a step, a PNG of the image series `name`."""
+    """A file on its way, or, with a step, a PNG of the image series `name`; `file` holds it if it is written down."""
 
     name: str
     data: bytes
     step: int | None = None
+    file: str = ""
 
     def send(self, client: MlflowClient, run_id: str) -> None:
         """Hand it to MLflow; raises whatever MLflow raises."""
@@ -52,11 +54,15 @@ class Outbox:
     """Sends one run's metrics, tags and files from a thread of its own and keeps what has not arrived.
 
     Putting something in costs a list append. While the store is away everything is kept and tried again, which is
-    said once on stderr. What has not arrived by a minute after the end goes to `folder`/undelivered-RUN_ID; the next
-    outbox of that run starts with it.
+    said once on stderr. What has not arrived at a call of `secure`, or by a minute after the end, is written to
+    `folder`/undelivered-RUN_ID; the next outbox of that run starts with it.
+
+    on_record: the value of each metric at each step that the store has; images: the names and steps of its image
+    series. What lies in the folder is added to both.
     """
 
-    def __init__(self, client: MlflowClient, run_id: str, folder: str | Path) -> None:
+    def __init__(self, client: MlflowClient, run_id: str, folder: str | Path,
+                 on_record: dict[tuple[str, int], float], images: set[tuple[str, int]]) -> None:
         self._client, self._run_id = client, run_id
         self._folder = Path(folder).absolute() / f"undelivered-{run_id}"
         # The fit appends, the thread deletes from the front what has arrived. Both are atomic: neither waits.
@@ -64,10 +70,11 @@ class Outbox:
         self._tags: list[tuple[str, str]] = []
         self._uploads: list[Upload] = []
         self._end: tuple[str, int] | None = None  # status, milliseconds since the epoch
-        self._abandoned = False
+        self._abandoned = self._insecure = False
         self._heard = time.monotonic()
         self._wake = threading.Event()
-        self._read_undelivered()
+        self._written: set[str] = set()  # files of uploads in the folder
+        self._read_undelivered(on_record, images)
         self._thread = threading.Thread(target=self._run, name=f"tracking {run_id}", daemon=True)
         self._thread.start()
 
@@ -83,8 +90,19 @@ class Outbox:
 
     def upload(self, upload: Upload) -> None:
         """Put in a file."""
-        self._uploads.append(upload)
+        self._uploads.append(replace(upload, file=f"{self._number}-{posixpath.basename(upload.name)}"))
+        self._number += 1
         self._wake.set()
+
+    def secure(self) -> None:
+        """Write what is on its way to the folder, so that it outlives this process."""
+        try:
+            self._write_undelivered(None)
+        except OSError as error:
+            if not self._insecure:
+                print(f"tracking: what is on its way to the store could not be written to {self._folder}: {error}; a "
+                      f"kill would lose it", file=sys.stderr)
+            self._insecure = True
 
     def close(self, status: str) -> None:
         """Send everything, end the run with `status`, and return when that is done or given up."""
@@ -96,7 +114,7 @@ class Outbox:
         finally:  # also when Ctrl-C cuts the waiting short
             if self._thread.is_alive():
                 self._abandoned = True
-                self._write_undelivered()
+                self._give_up(status)
             else:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
@@ -147,30 +165,47 @@ class Outbox:
         if failure:
             raise failure
 
-    def _write_undelivered(self) -> None:
-        uploads, files = self._uploads[:], []
+    def _give_up(self, status: str) -> None:
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            for i, upload in enumerate(uploads):
-                file = f"{i}-{posixpath.basename(upload.name)}"
-                (self._folder / file).write_bytes(upload.data)
-                files.append({"name": upload.name, "step": upload.step, "file": file})
-            note = {"uri": shown(self._client.tracking_uri), "run_id": self._run_id, "status": self._end[0],
-                    "tags": self._tags, "metrics": self._metrics, "files": files}
-            (self._folder / "run.json.part").write_text(json.dumps(note))
-            os.replace(self._folder / "run.json.part", self._folder / "run.json")
+            values, files = self._write_undelivered(status)
         except OSError as error:
             print(f"tracking: what the store did not take could not be written to {self._folder} either: {error}",
                   file=sys.stderr)
         else:
-            print(f"tracking: the store did not take {len(note['metrics'])} values and {len(files)} files, they are in "
-                  f"{self._folder}; send them with: {sys.executable} -m fractal_exp.tracking deliver "
-                  f"'{self._folder.parent}'", file=sys.stderr)
+            print(f"tracking: the store did not take {values} values and {files} files, they are in {self._folder}; "
+                  f"send them with: {sys.executable} -m fractal_exp.tracking deliver '{self._folder.parent}'",
+                  file=sys.stderr)
 
-    def _read_undelivered(self) -> None:
-        if (self._folder / "run.json").exists():
-            note = json.loads((self._folder / "run.json").read_text())
-            self._metrics.extend(tuple(metric) for metric in note["metrics"])
-            self._tags.extend(tuple(tag) for tag in note["tags"])
-            self._uploads.extend(Upload(file["name"], (self._folder / file["file"]).read_bytes(), file["step"])
-                                 for file in note["files"])
+    def _write_undelivered(self, status: str | None) -> tuple[int, int]:
+        """Write what waits (status None: the run goes on); how many values and files."""
+        uploads, metrics = self._uploads[:], self._metrics[:]
+        for upload in uploads:
+            if upload.file not in self._written:
+                write_atomically(self._folder / upload.file, upload.data)
+                self._written.add(upload.file)
+        note = {"uri": shown(self._client.tracking_uri), "run_id": self._run_id, "status": status, "metrics": metrics,
+                "tags": self._tags[:],
+                "files": [{"name": upload.name, "step": upload.step, "file": upload.file} for upload in uploads]}
+        write_atomically(self._folder / NOTE, json.dumps(note).encode())
+        return len(metrics), len(uploads)
+
+    def _read_undelivered(self, on_record: dict[tuple[str, int], float], images: set[tuple[str, int]]) -> None:
+        # Numbers go on: a file must not change under a note that names it.
+        numbers = [int(file.name.split("-")[0]) for file in self._folder.glob("[0-9]*-*")]
+        self._number = 1 + max(numbers, default=-1)
+        if not (self._folder / NOTE).exists():
+            return
+        note = json.loads((self._folder / NOTE).read_text())
+        for name, value, milliseconds, step in note["metrics"]:
+            if on_record.get((name, step)) != value:  # the process may have been killed after it was sent
+                on_record[name, step] = value
+                self._metrics.append((name, value, milliseconds, step))
+        self._tags.extend(tuple(tag) for tag in note["tags"])
+        for entry in note["files"]:
+            key = entry["name"], entry["step"]
+            if key in images:
+                continue
+            if entry["step"] is not None:
+                images.add(key)
+            self._uploads.append(Upload(**entry, data=(self._folder / entry["file"]).read_bytes()))
+            self._written.add(entry["file"])

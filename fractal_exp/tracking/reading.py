@@ -1,11 +1,8 @@
-"""Looking at the runs that are kept: frames for tables and notebooks, files, and the dashboard."""
+"""Looking at the runs that are kept: frames for tables and notebooks, and files."""
 
 from __future__ import annotations
 
 import io
-import os
-import socket
-import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -97,22 +94,3 @@ def read_table(uri: str, run_id: str, name: str) -> pd.DataFrame:
     import pandas as pd
 
     return pd.read_json(io.BytesIO(read_artifact(uri, run_id, name)), orient="split", precise_float=True)
-
-
-def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
-    """The command that serves the runs kept under `folder` at http://127.0.0.1:`port`.
-
-    Raises `InputError` if there are none yet, if a server keeps them, or if the port is taken.
-    """
-    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
-    database = database_path(uri)
-    if database is None:
-        raise InputError(f"the runs are kept by the server {shown(uri)}: open that address in the browser")
-    if not database.exists():
-        raise InputError(f"no runs under {database.parent} yet; fit something first, or name the output folder")
-    with socket.socket() as probe:
-        if probe.connect_ex(("127.0.0.1", port)) == 0:
-            raise InputError(f"port {port} is taken, perhaps by an open dashboard; choose another port")
-    return [sys.executable, "-m", "mlflow", "ui", "--backend-store-uri", uri, "--port", str(port), "--workers", "1",
-            "--uvicorn-opts", "--log-level warning", "--default-artifact-root",
-            (database.parent / "mlartifacts").as_uri()]

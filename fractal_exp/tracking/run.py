@@ -11,7 +11,7 @@ import posixpath
 import re
 import time
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,33 +19,40 @@ from ..errors import InputError
 from .addresses import reason, shown
 from .base import Tracker
 from .client import connect
+from .dashboard import NOTE, experiment_tags
 from .outbox import Outbox, Upload
 from .store import FIRST_PATIENCE, PARENT, artifact_root, is_written_elsewhere, patiently, process_tags
 
 if TYPE_CHECKING:
     import pandas as pd
     from mlflow import MlflowClient
+    from mlflow.entities import Run
 
 LONGEST_PARAM = 6000               # characters that MLflow keeps of a parameter
 LONGEST_NAME = 250                 # characters of a metric or a parameter
-TABLES = "mlflow.loggedArtifacts"  # the tag by which MLflow's dashboard finds tables
+TABLES = "mlflow.loggedArtifacts"  # the tag by which MLflow's dashboard finds tables,
+IMAGES = "mlflow.loggedImages"     # and image series
 
 
 class MlflowTracker(Tracker):
     """A run in MLflow, made by `start_run`. A verb costs microseconds: an `Outbox` sends every few seconds."""
 
     def __init__(self, client: MlflowClient, run_id: str, folder: str | Path, tables: list[dict] | None = None,
-                 on_record: Mapping[tuple[str, int], float] | None = None) -> None:
+                 on_record: Mapping[tuple[str, int], float] | None = None,
+                 images: Collection[tuple[str, int]] = (), note: str | None = None) -> None:
         self.run_id = run_id
-        self._outbox = Outbox(client, run_id, folder)
+        self._note, self._scores = note, {}
         self._tables = list(tables or [])
         self._on_record = dict(on_record or {})
+        self._images = set(images)
+        self._outbox = Outbox(client, run_id, folder, self._on_record, self._images)
         self._names: set[str] = set()
         self._non_finite: dict[str, tuple[int, float, int]] = {}  # name: how many, the first, its step
         self._ended = False
 
     def log(self, metrics: Mapping[str, float], step: int = 0) -> None:
         now, step = int(time.time() * 1000), int(step)
+        self._scores |= {name: value for name, value in metrics.items() if name.startswith("eval/")}
         for name, value in metrics.items():
             if name not in self._names:
                 self._names.add(_checked_name("metric", name, r"[\w\-. :]"))
@@ -59,7 +66,8 @@ class MlflowTracker(Tracker):
 
     def image(self, name: str, image: Any, step: int | None = None) -> None:
         _checked_name("image", name, r"[A-Za-z0-9_\-. ]")
-        self._outbox.upload(Upload(f"views/{name}.png" if step is None else name, _png(name, image), step))
+        if step is None or (name, int(step)) not in self._images:
+            self._outbox.upload(Upload(f"views/{name}.png" if step is None else name, _png(name, image), step))
 
     def artifact(self, name: str, content: Path | str | bytes) -> None:
         _checked_name("artifact", name, r"[\w\-. ]")
@@ -76,6 +84,9 @@ class MlflowTracker(Tracker):
             self._tables.append(entry)
             self._outbox.tag(TABLES, json.dumps(self._tables))
 
+    def secure(self) -> None:
+        self._outbox.secure()
+
     def finish(self, status: str = "FINISHED", error: BaseException | str | None = None) -> None:
         if status not in ("FINISHED", "FAILED", "KILLED"):
             raise ValueError(f"a run ends as FINISHED, FAILED or KILLED, got {status!r}")
@@ -83,10 +94,14 @@ class MlflowTracker(Tracker):
             return
         self._ended = True
         if isinstance(error, BaseException):
-            self.artifact("traceback.txt", "".join(traceback.format_exception(error)))
+            self.artifact("traceback.txt", shown("".join(traceback.format_exception(error))))
             error = reason(error)
         if error is not None:
-            self._outbox.tag("error", error)
+            self._outbox.tag("error", shown(error))
+        if self._note and self._scores:
+            scores = ", ".join(f"{name.removeprefix('eval/')} {float(value):.3f}" for name, value in
+                               self._scores.items())
+            self._outbox.tag(NOTE, f"{self._note}\n\nScores: {scores}")
         if self._non_finite:
             self._outbox.tag("non_finite", "; ".join(f"{name}: {count}, first {value} at step {step}" for
                                                      name, (count, value, step) in self._non_finite.items()))
@@ -95,21 +110,23 @@ class MlflowTracker(Tracker):
 
 def start_run(uri: str, experiment: str, name: str, *, folder: str | Path, params: Mapping[str, Any] | None = None,
               tags: Mapping[str, str] | None = None, parent_run_id: str | None = None,
-              resume_run_id: str | None = None) -> MlflowTracker:
+              resume_run_id: str | None = None, note: str | None = None) -> MlflowTracker:
     """Start a run of a study in the store made by `prepare_store`, or go on with the run `resume_run_id`.
 
     params may be nested, their names are joined by dots; one longer than 6000 characters becomes the file
     params/NAME.txt and leaves its digest. folder is the run's own, for what a lost server did not take. A run with a
-    `parent_run_id` is nested below it. A resumed run is RUNNING again, has lost its error, and does not log again
-    what it has on record. Raises `InputError` if the store does not answer for a minute, the experiment is deleted, a
-    name is refused, or if the run to resume does not exist, is written by another process, or has another value of a
-    parameter.
+    `parent_run_id` is nested below it. note is its description, to which its scores are added. A resumed run is
+    RUNNING again, has lost its error, and does not log again what it has on record. Raises `InputError` if the store
+    does not answer for a minute, the experiment is deleted, a name is refused, or if the run to resume does not exist,
+    is written by another process, or has another value of a parameter.
     """
     client = connect(uri)
     texts, files = _param_texts(params or {})
     tags = {**(tags or {}), **process_tags()}
     if parent_run_id is not None:
         tags[PARENT] = parent_run_id
+    if note is not None:
+        tags[NOTE] = note = shown(note)
     known: dict[str, Any] = {}
     if resume_run_id is None:
         experiment_id = patiently(uri, _experiment_id, client, uri, experiment)
@@ -119,7 +136,7 @@ def start_run(uri: str, experiment: str, name: str, *, folder: str | Path, param
     from mlflow.entities import Param
 
     patiently(uri, client.log_batch, run_id, params=[Param(*item) for item in texts.items()])
-    tracker = MlflowTracker(client, run_id, folder, **known)
+    tracker = MlflowTracker(client, run_id, folder, **known, note=note)
     for file, text in files.items():
         tracker.artifact(file, text)
     return tracker
@@ -131,7 +148,7 @@ def _experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     found = client.get_experiment_by_name(name)
     if found is None:
         try:
-            return client.create_experiment(name, artifact_location=artifact_root(uri))
+            return client.create_experiment(name, artifact_location=artifact_root(uri), tags=experiment_tags(name))
         except MlflowException:
             found = client.get_experiment_by_name(name)  # another worker may have been first
             if found is None:
@@ -164,10 +181,20 @@ def _reopen(client: MlflowClient, uri: str, run_id: str, params: Mapping[str, st
     patiently(uri, client.log_batch, run_id, tags=[RunTag(*item) for item in tags.items()])
     if "error" in run.data.tags:
         patiently(uri, client.delete_tag, run_id, "error")
+    return _known(client, uri, run)
+
+
+def _known(client: MlflowClient, uri: str, run: Run) -> dict[str, Any]:
+    """What the store has of a run: its tables, the value of each metric at each step, the steps of its images."""
+    run_id = run.info.run_id
     histories = [patiently(uri, client.get_metric_history, run_id, name) for name in run.data.metrics]
+    files = patiently(uri, client.list_artifacts, run_id, "images") if IMAGES in run.data.tags else []
+    # MLflow writes the small copy of an image last.
+    names = [re.fullmatch(r"images/(.*)\+step\+(\d+)\+.*\+compressed\.webp", file.path) for file in files]
     return {"tables": json.loads(run.data.tags.get(TABLES, "[]")),
             "on_record": {(m.key, m.step): m.value for history in histories
-                          for m in sorted(history, key=lambda metric: metric.timestamp)}}
+                          for m in sorted(history, key=lambda metric: metric.timestamp)},
+            "images": {(name[1], int(name[2])) for name in names if name}}
 
 
 def deliver(folder: str | Path) -> list[str]:
@@ -185,9 +212,13 @@ def deliver(folder: str | Path) -> list[str]:
         uri = os.environ.get("MLFLOW_TRACKING_URI") or note["uri"]
         client = connect(uri)
         run = patiently(uri, client.get_run, note["run_id"], patience=FIRST_PATIENCE)
-        if "error" in run.data.tags:  # it may have been taken for killed meanwhile
+        if run.info.status == "RUNNING" and is_written_elsewhere(run.data.tags):
+            raise InputError(f"run {note['run_id']} is being written by process {run.data.tags['pid']}, which will "
+                             f"send the rest itself")
+        if note["status"] and "error" in run.data.tags:  # it may have been taken for killed meanwhile
             patiently(uri, client.delete_tag, run.info.run_id, "error")
-        MlflowTracker(client, note["run_id"], path.parent.parent).finish(note["status"])
+        run = MlflowTracker(client, note["run_id"], path.parent.parent, **_known(client, uri, run))
+        run.finish(note["status"] or "KILLED")
         if path.exists():
             raise InputError(f"{shown(uri)} still does not take everything of {path.parent}; try again")
         run_ids.append(note["run_id"])

@@ -56,7 +56,7 @@ def _check_server(uri: str) -> None:
         patiently(uri, client.search_experiments, max_results=1, patience=FIRST_PATIENCE)
     except MlflowException as error:
         raise InputError(f"{shown(uri)} refuses to keep runs ({reason(error)}); check that it is an MLflow server and "
-                         f"that you may use it, or unset MLFLOW_TRACKING_URI") from error
+                         f"that you may use it, or unset MLFLOW_TRACKING_URI") from None
 
 
 def artifact_root(uri: str) -> str | None:
@@ -79,7 +79,7 @@ def patiently(uri: str, call: Callable[..., T], *args: Any, patience: float = PA
                 raise
             if time.monotonic() + pause > deadline:
                 raise InputError(f"the store {shown(uri)} does not answer ({reason(root(error))}); start it, or unset "
-                                 f"MLFLOW_TRACKING_URI to keep runs in the output folder") from error
+                                 f"MLFLOW_TRACKING_URI to keep runs in the output folder") from None
             if pause == FIRST_RETRY:
                 print(f"tracking: waiting for {shown(uri)} ({reason(root(error))})", file=sys.stderr)
         time.sleep(pause)

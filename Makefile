@@ -11,7 +11,7 @@ WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run ablations test test-launchers dashboard bench bench-gpu lint clean
+.PHONY: help setup run ablations test test-all test-launchers dashboard bench bench-gpu lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -36,13 +36,16 @@ ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=p
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
 
+test-all: $(READY) ## Run the slow tests too: campaigns of kills and full disks
+	@$(BIN)/python -m pytest -m '' $(PYTEST_ARGS)
+
 test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for real (root on Debian: installs packages)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,launchers,server]'
 	@tests/slurm.sh start $(SLURM) && trap 'tests/slurm.sh stop $(SLURM)' EXIT; \
 	  SLURM_CONF=$(SLURM)/slurm.conf $(BIN)/python -m pytest -m optional
 
-dashboard: $(READY) ## Open the MLflow dashboard of what was fitted (PORT=5000)
-	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT)
+dashboard: $(READY) ## Serve the runs in the browser, best F1 first (PORT=5000, STUDY=name for another than the newest)
+	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT) $(if $(STUDY),--study $(STUDY))
 
 bench: $(READY) ## Time operators, an iteration and the renderer against their twins
 	@$(BIN)/python -m benchmarks.ops

@@ -25,6 +25,7 @@ from fractal_exp.apps import configuration
 from fractal_exp.apps.jobs import job_name
 from fractal_exp.checkpoint import compare
 from fractal_exp.published import TABLES
+from fractal_exp.tracking.store import process_start
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 NAMES = sorted(path.stem for path in SWEEPS.glob("*.yaml"))
@@ -154,8 +155,15 @@ def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
 
     process = start(killed, *words)
     wait_for(in_work, "waited for a checkpoint", process)
-    process.send_signal(signal.SIGKILL)  # its workers live on for a while
+    workers = [int(pid) for pid in subprocess.run(["ps", "-o", "pid=", "--ppid", str(process.pid)], text=True,
+                                                  capture_output=True, check=True).stdout.split()]
+    assert len(workers) >= 2
+    process.send_signal(signal.SIGKILL)
     process.wait()
+    deadline = time.monotonic() + 60
+    while alive := [pid for pid in workers if process_start(pid) is not None]:
+        assert time.monotonic() < deadline, f"{alive} outlive their parent"
+        time.sleep(0.05)
 
     status, printed = run(killed, *words)
     assert status == 0 and "4 of 4 jobs finished" in printed

@@ -84,8 +84,9 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
                               stderr=subprocess.PIPE, text=True)
     try:
         _wait_for(server, f"http://127.0.0.1:{port}")
-        print(f"dashboard: {runs_address(f'http://127.0.0.1:{port}', experiment.experiment_id)}\n"
-              f"  {experiment.name}, best F1 first; Charts draws them; Ctrl-C ends it", flush=True)
+        address = runs_address(f"http://127.0.0.1:{port}", experiment.experiment_id)
+        print(f"dashboard: the runs of {experiment.name}, best F1 first (Ctrl-C ends it)\n  {address}\n"
+              f"  {address}&compareRunsMode=CHART  as charts", flush=True)
         for line in server.stderr:
             print(line, end="", file=sys.stderr)
         return server.wait()

@@ -1,0 +1,48 @@
+"""A campaign of kills, interruptions and full disks; each prints how many were tried and how many were clean.
+
+A few of each run in the ordinary tests, the rest is marked slow. Seeds are fixed, the moments come as they fall.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SEED = 20
+HERE = Path(__file__).parent
+
+
+def campaign(script: str, *arguments: object) -> dict:
+    """Run trials in a process of their own; what they found."""
+    environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"}
+    done = subprocess.run([sys.executable, str(HERE / script), *map(str, arguments)], capture_output=True, text=True,
+                          env=environment, timeout=1200)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    print(f"{script} {arguments[0]}: {found['tried']} tried, {found['tried'] - len(found['failures'])} clean")
+    return found
+
+
+def sizes(quick: int, slow: int):
+    return pytest.mark.parametrize("count", [quick, pytest.param(slow, marks=pytest.mark.slow)])
+
+
+@sizes(4, 60)
+def test_an_output_folder_works_whatever_interrupted_the_making_of_its_store(count, tmp_path):
+    found = campaign("store_trials.py", "kills", tmp_path, count, SEED)
+    assert found["tried"] >= count and found["failures"] == []
+
+
+@sizes(2, 20)
+def test_a_full_disk_is_one_clear_line_and_the_folder_works_once_there_is_room(count, tmp_path):
+    found = campaign("store_trials.py", "disks", tmp_path, count, SEED)
+    assert found["tried"] >= count and found["failures"] == []
+
+
+@pytest.mark.slow
+def test_fits_that_are_killed_again_and_again_come_to_the_same_code_and_the_same_series(tmp_path):
+    found = campaign("fit_trials.py", tmp_path, 30, SEED)
+    assert found["tried"] >= 30 and found["failures"] == []

@@ -1,0 +1,74 @@
+"""What the dashboard opens on, and what a run says of itself."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+
+import pytest
+
+from fractal_exp import InputError, tracking
+from fractal_exp.apps.runs import _params
+from fractal_exp.tracking import dashboard, store
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_an_experiment_describes_itself_and_default_is_gone(uri, start):
+    with start():
+        pass
+    client = store.connect(uri)
+    assert [experiment.name for experiment in client.search_experiments()].count("Default") == 0
+    tags = client.get_experiment_by_name("study").tags
+    assert "study: each run recovers the code" in tags["mlflow.note.content"]
+    view = json.loads(tags["mlflow.sharedViewState.scores"])
+    assert view["orderByKey"] == "metrics.`eval/f1`" and view["selectedColumns"][0] == "metrics.`eval/f1`"
+
+
+def test_the_dashboard_prints_where_the_newest_runs_are_once_it_answers(uri, start):
+    with start():
+        pass
+    folder, port = store.database_path(uri).parent, free_port()
+    process = subprocess.Popen([sys.executable, "-m", "fractal_exp.tracking", "dashboard", str(folder), "--port",
+                                str(port)], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    try:
+        lines = []
+        while "compareRunsMode=CHART" not in (lines or [""])[-1]:
+            lines.append(process.stdout.readline())
+            assert lines[-1], lines
+        identifier = store.connect(uri).get_experiment_by_name("study").experiment_id
+        assert f"http://127.0.0.1:{port}/#/experiments/{identifier}/runs?" in lines[-2]
+        assert urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=60).status == 200
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=60)
+    with pytest.raises(OSError):
+        urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5)
+
+
+def test_a_study_that_is_not_there_is_an_input_error(uri, start, tmp_path):
+    with start():
+        pass
+    with pytest.raises(InputError, match=r"no study 'other'; choose one of \['study'\]"):
+        dashboard.serve(store.database_path(uri).parent, free_port(), "other")
+    tracking.prepare_store(tmp_path)
+    with pytest.raises(InputError, match="no run is kept here yet"):
+        dashboard.serve(tmp_path, free_port())
+
+
+def test_params_are_those_of_the_method():
+    common = {"target": {"name": "fern"}, "seed": 0, "scale": "smoke", "islands": 5, "scouting": 100,
+              "model": {"maps": 10}, "loss": {"mse": 1.0}, "optimizer": {"lr": 0.1}, "iterations": 6}
+    collage = _params(common | {"method": {"_target_": "C", "islands": 5, "finest": 256, "seed": 0}})
+    assert collage == {"target": {"name": "fern"}, "seed": 0, "scale": "smoke", "islands": 5,
+                       "method": {"_target_": "C", "finest": 256}}
+    chaotic = _params(common | {"method": {"_target_": "M", "model": {}, "objective": {}, "optimizer": {},
+                                           "iterations": 6, "scouting": 100}})
+    assert set(chaotic) == {"target", "seed", "scale", "scouting", "model", "loss", "optimizer", "iterations", "method"}
+    assert chaotic["method"] == {"_target_": "M"}

@@ -1,0 +1,90 @@
+"""No password and no token of a server's address comes to lie in a file, a run or what is printed."""
+
+import http.server
+import json
+import os
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from fractal_exp import InputError, tracking
+from fractal_exp.apps.folders import FitFolder
+from fractal_exp.tracking import store
+from fractal_exp.tracking.addresses import database_path, shown
+
+PASSWORD, TOKEN = "pa55-phrase", "t0ken-word"
+TRAIN = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1",
+         "name=fit", "target=known", "target.name=sierpinski_triangle", "evaluation.points_in_view=20000"]
+
+
+@pytest.mark.parametrize("text", [
+    f"http://me:{PASSWORD}@127.0.0.1:9/?token={TOKEN}", f"refused (https://me:{PASSWORD}@host/a?b={TOKEN}&c=d)",
+    f"HTTPConnectionPool(host='h', port=9): Max retries exceeded with url: /?token={TOKEN}/api (Caused by",
+    f"http://me:{PASSWORD}@ss@host/",
+])
+def test_addresses_are_shown_without_secrets(text):
+    assert PASSWORD not in shown(text) and TOKEN not in shown(text)
+
+
+@pytest.mark.parametrize("password", [f"{PASSWORD}/x", f"{PASSWORD}?x", f"{PASSWORD}#x", f"{PASSWORD}@x"])
+def test_a_password_that_breaks_its_address_is_refused_unseen(password):
+    with pytest.raises(InputError, match="special characters of the password as %XX") as caught:
+        database_path(f"http://me:{password}@host:5000")
+    assert PASSWORD not in str(caught.value)
+
+
+def test_the_folder_of_a_fit_knows_its_server_without_the_password(tmp_path):
+    folder = FitFolder.open(tmp_path, "fit")
+    folder.checkpoint.write_bytes(b"")
+    folder.remember_run(f"http://me:{PASSWORD}@host:5000", "0123")
+    assert PASSWORD not in (tmp_path / "fit" / "run.json").read_text()
+    assert folder.run_to_resume("http://me:changed@host:5000") == "0123"
+    assert folder.run_to_resume("http://me:changed@other:5000") is None
+    (tmp_path / "fit" / "run.json").write_text(json.dumps({"uri": f"http://me:{PASSWORD}@host:5000", "run_id": "45"}))
+    assert folder.run_to_resume("http://host:5000") == "45", "of an earlier version"
+
+
+class Fickle(http.server.BaseHTTPRequestHandler):
+    """A server that answers a search, as the first question, and then breaks every connection or refuses."""
+
+    asked = 0
+
+    def answer(self) -> None:
+        type(self).asked += 1
+        if self.asked > 2:
+            self.send_error(403, "you may not")
+            return
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(b"{}")
+
+    do_GET = do_POST = answer
+
+    def log_message(self, *args) -> None: ...
+
+
+def test_nothing_that_is_written_or_printed_holds_a_secret(tmp_path):
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Fickle)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    for port in (server.server_port, 9):  # one that answers and refuses, one that nobody serves
+        uri = f"http://me:{PASSWORD}@127.0.0.1:{port}/?token={TOKEN}"
+        done = subprocess.run([sys.executable, "-m", "fractal_exp.apps.train", *TRAIN, f"output={tmp_path}"], text=True,
+                              capture_output=True, timeout=300, env={**os.environ, "MLFLOW_TRACKING_URI": uri})
+        assert done.returncode != 0
+        written = [path for path in tmp_path.rglob("*") if path.is_file()]
+        for text in (done.stdout, done.stderr, *(path.read_bytes().decode(errors="replace") for path in written)):
+            assert PASSWORD not in text and TOKEN not in text, text
+    server.shutdown()
+
+
+def test_a_run_and_what_is_undelivered_hold_no_secret(uri, start, tmp_path, monkeypatch):
+    secret = f"http://me:{PASSWORD}@host/?token={TOKEN}"
+    with pytest.raises(ConnectionError), start(note=f"by {secret}") as run:
+        run.log({"eval/f1": 0.5})
+        raise ConnectionError(f"cannot reach {secret}")
+    data = store.connect(uri).get_run(run.run_id).data
+    assert "f1 0.500" in data.tags["mlflow.note.content"]
+    for text in (str(data.tags), tracking.read_artifact(uri, run.run_id, "traceback.txt").decode()):
+        assert PASSWORD not in text and TOKEN not in text, text

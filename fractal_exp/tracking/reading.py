@@ -65,7 +65,8 @@ def comparison_address(uri: str, experiment: str, parent_run_id: str) -> str:
     identifier = connect(uri).get_experiment_by_name(experiment).experiment_id
     server = "http://127.0.0.1:5000" if database_path(uri) else shown(uri).rstrip("/")
     query = quote(nested_below(parent_run_id))
-    return f"{server}/#/experiments/{identifier}/runs?searchFilter={query}&compareRunsMode=CHART"
+    return (f"{server}/#/experiments/{identifier}/runs?workflowType=machine_learning&searchFilter={query}"
+            "&compareRunsMode=CHART")
 
 
 def read_series(uri: str, run_id: str, name: str) -> pd.DataFrame:

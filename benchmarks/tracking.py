@@ -3,8 +3,8 @@
     python -m benchmarks.tracking                 both
     python -m benchmarks.tracking --runs 100      a smaller store
 
-The fit is the paper's at laptop scale, with series of every step and previews, once tracked and once not, in turn; its
-processor seconds hold the thread that sends to the store. The store is SQLite, in a folder that is removed.
+The fit is the paper's at laptop scale, with series of every step, previews and checkpoints, once tracked and once not,
+in turn; its processor seconds hold the thread that sends to the store. The store is SQLite, in a folder that is removed.
 """
 
 from __future__ import annotations
@@ -25,9 +25,12 @@ from fractal_exp import codes, report, suite, threads, tracking
 from fractal_exp.apps.folders import FitFolder
 from fractal_exp.apps.progress import Reporter
 from fractal_exp.apps.tables import write_report
+from fractal_exp.checkpoint import Checkpoint
 from fractal_exp.methods.chaotic import laptop
 from fractal_exp.published import TABLES
 from fractal_exp.tracking import NoTracker
+
+CHECKPOINT_EVERY = 100  # iterations: oftener than a fit does
 
 
 def fit_seconds(uri: str | None, folder: Path, iterations: int) -> tuple[float, float]:
@@ -37,7 +40,8 @@ def fit_seconds(uri: str | None, folder: Path, iterations: int) -> tuple[float, 
     run = tracking.start_run(uri, "overhead", "fit", folder=folder) if uri else NoTracker()
     wall, processor = time.perf_counter(), time.process_time()
     with run, redirect_stdout(io.StringIO()), Reporter(run, FitFolder.open(folder, "fit")) as reporter:
-        method.reconstruct(target, on_step=reporter)
+        checkpoint = Checkpoint(folder / "checkpoint.safetensors", CHECKPOINT_EVERY, first=run.secure)
+        method.reconstruct(target, on_step=reporter, checkpoint=checkpoint)
     return time.perf_counter() - wall, time.process_time() - processor
 
 

@@ -4,7 +4,7 @@
     python -m benchmarks.tracking --runs 100      a smaller store
 
 The fit is the paper's at laptop scale, with series of every step, previews and checkpoints, once tracked and once not,
-in turn; its processor seconds hold the thread that sends to the store. The store is SQLite, in a folder that is removed.
+in turn; its processor seconds hold the thread that sends to the store. The store is SQLite, in a folder that goes.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +40,11 @@ class Runs(ABC):
         """
 
     @abstractmethod
-    def start_sweep(self, settings: Mapping[str, Any], folder: Path) -> tracking.Tracker:
+    def start_sweep(self, settings: Mapping[str, Any], folder: Path, words: Sequence[str] = ()) -> tracking.Tracker:
         """Begin the parent run of the sweep in `folder`, or go on with it if that sweep was begun before.
 
-        settings: as far as it is common to all jobs. Raises `InputError` if the store cannot be used.
+        settings: as far as it is common to all jobs; words: those of the command after the study. Raises `InputError`
+        if the store cannot be used.
         """
 
     def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:  # noqa: B027
@@ -60,7 +61,7 @@ class Runs(ABC):
 class NoRuns(Runs):
     """tracking=none."""
 
-    def start_sweep(self, settings: Mapping[str, Any], folder: Path) -> tracking.Tracker:
+    def start_sweep(self, settings: Mapping[str, Any], folder: Path, words: Sequence[str] = ()) -> tracking.Tracker:
         return tracking.NoTracker()
 
     def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str,
@@ -93,12 +94,12 @@ class MlflowRuns(Runs):
         run.artifact("config.yaml", OmegaConf.to_yaml(dict(settings)))
         return run
 
-    def start_sweep(self, settings: Mapping[str, Any], folder: Path) -> tracking.Tracker:
+    def start_sweep(self, settings: Mapping[str, Any], folder: Path, words: Sequence[str] = ()) -> tracking.Tracker:
         uri = tracking.prepare_store(Path(settings["output"]))
         known = tracking.find_run(uri, settings["study"], {"kind": SWEEP, "sweep": folder.name})
         return tracking.start_run(uri, settings["study"], folder.name, folder=folder, resume_run_id=known,
                                   note=f"**{settings['sweep']['title']}**: the sweep of the runs below it, with its "
-                                       f"table in report/{_command('fractal-sweep', settings['study'])}",
+                                       f"table in report/{_command('fractal-sweep', settings['study'], *words)}",
                                   tags={"kind": SWEEP, "sweep": folder.name, "scale": settings["scale"],
                                         "device": settings["device"], "perceptual": settings["perceptual"]})
 
@@ -165,11 +166,11 @@ def _note(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:
     what = f"**{tags['target']}** by {tags['method']} ({tags['variant']}, {tags['scale']} scale)"
     if sweep := settings["sweep"]:
         return f"{what}: row {tags['row']}, sample {tags['sample']} of the sweep {sweep['folder']}"
-    return what + _command(f"fractal-{'train' if 'target' in settings else 'perceptual'}")
+    if not HydraConfig.initialized():  # no command made it
+        return what
+    program = "fractal-train" if "target" in settings else "fractal-perceptual"
+    return what + _command(program, *HydraConfig.get().overrides.task)
 
 
 def _command(*words: str) -> str:
-    """The command that made a run, as Hydra knows it; nothing where none did."""
-    if not HydraConfig.initialized():
-        return ""
-    return f"\n\n    {shlex.join([*words, *HydraConfig.get().overrides.task])}"
+    return f"\n\n    {shlex.join(words)}"

@@ -67,7 +67,7 @@ class Sweep:
         for name in self.names:  # what is there from now on is news
             Outcome.path(self.folder / name).unlink(missing_ok=True)
         runs: Runs = configuration.build(config.tracking)
-        self.run: Tracker = runs.start_sweep(settings, self.folder)
+        self.run: Tracker = runs.start_sweep(settings, self.folder, config.hydra.overrides.task)
         self.run.artifact(JOBS, json.dumps(self.names, indent=1))
         self.run.artifact("sweep.json", json.dumps(settings["sweep"], indent=1))
         self.run.artifact("config.yaml", OmegaConf.to_yaml(settings))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import json
 import os
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,8 +15,12 @@ from typing import Any
 from torch import Tensor
 
 from .errors import InputError
+from .files import check_file, write_atomically
 
-FORMAT = "fractal-exp/checkpoint/1"
+FORMAT = "fractal-exp/checkpoint/2"
+EARLIER = b"fractal-exp/checkpoint/1"
+DIGEST = b'"sha256":"%s"'  # stands once in a file: quotes inside the notes are escaped
+BLANK = b"0" * 64          # in the digest's place while it is computed
 
 
 @dataclass(frozen=True)
@@ -46,15 +52,23 @@ class Checkpoint:
             raise InputError(f"a checkpoint is saved every so many iterations, at least 1, got {self.every}")
 
     def save(self, snapshot: Snapshot) -> None:
-        """Write atomically: at any moment the file on disk is a whole one, the old or the new."""
+        """Write atomically: at any moment the file on disk is a whole one, the old or the new.
+
+        Raises `InputError` where it cannot be written, as on a full disk; the file before stays.
+        """
         from safetensors.torch import save
 
-        notes = {"format": FORMAT, "iteration": snapshot.iteration, "numbers": dict(snapshot.numbers),
+        notes = {"iteration": snapshot.iteration, "numbers": dict(snapshot.numbers),
                  "identity": dict(self.identity)}
         # Clones, as the file format takes no two tensors that share memory.
         tensors = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in snapshot.tensors.items()}
         self.first()
-        write_atomically(self.path, save(tensors, metadata={"notes": json.dumps(notes)}))
+        blank = save(tensors, metadata={"format": FORMAT, "sha256": BLANK.decode(), "notes": json.dumps(notes)})
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            write_atomically(self.path, blank.replace(DIGEST % BLANK, DIGEST % _digest(blank), 1))
+        except InputError as error:
+            raise InputError(f"{error}; what was saved before stays, and resume=true goes on from it") from error
 
     def load(self) -> Snapshot | None:
         """The saved snapshot, or None where nothing is to be resumed.
@@ -82,19 +96,48 @@ class Checkpoint:
 
 
 def read(path: Path) -> tuple[Snapshot, dict[str, Any]]:
-    """A checkpoint's snapshot and identity. Raises `InputError` if it is no whole checkpoint of this version."""
-    from safetensors import SafetensorError, safe_open
+    """A checkpoint's snapshot and identity. Raises `InputError` if it is no whole checkpoint of this layout.
 
+    The SHA-256 over all bytes is checked before anything is parsed: what one changed byte could do is seen at once.
+    Files of layout 1, which had no digest, are not read.
+    """
+    from safetensors import SafetensorError
+    from safetensors.torch import load
+
+    path = check_file(path, "the checkpoint")
     try:
-        with safe_open(path, "pt") as file:
-            notes = json.loads((file.metadata() or {}).get("notes", "{}"))
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError, ValueError) as error:
-        raise InputError(f"cannot read the checkpoint {path}: {error}; delete it to start afresh") from error
-    if notes.get("format") != FORMAT:
-        raise InputError(f"{path} is no checkpoint of this version (expected {FORMAT!r}, got {notes.get('format')!r}); "
-                         "delete it to start afresh")
+        data = path.read_bytes()
+        notes = _checked_notes(data)
+        tensors = load(data)
+    except (OSError, SafetensorError, ValueError, KeyError, RecursionError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot read the checkpoint {path}: {reason}; delete it to start afresh") from error
     return Snapshot(notes["iteration"], tensors, notes["numbers"]), notes["identity"]
+
+
+def _digest(blank: bytes) -> bytes:
+    return hashlib.sha256(blank).hexdigest().encode()
+
+
+def _checked_notes(data: bytes) -> dict[str, Any]:
+    """The notes of a file whose digest is right. Raises `ValueError` otherwise."""
+    length = int.from_bytes(data[:8], "little")
+    if not 2 <= length <= len(data) - 8:
+        raise InputError("it is damaged or cut short")
+    found = re.search(re.escape(DIGEST).replace(b"%s", b"([0-9a-f]{64})"), data[8:8 + length])
+    if found is None:
+        earlier = "; an earlier one wrote it, which can go on from it" if EARLIER in data[8:8 + length] else ""
+        raise InputError(f"it is no checkpoint of this version, which have a checksum{earlier}")
+    if _digest(data.replace(found[0], DIGEST % BLANK, 1)) != found[1]:
+        raise InputError("it is damaged: its bytes do not give its checksum")
+    header = json.loads(data[8:8 + length])["__metadata__"]
+    if header.get("format") != FORMAT:
+        raise InputError(f"it is of layout {header.get('format')!r}, this version reads {FORMAT!r}")
+    notes = json.loads(header["notes"])
+    if not (type(notes["iteration"]) is int and isinstance(notes["numbers"], dict)
+            and isinstance(notes["identity"], dict)):
+        raise InputError("its notes are not those of a checkpoint")
+    return notes
 
 
 def compare(old: Any, new: Any, path: str = "") -> list[str]:
@@ -104,18 +147,3 @@ def compare(old: Any, new: Any, path: str = "") -> list[str]:
         return [line for key in keys for line in
                 compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{key}" if path else key)]
     return [] if old == new else [f"{path}: {old!r} there, {new!r} now"]
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a whole file or none, even if the power fails."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with open(partial, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)

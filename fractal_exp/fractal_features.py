@@ -52,7 +52,7 @@ def save(path: str | Path, layers: nn.Sequential, channel_weights: Sequence[Tens
     """Write a weight file (safetensors, float16) and return its absolute path. `recipe`: plain data, kept as JSON."""
     from safetensors.torch import save as to_bytes
 
-    from .checkpoint import write_atomically
+    from .files import write_atomically
 
     tensors = {f"layers.{name}": value for name, value in layers.state_dict().items()}
     tensors |= {f"channel_weights.{level}": weight for level, weight in enumerate(channel_weights)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,9 +15,11 @@ from torch import Tensor
 
 from .checks import check_dense
 from .errors import InputError
+from .files import read_json, write_atomically
 
 FORMAT = "fractal-exp/ifs"
 VERSION = 1
+LARGEST = torch.finfo(torch.float32).max
 PROBABILITY_FLOOR = 0.01  # keeps flat maps in play: p_i is proportional to |det M_i| + floor
 
 
@@ -76,6 +79,8 @@ class IFS:
         object.__setattr__(self, "offset", offset)
         if self.probabilities is not None:
             object.__setattr__(self, "probabilities", _probabilities(self.probabilities, linear.shape[0]))
+        if not isinstance(self.meta, Mapping):
+            raise InputError(f"meta holds free notes by name (a mapping), got {type(self.meta).__name__}")
 
     def __len__(self) -> int:
         """The number of maps N."""
@@ -127,9 +132,16 @@ class IFS:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write the code as JSON and return the absolute path."""
+        """Write the code as JSON, whole or not at all, and return the absolute path.
+
+        Raises `InputError` where the file cannot be written, or where `meta` holds what JSON cannot.
+        """
         path = Path(path).absolute()
-        path.write_text(json.dumps(self.to_json(), indent=1) + "\n")
+        try:
+            text = json.dumps(self.to_json(), indent=1) + "\n"
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"meta must hold nothing but JSON (text, numbers, lists, mappings): {error}") from error
+        write_atomically(path, text)
         return path
 
     @classmethod
@@ -152,17 +164,11 @@ class IFS:
     @classmethod
     def load(cls, path: str | Path) -> IFS:
         """Read a code from a JSON file (see `from_json`). Raises `InputError` naming the file."""
-        path = Path(path).absolute()
-        try:
-            data = json.loads(path.read_text())
-        except OSError as error:
-            raise InputError(f"cannot read the code {path}: {error.strerror}") from error
-        except ValueError as error:
-            raise InputError(f"{path} is not JSON: {error}") from error
+        data = read_json(path, "the code")
         try:
             return cls.from_json(data)
         except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise InputError(f"{Path(path).absolute()}: {error}") from error
 
 
 def sampling_probabilities(linear: Tensor) -> Tensor:
@@ -203,34 +209,53 @@ def _exact(tensor: Tensor) -> list:
 
 
 def _only_keys(data: Mapping, allowed: set[str]) -> None:
-    unknown = sorted(set(data) - allowed)
+    unknown = sorted(map(str, set(data) - allowed))
     if unknown:
-        raise InputError(f"unknown keys {unknown}; a code has {sorted(allowed)}, free notes go into 'meta'")
+        raise InputError(f"unknown keys {reprlib.repr(unknown)}; a code has {sorted(allowed)}, free notes go into "
+                         "'meta'")
+
+
+def _numbers(name: str, value: Any) -> Any:
+    """Plain nested lists, checked to hold nothing but numbers that float32 can hold: no text, no true or false."""
+    rest = [value]
+    while rest:
+        item = rest.pop()
+        if isinstance(item, list | tuple):
+            rest.extend(item)
+        elif isinstance(item, bool) or not isinstance(item, int | float):
+            raise InputError(f"{name} must hold numbers only, got {reprlib.repr(item)}")
+        elif not abs(item) <= LARGEST:
+            raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {reprlib.repr(item)}")
+    return value
 
 
 def _from_own(data: Mapping) -> IFS:
     _only_keys(data, {"format", "version", "linear", "offset", "probabilities", "meta"})
-    if data.get("format") != FORMAT or data.get("version") != VERSION:
-        raise InputError(f"expected format {FORMAT!r} version {VERSION}, got {data.get('format')!r} version "
-                         f"{data.get('version')!r}")
+    version = data.get("version")
+    if data.get("format") != FORMAT or type(version) is not int or version != VERSION:
+        found = f"{reprlib.repr(data.get('format'))} version {reprlib.repr(version)}"
+        raise InputError(f"expected format {FORMAT!r} version {VERSION}, got {found}; no other version is read")
     missing = [key for key in ("linear", "offset") if key not in data]
     if missing:
         raise InputError(f"the code has no {' and no '.join(missing)}")
-    return IFS(data["linear"], data["offset"], data.get("probabilities"), data.get("meta") or {})
+    given, meta = data.get("probabilities"), data.get("meta")
+    return IFS(_numbers("linear", data["linear"]), _numbers("offset", data["offset"]),
+               None if given is None else _numbers("probabilities", given), {} if meta is None else meta)
 
 
 def _from_lists(data: Mapping) -> IFS:
     _only_keys(data, {"ifs_m", "ifs_t", "ifs_p"})
     if "ifs_t" not in data:
         raise InputError("ifs_m needs ifs_t beside it: one offset (x, y) per matrix")
-    linear = _floats("ifs_m", data["ifs_m"])
+    linear = _floats("ifs_m", _numbers("ifs_m", data["ifs_m"]))
     if linear.ndim == 2 and linear.shape[1] == 4:
         linear = linear.reshape(-1, 2, 2)
-    return IFS(linear, data["ifs_t"], data.get("ifs_p"))
+    given = data.get("ifs_p")
+    return IFS(linear, _numbers("ifs_t", data["ifs_t"]), None if given is None else _numbers("ifs_p", given))
 
 
 def _from_rows(rows: list) -> IFS:
-    table = _floats("rows", rows)
+    table = _floats("rows", _numbers("rows", rows))
     if table.ndim != 2 or table.shape[1] not in (6, 7):
         raise InputError(f"a list of rows needs six numbers each, a b c d e f, or seven with the probability; "
                          f"got shape {tuple(table.shape)}")

@@ -1,5 +1,7 @@
+import json
 import multiprocessing
 import os
+import resource
 import signal
 import time
 
@@ -85,3 +87,38 @@ def test_a_kill_in_the_middle_of_saving_leaves_a_whole_file(tmp_path):
         snapshot = Checkpoint(tmp_path / "f", resume=True).load()
         assert len(snapshot.tensors) == 20
         assert all(bool((tensor == snapshot.iteration).all()) for tensor in snapshot.tensors.values())
+
+
+def test_no_changed_byte_is_accepted(tmp_path):
+    path = tmp_path / "f"
+    Checkpoint(path).save(SNAPSHOT)
+    data = path.read_bytes()
+    for place in range(len(data)):
+        path.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1:])
+        with pytest.raises(InputError, match="cannot read the checkpoint .* delete it to start afresh"):
+            Checkpoint(path, resume=True).load()
+
+
+def test_a_checkpoint_of_the_layout_without_checksum_is_refused_by_name(tmp_path):
+    from safetensors.torch import save_file
+
+    notes = {"format": "fractal-exp/checkpoint/1", "iteration": 1, "numbers": {}, "identity": {}}
+    save_file({"x": torch.zeros(1)}, tmp_path / "f", metadata={"notes": json.dumps(notes)})
+    with pytest.raises(InputError, match="no checkpoint of this version, .* checksum; an earlier one wrote it"):
+        Checkpoint(tmp_path / "f", resume=True).load()
+
+
+def test_a_full_disk_keeps_the_checkpoint_before(tmp_path):
+    checkpoint = Checkpoint(tmp_path / "f", resume=True)
+    checkpoint.save(SNAPSHOT)
+    previous = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+        with pytest.raises(InputError, match="cannot write .*f: File too large; .*; what was saved before stays, and "
+                                             "resume=true goes on from it"):
+            checkpoint.save(Snapshot(8, {"x": torch.zeros(10_000)}))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, previous)
+    assert checkpoint.load().iteration == 7 and os.listdir(tmp_path) == ["f"]

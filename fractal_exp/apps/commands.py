@@ -11,6 +11,7 @@ from pathlib import Path
 
 from .. import codes
 from ..errors import InputError
+from ..files import explain
 from ..ifs import IFS
 from ..suite import SUITE_SEED, random_suite
 
@@ -69,11 +70,16 @@ def make_folder(path: str | Path) -> Path:
 
 def command(program: str, work: Callable[[argparse.Namespace], None], parser: argparse.ArgumentParser,
             arguments: list[str] | None) -> None:
-    """Parse, work, and print what a user can mend as one line (exit status 2)."""
+    """Parse, work, and print what a user can mend as one line (exit status 2), what the disk refuses included."""
     try:
         work(parser.parse_args(arguments))
     except InputError as error:
         print(f"{program}: error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except OSError as error:
+        if error.errno is None or isinstance(error, BrokenPipeError | ConnectionError):  # not of a file
+            raise
+        print(f"{program}: error: {explain(error)}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         print(f"\n{program}: interrupted", file=sys.stderr)

@@ -22,6 +22,7 @@ from ..evaluation.render import render
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL, Scored
 from ..evaluation.summary import CEILING_F1, describe
 from ..evaluation.views import KINDS, check_kind
+from ..files import write_atomically
 from ..images import write_image
 from . import records
 from .candidates import Candidate, gather
@@ -114,7 +115,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         if lost:
             parts.append(f"not judged, since fitted to pictures that are not kept: {', '.join(lost)}")
         report = "\n\n".join(parts)
-        (folder / "report.txt").write_text(report + "\n")
+        write_atomically(folder / "report.txt", report + "\n")
         run.artifact("report.txt", report)
         print(f"{report}\n\n{folder}")
 
@@ -214,9 +215,9 @@ def _write(per_view: pd.DataFrame, codes: pd.DataFrame, views: str, folder: Path
     summaries = {method: summarize(rows) for method, rows in per_view.groupby("method", sort=False)}
     summary = pd.concat([table.assign(method=method, perceptual=table.attrs["perceptual"])
                          for method, table in summaries.items()], ignore_index=True)
-    per_view.to_parquet(folder / "per_view.parquet", index=False)
+    write_atomically(folder / "per_view.parquet", per_view.to_parquet(index=False))
     for name, table in {"per_view": per_view, "summary": summary, "codes": codes}.items():
-        table.to_csv(folder / f"{name}.csv", index=False)
+        write_atomically(folder / f"{name}.csv", table.to_csv(index=False))
         run.table(f"{name}.json", table)
     means = summary[(summary["method"] == RESULT) & (summary["zoom_class"] == "all")].set_index("metric")["mean"]
     run.log({f"eval/{name}": value for name, value in means.dropna().items()})

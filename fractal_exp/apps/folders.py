@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..checkpoint import compare, write_atomically
+from ..checkpoint import compare
 from ..errors import InputError
+from ..files import alone_in, explain, read_record, write_atomically
 from ..ifs import IFS
 from ..images import write_image
 from ..tracking.addresses import shown
@@ -39,9 +41,14 @@ class FitFolder:
             probe.touch()
             probe.unlink()
         except OSError as error:
-            raise InputError(f"cannot write to the output folder {folder.path}: {error.strerror}; choose another with "
-                             "output=FOLDER") from error
+            raise InputError(f"cannot write to the output folder {explain(error, folder.path)} with output=FOLDER, "
+                             "study=STUDY or name=NAME") from error
         return folder
+
+    def alone(self) -> AbstractContextManager[None]:
+        """Keep other fits out of the folder. Raises `InputError` if one is at work in it."""
+        remedy = "wait until it has ended, or choose another folder with name=NAME or output=FOLDER"
+        return alone_in(self.path, wait=False, remedy=remedy)
 
     @property
     def views(self) -> Path:
@@ -63,10 +70,7 @@ class FitFolder:
         """The scores of a finished fit of this identity, or None. Raises `InputError` if another one finished here."""
         if not self._finished.exists():
             return None
-        record = records.read_json_file(self._finished)
-        if not (isinstance(record, dict) and isinstance(record.get("identity"), dict)
-                and isinstance(record.get("scores"), dict)):
-            raise InputError(f"{self._finished} is damaged: it has no identity and scores; delete it to fit again")
+        record = read_record(self._finished, "the record of a finished fit", identity=dict, scores=dict)
         differences = compare(record["identity"], json.loads(json.dumps(identity)))
         if differences:
             raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "
@@ -103,5 +107,5 @@ class FitFolder:
         """The run that the interrupted fit logged to in this store, or None."""
         if not (self._run.exists() and self.checkpoint.exists()):
             return None
-        record = json.loads(self._run.read_text())
+        record = read_record(self._run, "the record of the MLflow run", uri=str, run_id=(str, type(None)))
         return record["run_id"] if shown(record["uri"]) == shown(uri) else None

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import json
-import os
 import re
 import sys
 import time
@@ -19,7 +17,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from .. import threads
-from ..checkpoint import write_atomically
+from ..files import alone_in, read_record, write_atomically
 from ..tracking.addresses import shown
 from . import configuration, parent
 from .runs import Runs
@@ -53,7 +51,10 @@ class Outcome:
     def read(cls, folder: Path) -> Outcome | None:
         """The outcome left in a job's folder, or None."""
         path = cls.path(folder)
-        return cls(**json.loads(path.read_text())) if path.exists() else None
+        if not path.exists():
+            return None
+        record = read_record(path, "the outcome of a job", status=str, row=str, sample=str, seconds=(int, float))
+        return cls(**{key: value for key, value in record.items() if key in cls.__dataclass_fields__})
 
     def write(self, folder: Path) -> None:
         write_atomically(self.path(folder), json.dumps(asdict(self), indent=1).encode())
@@ -82,7 +83,8 @@ def run_job(config: DictConfig) -> str:
         config.threads = max(1, threads.available() // config.sweep.workers)
     row, sample = (_label(config, key, name) for key in ("row", "sample"))
     start = time.perf_counter()
-    with _alone_in(folder), _printing_to(folder / "log.txt"):
+    # A worker may outlive the parent that was killed: then the same job waits here for it.
+    with alone_in(folder, wait=True), _printing_to(folder / "log.txt"):
         again = (folder / "finished.json").exists()
         try:
             scores = fit(config)
@@ -112,20 +114,6 @@ def _track_failure(config: DictConfig, row: str, sample: str, folder: Path, erro
         runs.fail(settings | {"sweep": sweep}, folder, error)
     except Exception:  # the outcome's file tells the parent in any case
         print(shown(traceback.format_exc()), file=sys.stderr)
-
-
-@contextlib.contextmanager
-def _alone_in(folder: Path) -> Iterator[None]:
-    """Wait until no other process works on this job: a worker may outlive the parent that was killed.
-
-    The lock is the kernel's, so it goes with its process, however that ends.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / ".lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        lock.write(str(os.getpid()))  # for whoever wants to know
-        lock.flush()
-        yield
 
 
 @contextlib.contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,11 @@ def train_distance(config: DictConfig) -> Path:
 
     Raises `InputError` on anything a user can mend, before any work.
     """
+    with ExitStack() as held:  # the lock of the run's folder
+        return _train_distance(config, held)
+
+
+def _train_distance(config: DictConfig, held: ExitStack) -> Path:
     config = configuration.resolve(config)
     check_device(config.device)
     threads.use(config.threads)
@@ -59,6 +65,7 @@ def train_distance(config: DictConfig) -> Path:
     identity = {"method": settings["recipe"], "device": config.device}
     folder = FitFolder.open(Path(config.output) / config.study,
                             config.name or f"fractal-{config.scale}-seed{recipe.seed}")
+    held.enter_context(folder.alone())
     if config.resume and folder.finished_scores(identity):
         print(f"{folder.path} holds this training, finished; resume=false trains again")
         return _file(folder)

@@ -12,6 +12,7 @@ from tqdm import tqdm
 from .. import attractor, threads
 from ..errors import InputError
 from ..evaluation.pictures import contact_sheet
+from ..files import write_atomically
 from ..images import write_image
 from ..suite import SUITE_COUNT, SUITE_SEED, TARGET_KINDS, random_suite, target
 from .commands import command, command_parser, make_folder
@@ -60,7 +61,7 @@ def write_suite(options: argparse.Namespace) -> None:
         small.append(_small(image))
     write_image(folder / "sheet.png", contact_sheet(small, names))
     facts = {"count": options.count, "seed": options.seed, "resolution": options.resolution, "kind": kind}
-    (folder / "suite.json").write_text(json.dumps(facts, indent=1) + "\n")
+    write_atomically(folder / "suite.json", json.dumps(facts, indent=1) + "\n")
     print(f"{len(suite)} fractals in {folder}; all at a glance: {folder / 'sheet.png'}")
 
 

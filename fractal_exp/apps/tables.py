@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from .. import report, report_text, tracking
+from ..files import write_atomically
 from ..images import write_image
 from ..report_figure import figure
 
@@ -33,7 +34,7 @@ def write_report(uri: str, sweep: report.Sweep, folder: Path) -> list[Path]:
     for name, text in {"report.md": report_text.markdown(sweep, table), "report.tex": report_text.latex(sweep, table),
                        "report.csv": table.to_csv(index=False), "jobs.csv": sweep.jobs.to_csv(index=False),
                        "spread.csv": report.spread(sweep).to_csv()}.items():
-        (folder / name).write_text(text)
+        write_atomically(folder / name, text)
         written.append(folder / name)
     sheet = figure(uri, sweep)
     if sheet is not None:

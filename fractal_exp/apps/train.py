@@ -7,6 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from .. import threads
 from ..checkpoint import Checkpoint
 from ..errors import InputError
 from ..evaluation import Perceptual
+from ..files import explain, write_atomically
 from ..images import write_image
 from ..methods.base import CodeReconstruction, FitDiverged, Method
 from ..targets import Target
@@ -39,6 +41,11 @@ def fit(config: DictConfig) -> dict[str, float]:
 
     Raises `InputError` on anything a user can mend, before any work.
     """
+    with ExitStack() as held:  # the lock of the fit's folder
+        return _fit(config, held)
+
+
+def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     config = configuration.resolve(config)
     check_options(config.evaluation)
     threads.use(config.threads)
@@ -57,6 +64,7 @@ def fit(config: DictConfig) -> dict[str, float]:
     identity["target_image"] = _digest(target.image.numpy().tobytes())
 
     folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label, identity))
+    held.enter_context(folder.alone())
     scores = folder.finished_scores(identity | {"evaluation": settings["evaluation"]})
     if config.resume and scores:
         runs.check_kept(folder, settings)
@@ -113,7 +121,7 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
     for name, image in judgement.pictures.items():
         write_image(folder.views / f"{name}.png", image)
         run.image(name, image)
-    judgement.per_view.to_csv(folder.path / "per_view.csv", index=False)
+    write_atomically(folder.path / "per_view.csv", judgement.per_view.to_csv(index=False))
     run.table("per_view.json", judgement.per_view)
     run.log(judgement.scores | judgement.trivial | judgement.counts)
 
@@ -126,6 +134,11 @@ def _hydra_main(config: DictConfig) -> dict[str, float]:
         if HydraConfig.get().mode == RunMode.MULTIRUN:
             raise
         print(f"fractal-train: error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except OSError as error:
+        if error.errno is None or HydraConfig.get().mode == RunMode.MULTIRUN:
+            raise
+        print(f"fractal-train: error: {explain(error)}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         print("\nfractal-train: interrupted; the same command with resume=true goes on", file=sys.stderr)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ..errors import InputError
+from ..files import check_file, explain, replacing
 from ..ifs import IFS, View
 from .render import render_with_info
 
@@ -41,9 +41,9 @@ class ImageCache:
             return _draw(code, view, size, self.device)
         path = Path(self.folder).absolute() / f"{_key(code, view, size, self.device)}.npz"
         scale = 1.0 / supersample**2
-        if path.exists():
-            with np.load(path, allow_pickle=False) as file:
-                return torch.from_numpy((file["lit"] * scale).astype(np.float32))
+        lit = _read(path, resolution) if path.exists() else None
+        if lit is not None:
+            return torch.from_numpy((lit * scale).astype(np.float32))
         image = _draw(code, view, size, self.device)
         _write(path, (image.numpy() / scale).round().astype(np.uint16))
         return image
@@ -66,13 +66,27 @@ def _key(code: IFS, view: View, size: dict[str, int], device: str) -> str:
     return digest.hexdigest()[:32]
 
 
+def _read(path: Path, resolution: int) -> np.ndarray | None:
+    """The counts of lit parts (R,R), or None, which is said, if the file is damaged; it is then drawn and kept anew."""
+    try:
+        check_file(path, "the cached image")
+        with zipfile.ZipFile(path) as archive, archive.open("lit.npy") as file:
+            np.lib.format.read_magic(file)
+            shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+            if shape != (resolution, resolution) or dtype != np.uint16:
+                raise InputError(f"it holds {dtype} {shape}, expected uint16 {(resolution, resolution)}")
+        with np.load(path, allow_pickle=False) as arrays:
+            return arrays["lit"]
+    except Exception as error:  # on damaged files NumPy and zipfile raise almost anything
+        log.warning("%s is damaged (%s) and is drawn anew", path, error)
+        return None
+
+
 def _write(path: Path, lit: np.ndarray) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Another process may be drawing the same image: each writes its own file, the last to finish wins.
-        with NamedTemporaryFile(dir=path.parent, suffix=".partial", delete=False) as file:
+        with replacing(path) as partial, open(partial, "wb") as file:
             np.savez_compressed(file, lit=lit)
-        os.replace(file.name, path)
-    except OSError as error:
-        raise InputError(f"cannot write to the image cache {path.parent}: {error.strerror}; choose another folder, or "
-                         "none") from error
+    except (OSError, InputError) as error:
+        reason = error if isinstance(error, InputError) else f"cannot write {explain(error, path.parent)}"
+        raise InputError(f"{reason}; or name no image cache") from error

@@ -5,15 +5,16 @@ No library at hand writes a PNG piecewise, nor grey with alpha at 16 bits; the f
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from ..errors import InputError
+from ..files import replacing
 
 GREY, GREY_ALPHA = 0, 4   # colour types
 FILTER_UP = 2             # a row is stored as its difference to the row above
@@ -36,14 +37,11 @@ class PngWriter:
         if bits not in (8, 16):
             raise InputError(f"a PNG has 8 or 16 bits a sample, got {bits}")
         self.width, self.height, self.bits, self.transparent = width, height, bits, transparent
-        self._partial = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
 
     def __enter__(self) -> Self:
-        try:
-            self._file = open(self._partial, "wb")
-        except OSError as error:
-            raise InputError(f"cannot write {self.path}: {error.strerror}; choose a folder that exists and may be "
-                             "written") from error
+        with ExitStack() as stack:
+            self._file = stack.enter_context(open(stack.enter_context(replacing(self.path)), "wb"))
+            self._stack = stack.pop_all()
         self._rows, self._deflate = 0, zlib.compressobj(LEVEL)
         samples = 2 if self.transparent else 1
         self._above = np.zeros(self.width * samples * self.bits // 8, np.uint8)
@@ -74,18 +72,17 @@ class PngWriter:
         self._above = rows[-1].copy()
         self._chunk(b"IDAT", self._deflate.compress(filtered.tobytes()))
 
-    def __exit__(self, kind: type | None, *_: object) -> None:
-        try:
-            if kind is None:
-                if self._rows < self.height:
-                    raise ValueError(f"{self.path} has {self._rows} of {self.height} rows")
-                self._chunk(b"IDAT", self._deflate.flush())
-                self._chunk(b"IEND", b"")
-                self._file.close()
-                os.replace(self._partial, self.path)
-        finally:
-            self._file.close()
-            self._partial.unlink(missing_ok=True)
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> None:
+        with self._stack:  # closes the file, then puts it into its place or removes it
+            if error is not None:
+                raise error
+            self._finish()
+
+    def _finish(self) -> None:
+        if self._rows < self.height:
+            raise ValueError(f"{self.path} has {self._rows} of {self.height} rows")
+        self._chunk(b"IDAT", self._deflate.flush())
+        self._chunk(b"IEND", b"")
 
     def _chunk(self, kind: bytes, data: bytes) -> None:
         if data or kind == b"IEND":

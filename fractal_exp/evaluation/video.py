@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from ..files import replacing
 from ..ifs import IFS, View
 from .render import render_with_info, tone_map, white_level
 
@@ -57,14 +58,10 @@ def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int = 30) -
     import imageio
 
     path = check_film(path, 2, fps)
-    partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     options = ({"fps": fps, "codec": "libx264", "quality": 8, "pixelformat": "yuv420p", "macro_block_size": 2}
                if path.suffix.lower() == ".mp4" else {"duration": 1000 / fps, "loop": 0})
-    try:
-        with imageio.get_writer(partial, mode="I", **options) as writer:
-            for picture in pictures:
-                writer.append_data((picture * 255).round().to(torch.uint8).numpy())
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with (replacing(path, f".partial{path.suffix}") as partial,
+          imageio.get_writer(partial, mode="I", **options) as writer):
+        for picture in pictures:
+            writer.append_data((picture * 255).round().to(torch.uint8).numpy())
     return path

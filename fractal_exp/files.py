@@ -1,0 +1,168 @@
+"""Files that appear whole or not at all, folders with one user at a time, and small JSON files read with care."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import reprlib
+import secrets
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from .errors import InputError
+
+LARGEST_JSON = 16 * 2**20  # bytes; read, they may take twenty times as much memory
+ABANDONED_AFTER = 3600.0   # seconds without a write: then the process that wrote a partial file is gone
+POLL_SECONDS = 0.2         # between two looks at a folder's lock
+
+REMEDIES = {
+    errno.ENOSPC: "free some space, or choose another disk",
+    errno.EDQUOT: "your quota is used up: free some space, or choose another disk",
+    errno.EFBIG: "files may not be so large here: raise the limit (ulimit -f), or choose another disk",
+    errno.ENAMETOOLONG: "choose a shorter name",
+}
+
+
+def explain(error: OSError, path: str | Path | None = None) -> str:
+    """What the system said about a file (`path`, where the error itself names none), and the remedy; one line."""
+    where = path if path is not None else error.filename
+    return (f"{f'{where}: ' if where is not None else ''}{error.strerror or error}; "
+            f"{REMEDIES.get(error.errno, 'choose a folder that exists and may be written')}")
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path, suffix: str = ".partial") -> Iterator[Path]:
+    """A new, empty file beside `path`, which takes its place when the block ends without an error, else vanishes.
+
+    At any moment `path` is a whole file, the old one or the new, even if the power fails. Any number of threads and
+    processes may write one path: the last to finish wins. What killed processes left is removed an hour later, by the
+    next that writes the same path. suffix: how the new file's name ends, for writers that go by it. Raises
+    `InputError` where the file cannot be written.
+    """
+    path = Path(path).absolute()
+    start = f".{path.name[:40]}."  # a name may have 255 bytes, and a character four
+    partial = path.with_name(f"{start}{secrets.token_hex(6)}{suffix}")
+    try:
+        try:
+            open(partial, "xb").close()
+            _remove_abandoned(partial, start, suffix)
+            yield partial
+            with open(partial, "rb") as file:
+                os.fsync(file.fileno())
+            os.replace(partial, path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {explain(error, path)}") from error
+
+
+def _remove_abandoned(partial: Path, start: str, suffix: str) -> None:
+    now = partial.stat().st_mtime  # by the clock of the disk, which may be another machine's
+    with os.scandir(partial.parent) as entries:
+        for entry in entries:
+            if entry.name.startswith(start) and entry.name.endswith(suffix):
+                with contextlib.suppress(FileNotFoundError):  # another process was quicker
+                    if entry.stat().st_mtime < now - ABANDONED_AFTER:
+                        os.unlink(entry.path)
+
+
+def write_atomically(path: str | Path, data: bytes | str) -> None:
+    """Write a whole file or none, text as UTF-8; see `replacing`."""
+    with replacing(path) as partial:
+        partial.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+@contextlib.contextmanager
+def alone_in(folder: str | Path, *, wait: bool, remedy: str = "wait until it has ended") -> Iterator[None]:
+    """Make the folder if need be, and be the only process at work in it; a thread may enter again what it has entered.
+
+    The lock is the kernel's, so it goes with its process, however that ends. wait: for another process to leave;
+    otherwise raises `InputError` at once, which names that process and the `remedy`.
+    """
+    folder = Path(folder).absolute()
+    path = folder / ".lock"
+    lock = FileLock(path, is_singleton=True, poll_interval=POLL_SECONDS)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire(timeout=-1 if wait else 0)
+        path.write_text(str(os.getpid()))  # for whoever wants to know
+    except Timeout:
+        raise InputError(f"{_holder(path)} is at work in {folder}; {remedy}") from None
+    except OSError as error:
+        lock.release()
+        raise InputError(f"cannot write {explain(error, path)}") from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _holder(lock: Path) -> str:
+    try:
+        return f"process {int(lock.read_text())}"
+    except (OSError, ValueError):  # it has not noted its number yet
+        return "another process"
+
+
+def check_file(path: str | Path, what: str, most_bytes: int | None = None) -> Path:
+    """The absolute path of an ordinary file of at most `most_bytes`. Raises `InputError` that names it as `what`.
+
+    What is no ordinary file (a folder, a pipe, a device) is not opened: to read from it could wait for ever.
+    """
+    path = Path(path).absolute()
+    try:
+        status = path.stat()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot read {what} {path}: {reason}; check the path") from error
+    if not stat.S_ISREG(status.st_mode):
+        kind = next((name for test, name in ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"),
+                                             (stat.S_ISSOCK, "a socket")) if test(status.st_mode)), "a device")
+        raise InputError(f"cannot read {what} {path}: it is {kind}; give the path of a file")
+    if most_bytes is not None and status.st_size > most_bytes:
+        raise InputError(f"cannot read {what} {path}: it has {status.st_size} bytes, at most {most_bytes} are read")
+    return path
+
+
+def read_json(path: str | Path, what: str) -> Any:
+    """The plain data of a JSON file (UTF-8) of at most 16 MiB, which gives no key twice. Raises `InputError`."""
+    path = check_file(path, what, LARGEST_JSON)
+    try:
+        return json.loads(path.read_bytes().decode(), object_pairs_hook=_no_key_twice)
+    except OSError as error:
+        raise InputError(f"cannot read {what} {path}: {error.strerror}") from error
+    except RecursionError:
+        raise InputError(f"{path} is no JSON that can be read: its lists are nested too deeply") from None
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
+    except ValueError as error:
+        raise InputError(f"{path} is not JSON: {error}") from error
+
+
+def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    data = dict(pairs)
+    if len(data) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in data if keys.count(key) > 1)
+        raise InputError(f"gives the key {reprlib.repr(twice)} twice, and nobody knows which is meant; drop one")
+    return data
+
+
+def read_record(path: str | Path, what: str, **kinds: type | tuple[type, ...]) -> dict[str, Any]:
+    """A JSON object that a program wrote, with at least the keys of `kinds`, each of its kind.
+
+    Raises `InputError` if it is damaged, which says so.
+    """
+    data = read_json(path, what)
+    if not isinstance(data, dict):
+        raise InputError(f"{path} is damaged: expected a JSON object, got {type(data).__name__}; delete it")
+    for key, kind in kinds.items():
+        if not isinstance(data.get(key), kind):
+            raise InputError(f"{path} is damaged: {key!r} is {reprlib.repr(data.get(key))}; delete it")
+    return data

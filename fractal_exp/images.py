@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import os
-import warnings
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import torch
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image
 from torch import Tensor
 
 from .errors import InputError
+from .files import replacing
+from .picture_bands import Bands, Profile, open_picture
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 PADDING = 0.25                           # of the canvas, in all; the shape's longer side spans the rest
 MIN_SIDE = 16                            # pixels, of a picture and of a target
@@ -23,7 +27,6 @@ SHAPE_LEVEL = 0.1                        # of the contrast: what lies above it b
 LUMINANCE = (0.2126, 0.7152, 0.0722)     # of red, green and blue: ITU-R BT.709
 ROUNDING = 1e-5                          # floats may leave [0,1] by this much
 WHITE_LEVELS = {"bool": 1, "uint8": 255, "uint16": 65535, "float16": 1, "float32": 1, "float64": 1}
-EXIF_ORIENTATION = 0x0112
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +58,9 @@ def read_target(
 ) -> Target:
     """Read a picture as a target (resolution, resolution), white on black.
 
-    source: a file that Pillow reads (16-bit colour at 8 bits a channel, of several frames the first), or an array or
-    tensor (H,W) grey, (H,W,3) RGB or (H,W,4) RGBA of bool, uint8, uint16 or floats in [0,1]; at least 16 px a side.
+    source: a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file of up to 20 000² pixels (16-bit colour at 8 bits a channel,
+    of several frames the first), or an array or tensor (H,W) grey, (H,W,3) RGB or (H,W,4) RGBA of bool, uint8, uint16
+    or floats in [0,1]; at least 16 px a side.
     Colour becomes luminance (BT.709). Transparent parts are laid on black or white, whichever the visible part stands
     out from; where the visible part has one colour, the alpha channel itself is the picture.
     invert: True for a black shape on white, False for white on black, "auto" to judge by the border: its median is
@@ -67,25 +71,36 @@ def read_target(
     of the contrast and by six standard deviations of the border's noise, so that JPEG artefacts do not count; its edge
     pixels count by their level, so that smooth edges are found between pixels. "keep" takes a square picture as framed.
     Resizing is exact area averaging, or linear interpolation where the picture is enlarged.
+    Beside the file's pixels as Pillow holds them, 1 to 4 bytes each, the memory is that of some rows and the result.
     Raises `InputError` on whatever cannot be used, before any work on the pixels.
     """
     resolution = check_resolution(resolution)
     _check_options(invert, threshold, padding, frame)
     name = f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
     notes: list[str] = []
-    pixels = _check_pixels(_read_file(Path(source), notes) if isinstance(source, str | Path) else source, name)
-    height, width = pixels.shape[:2]
+    if isinstance(source, str | Path):
+        pixels = open_picture(Path(source), notes, _check_pixels)
+    else:
+        pixels = Bands.of_array(_check_pixels(source, name))
+    height, width = pixels.height, pixels.width
     if min(height, width) < MIN_SIDE:
         raise InputError(f"{name} must be at least {MIN_SIDE} px on each side, got {width}×{height}; take a larger one")
     if frame == "keep" and height != width:
         raise InputError(f'frame="keep" needs a square picture, {name} is {width}×{height}; use frame="fit" or crop it')
     grey = _grey(pixels, invert, name, notes)
-    _check_contrast(grey, name)
-    grey, level, inverted = _white_on_black(grey, invert, notes)
+    profile = Profile.of(grey)
+    _check_contrast(profile, name)
+    level, inverted, shape_reaches_border = _background(grey, profile, invert, notes)
+    if inverted:
+        grey, profile, level = grey.map(lambda band: 1 - band), profile.inverted(), 1 - level
+    if shape_reaches_border:  # against the judgement
+        level = float(profile.low)
     if threshold is not None:
-        grey, level = _binary(grey, threshold, name), 0.0
+        _check_threshold(profile, threshold, name)
+        binary = partial(_binary, threshold=threshold)
+        grey, profile, level = grey.map(binary), profile.map(binary), 0.0
         notes.append(f"binary at the threshold {threshold:g}")
-    x, y, side = (0.0, 0.0, float(width)) if frame == "keep" else _window(grey, level, padding, notes)
+    x, y, side = (0.0, 0.0, float(width)) if frame == "keep" else _window(profile, level, padding, notes)
     if side < resolution:
         notes.append(f"enlarged {resolution / side:.3g} times by linear interpolation: the picture has no finer detail")
     if level > MIN_CONTRAST:
@@ -109,14 +124,8 @@ def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8
                          f"shape {pixels.shape}")
     white = 2**bits - 1
     levels = np.rint(_unit(pixels, np.float64) * white).astype(f"uint{bits}")
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        Image.fromarray(levels).save(partial, format="PNG")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"cannot write {path}: {error.strerror or error}; choose a folder that exists and may be "
-                         "written") from error
+    with replacing(path) as unfinished:
+        Image.fromarray(levels).save(unfinished, format="PNG")
     return path
 
 
@@ -169,154 +178,149 @@ def _unit(pixels: np.ndarray, dtype: type = np.float32) -> np.ndarray:
     return (pixels.astype(dtype) / WHITE_LEVELS[pixels.dtype.name]).clip(0, 1)
 
 
-def _read_file(path: Path, notes: list[str]) -> np.ndarray:
-    path = path.absolute()
-    if not path.exists():
-        raise InputError(f"there is no file {path}; check the path")
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; give the path of one image file")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(path) as picture:
-                picture.load()
-                return _array(picture, path, notes)
-    except InputError:
-        raise
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
-        raise InputError(f"{path} is larger than Pillow's guard against decompression bombs allows "
-                         f"({Image.MAX_IMAGE_PIXELS} pixels); shrink the picture first") from error
-    except UnidentifiedImageError as error:
-        raise InputError(f"{path} is no image that Pillow can read; convert it to PNG or JPEG") from error
-    except Exception as error:  # on a damaged file Pillow's readers raise almost anything
-        reason = getattr(error, "strerror", None) or f"the file is damaged or cut short ({error})"
-        raise InputError(f"cannot read the picture {path}: {reason}") from error
-
-
-def _array(picture: Image.Image, path: Path, notes: list[str]) -> np.ndarray:
-    """A loaded picture as an upright array (H,W), (H,W,3) or (H,W,4) of uint8, uint16 or float32."""
-    frames = getattr(picture, "n_frames", 1)
-    if frames > 1:
-        notes.append(f"the file holds {frames} pictures: the first was taken")
-    if picture.getexif().get(EXIF_ORIENTATION, 1) != 1:
-        picture = ImageOps.exif_transpose(picture)
-        notes.append("turned upright by its EXIF orientation")
-    if picture.mode == "F":
-        return np.asarray(picture)
-    if picture.mode.startswith("I"):  # 16 bits, which Pillow keeps as such or in 32 bits
-        levels = np.asarray(picture)
-        if levels.min() < 0 or levels.max() > WHITE_LEVELS["uint16"]:
-            raise InputError(f"{path} holds integers from {levels.min()} to {levels.max()}; save it with 8 or 16 bits")
-        return levels.astype(np.uint16)
-    if picture.has_transparency_data:
-        return np.asarray(picture.convert("RGBA"))
-    return np.asarray(picture if picture.mode == "L" else picture.convert("L" if picture.mode == "1" else "RGB"))
-
-
-def _grey(pixels: np.ndarray, invert: bool | str, name: str, notes: list[str]) -> np.ndarray:
+def _grey(pixels: Bands, invert: bool | str, name: str, notes: list[str]) -> Bands:
     """Luminance (H,W), transparent parts laid on a backdrop."""
-    if pixels.ndim == 2:
-        return _unit(pixels)
-    grey = sum(weight * _unit(pixels[..., channel]) for channel, weight in enumerate(LUMINANCE)).clip(0, 1)
-    alpha = _unit(pixels[..., 3]) if pixels.shape[2] == 4 else np.ones((), np.float32)
-    if alpha.min() == 1:
-        return grey
-    if alpha.max() == 0:
+    if pixels.channels == 1:
+        return pixels.map(_unit)
+    lowest, highest = (1.0, 1.0) if pixels.channels == 3 else _extremes(pixels.map(_alpha))
+    if lowest == 1:
+        return pixels.map(_luminance)
+    if highest == 0:
         raise InputError(f"{name} is fully transparent; there is nothing to see")
-    visible = grey[alpha >= alpha.max() / 2]
-    if np.ptp(visible) < 2 * MIN_CONTRAST:
+    darkest, lightest, mean = _visible(pixels, highest / 2)
+    if lightest - darkest < 2 * MIN_CONTRAST:
         notes.append("the shape is in the alpha channel alone: opaque is white")
-        return alpha
-    backdrop = float(visible.mean() < 0.5) if invert == "auto" else float(invert)
+        return pixels.map(_alpha)
+    backdrop = float(mean < 0.5) if invert == "auto" else float(invert)
     notes.append(f"transparent parts laid on {'white' if backdrop else 'black'}")
-    return alpha * grey + (1 - alpha) * np.float32(backdrop)
+
+    def laid(band: np.ndarray) -> np.ndarray:
+        alpha = _alpha(band)
+        return alpha * _luminance(band) + (1 - alpha) * np.float32(backdrop)
+
+    return pixels.map(laid)
 
 
-def _check_contrast(grey: np.ndarray, name: str) -> None:
-    low, high = float(grey.min()), float(grey.max())
+def _luminance(band: np.ndarray) -> np.ndarray:
+    return sum(weight * _unit(band[..., channel]) for channel, weight in enumerate(LUMINANCE)).clip(0, 1)
+
+
+def _alpha(band: np.ndarray) -> np.ndarray:
+    return _unit(band[..., 3])
+
+
+def _extremes(grey: Bands) -> tuple[float, float]:
+    lows, highs = zip(*((float(band.min()), float(band.max())) for band in grey), strict=True)
+    return min(lows), max(highs)
+
+
+def _visible(pixels: Bands, least: float) -> tuple[float, float, float]:
+    """The lowest, highest and mean luminance where the opacity is at least `least`, which it is somewhere."""
+    low, high, total, count = 1.0, 0.0, 0.0, 0
+    for band in pixels:
+        seen = _luminance(band)[_alpha(band) >= least]
+        if seen.size:
+            low, high = min(low, float(seen.min())), max(high, float(seen.max()))
+            total, count = total + float(seen.sum(dtype=np.float64)), count + seen.size
+    return low, high, total / count
+
+
+def _check_contrast(profile: Profile, name: str) -> None:
+    low, high = float(profile.low), float(profile.high)
     if high - low < MIN_CONTRAST:
         kind = "empty (all black)" if high < MIN_CONTRAST else "all white" if low > 1 - MIN_CONTRAST else "evenly grey"
         raise InputError(f"{name} is {kind}: its levels run from {low:.3f} to {high:.3f}; a target needs a shape that "
                          "stands out from its background")
 
 
-def _border(grey: np.ndarray) -> np.ndarray:
-    return np.concatenate([grey[0], grey[-1], grey[1:-1, 0], grey[1:-1, -1]])
-
-
-def _white_on_black(grey: np.ndarray, invert: bool | str, notes: list[str]) -> tuple[np.ndarray, float, bool]:
-    """The picture with its shape white, its background's level, and whether it was inverted for that."""
-    border = _border(grey)
-    level = float(np.median(border))
-    energy = np.square(grey - level, dtype=np.float64)
-    brighter = float(energy[grey > level].sum() / energy.sum())
+def _background(grey: Bands, profile: Profile, invert: bool | str, notes: list[str]) -> tuple[float, bool, bool]:
+    """The background's level, whether the picture is to be inverted, so that its shape is white, and whether even then
+    most of what deviates from the background is darker."""
+    level = float(np.median(profile.border))
+    above = total = 0.0
+    for band in grey:
+        energy = np.square(band - level, dtype=np.float64)
+        total += float(energy.sum())
+        above += float(energy[band > level].sum())
+    brighter = above / total
     inverted = brighter < 0.5 if invert == "auto" else bool(invert)
-    steady = float((np.abs(border - level) < np.ptp(grey) / 4).mean())
+    steady = float((np.abs(profile.border - level) < (profile.high - profile.low) / 4).mean())
     said = "black shape on white: inverted" if inverted else "white shape on black"
     if invert != "auto":
         said += ", as asked"
     elif max(brighter, 1 - brighter) < 0.75 or steady < 0.75:
         said += f", but the border leaves doubt; invert={str(not inverted).lower()} takes it the other way"
     notes.append(said)
-    if inverted:
-        grey, level, brighter = 1 - grey, 1 - level, 1 - brighter
-    if brighter < 0.5:  # against the judgement: the shape itself reaches round the border
-        level = float(grey.min())
-    return grey, level, inverted
+    return level, inverted, (1 - brighter if inverted else brighter) < 0.5
 
 
-def _binary(grey: np.ndarray, threshold: float, name: str) -> np.ndarray:
-    lit = grey >= threshold
-    if not lit.any():
+def _check_threshold(profile: Profile, threshold: float, name: str) -> None:
+    if not profile.high >= threshold:
         raise InputError(f"the threshold {threshold:g} leaves nothing of {name}: its highest level, white on black, is "
-                         f"{float(grey.max()):.3f}; lower it")
-    if lit.all():
+                         f"{float(profile.high):.3f}; lower it")
+    if profile.low >= threshold:
         raise InputError(f"the threshold {threshold:g} lights every pixel of {name}: its lowest level, white on black, "
-                         f"is {float(grey.min()):.3f}; raise it")
-    return lit.astype(np.float32)
+                         f"is {float(profile.low):.3f}; raise it")
 
 
-def _window(grey: np.ndarray, level: float, padding: float, notes: list[str]) -> tuple[float, float, float]:
+def _binary(levels: np.ndarray, threshold: float) -> np.ndarray:
+    return (levels >= threshold).astype(np.float32)
+
+
+def _window(profile: Profile, level: float, padding: float, notes: list[str]) -> tuple[float, float, float]:
     """The square (x, y, side) of the picture that fills the canvas: the shape's box, centred, with its padding."""
-    contrast = float(grey.max()) - level
-    away = np.abs(_border(grey) - level) / contrast
+    contrast = float(profile.high) - level
+    away = np.abs(profile.border - level) / contrast
     noise = float(np.sqrt(np.square(away[away < 0.25]).mean())) if (away < 0.25).any() else 0.0
     lowest = min(max(SHAPE_LEVEL, 6 * noise), 0.5)
 
-    def extent(profile: np.ndarray) -> tuple[float, float]:
-        share = ((profile - level) / contrast).clip(0)
+    def extent(highest: np.ndarray) -> tuple[float, float]:
+        share = ((highest - level) / contrast).clip(0)
         first, last = np.flatnonzero(share > lowest)[[0, -1]]
         return float(first + 1 - share[max(first - 1, 0):first + 1].sum()), float(last + share[last:last + 2].sum())
 
-    (x0, x1), (y0, y1) = extent(grey.max(0)), extent(grey.max(1))
+    (x0, x1), (y0, y1) = extent(profile.columns[1]), extent(profile.rows[1])
     side = max(x1 - x0, y1 - y0) / (1 - padding)
-    notes.append(f"the shape spans {x1 - x0:.1f}×{y1 - y0:.1f} px of {grey.shape[1]}×{grey.shape[0]}, centred at "
-                 f"({(x0 + x1) / 2:.1f}, {(y0 + y1) / 2:.1f})")
+    notes.append(f"the shape spans {x1 - x0:.1f}×{y1 - y0:.1f} px of {len(profile.columns[1])}×{len(profile.rows[1])}, "
+                 f"centred at ({(x0 + x1) / 2:.1f}, {(y0 + y1) / 2:.1f})")
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side
 
 
-def _resample(grey: np.ndarray, x: float, y: float, side: float, resolution: int, fill: float) -> np.ndarray:
+def _resample(grey: Bands, x: float, y: float, side: float, resolution: int, fill: float) -> np.ndarray:
     """The square at (x, y) of a picture (H,W) as (R,R); beyond the picture it is `fill`."""
-    from scipy.sparse import csr_array
-
-    rows = csr_array(_weights(y, side, resolution, grey.shape[0]))
-    columns = csr_array(_weights(x, side, resolution, grey.shape[1]))
-    inside = (columns @ (rows @ grey).T).T
+    rows = _weights(y, side, resolution, grey.height).tocsc()
+    columns = _weights(x, side, resolution, grey.width)
+    inside, first = np.zeros((resolution, resolution), np.float32), 0
+    for band in grey:
+        narrow = (columns @ band.T).T
+        inside += rows[:, first:first + len(band)] @ narrow
+        first += len(band)
     beyond = 1 - np.outer(rows.sum(1), columns.sum(1))
     return np.ascontiguousarray(inside + np.float32(fill) * beyond, np.float32).clip(0, 1)
 
 
-def _weights(start: float, side: float, resolution: int, count: int) -> np.ndarray:
-    """How much each of `count` source pixels gives to each target pixel, (R, count) float32.
+def _weights(start: float, side: float, resolution: int, count: int) -> csr_array:
+    """How much each of `count` source pixels gives to each target pixel, (R, count) float32, sparse.
 
     Shrinking, by the length that the two share, which is exact area averaging; enlarging, by linear interpolation
     between the centres of source pixels. At equal size both are the same.
     """
+    from scipy.sparse import csr_array
+
     step = side / resolution
-    edges = start + step * np.arange(resolution + 1)[:, None]
-    pixels = np.arange(count)
-    if step >= 1:
-        shared = np.minimum(edges[1:], pixels + 1) - np.maximum(edges[:-1], pixels)
-        return (shared.clip(0) / step).astype(np.float32)
-    centers = (edges[1:] + edges[:-1]) / 2
-    return (1 - np.abs(centers - (pixels + 0.5))).clip(0).astype(np.float32)
+    edges = start + step * np.arange(resolution + 1)
+    if step >= 1:  # a source pixel reaches into two target pixels at most
+        pixels = np.tile(np.arange(count), 2)
+        targets = np.floor((pixels - start) / step).astype(np.int64) + np.repeat([0, 1], count)
+        known = (targets >= 0) & (targets < resolution)
+        pixels, targets = pixels[known], targets[known]
+        shared = np.minimum(edges[targets + 1], pixels + 1) - np.maximum(edges[targets], pixels)
+        weights = shared.clip(0) / step
+    else:  # a target pixel lies between two source pixels
+        targets = np.tile(np.arange(resolution), 2)
+        centers = ((edges[1:] + edges[:-1]) / 2)[targets]
+        pixels = np.floor(centers - 0.5).astype(np.int64) + np.repeat([0, 1], resolution)
+        weights = (1 - np.abs(centers - (pixels + 0.5))).clip(0)
+        known = (pixels >= 0) & (pixels < count)
+        weights, targets, pixels = weights[known], targets[known], pixels[known]
+    return csr_array((weights.astype(np.float32), (targets, pixels)), shape=(resolution, count))

@@ -1,11 +1,14 @@
 """Pictures as files: every kind that people have, damaged ones, and the PNGs that are written."""
 
+import os
+import socket
+
 import numpy as np
 import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import InputError
+from fractal_exp import InputError, picture_bands
 from fractal_exp.images import read_target, write_image
 
 
@@ -90,15 +93,15 @@ def test_first_of_several_frames_is_taken_and_said(tmp_path):
 
 
 def test_unusable_files_are_refused(tmp_path):
-    with pytest.raises(InputError, match="there is no file .*nowhere.png"):
+    with pytest.raises(InputError, match="cannot read the picture .*nowhere.png: No such file .*; check the path"):
         read_target(tmp_path / "nowhere.png", 32)
     with pytest.raises(InputError, match="is a folder"):
         read_target(tmp_path, 32)
     (tmp_path / "text.png").write_text("not a picture")
-    with pytest.raises(InputError, match="text.png is no image that Pillow can read"):
+    with pytest.raises(InputError, match="text.png is no picture of the kinds that are read .PNG, JPEG, "):
         read_target(tmp_path / "text.png", 32)
     (tmp_path / "nothing.png").touch()
-    with pytest.raises(InputError, match="no image that Pillow can read"):
+    with pytest.raises(InputError, match="no picture of the kinds"):
         read_target(tmp_path / "nothing.png", 32)
 
 
@@ -108,7 +111,7 @@ def test_truncated_files_are_refused(tmp_path, suffix):
     whole = tmp_path / f"whole.{suffix}"
     Image.fromarray(noise).save(whole)
     (tmp_path / f"cut.{suffix}").write_bytes(whole.read_bytes()[: whole.stat().st_size * 2 // 3])
-    with pytest.raises(InputError, match=r"cut short|no image that Pillow") as caught:
+    with pytest.raises(InputError, match=r"cut short|no picture of the kinds") as caught:
         read_target(tmp_path / f"cut.{suffix}", 32)
     assert "\n" not in str(caught.value)
 
@@ -126,9 +129,13 @@ def test_broken_png_checksum_is_refused(tmp_path):
 def test_decompression_bomb_is_refused(tmp_path, monkeypatch):
     Image.fromarray(LEAF).save(tmp_path / "bomb.png")
     for limit in (4000, 1000):  # where Pillow warns, and where it refuses
-        monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", limit)
-        with pytest.raises(InputError, match=f"guard against decompression bombs allows \\({limit} pixels\\); shrink"):
+        monkeypatch.setattr(picture_bands, "LARGEST_PIXELS", limit)
+        with pytest.raises(InputError, match=f"more than {limit} pixels, .*; shrink the picture first"):
             read_target(tmp_path / "bomb.png", 32)
+    monkeypatch.setattr(picture_bands, "LARGEST_PIXELS", 4800)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10)
+    read_target(tmp_path / "bomb.png", 32)
+    assert Image.MAX_IMAGE_PIXELS == 10, "Pillow's own bound is as before"
 
 
 def test_wide_integers_are_refused(tmp_path):
@@ -166,3 +173,26 @@ def test_unwritable_images_are_refused(tmp_path):
         with pytest.raises(InputError, match=f"got bits={bits}"):
             write_image(tmp_path / "x.png", image, bits=bits)
     assert [p.name for p in tmp_path.iterdir()] == ["folder.png"]
+
+
+def test_formats_that_call_other_programs_are_not_read(tmp_path, monkeypatch):
+    from PIL import EpsImagePlugin
+
+    Image.fromarray(LEAF).save(tmp_path / "leaf.eps")
+    monkeypatch.setattr(EpsImagePlugin, "Ghostscript", lambda *_, **__: pytest.fail("Ghostscript was called"))
+    (tmp_path / "leaf.png").write_bytes((tmp_path / "leaf.eps").read_bytes())
+    for name in ("leaf.eps", "leaf.png"):
+        with pytest.raises(InputError, match="no picture of the kinds that are read"):
+            read_target(tmp_path / name, 32)
+
+
+def test_what_is_no_ordinary_file_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(tmp_path / "socket.png"))
+    for path, kind in ((tmp_path / "pipe.png", "a pipe"), (tmp_path / "socket.png", "a socket"),
+                       ("/dev/zero", "a device")):
+        with pytest.raises(InputError, match=f"it is {kind}; give the path of a file"):
+            read_target(path, 32)
+    with pytest.raises(InputError, match="File name too long"):
+        read_target(tmp_path / ("x" * 300), 32)

@@ -166,3 +166,11 @@ def read_record(path: str | Path, what: str, **kinds: type | tuple[type, ...]) -
         if not isinstance(data.get(key), kind):
             raise InputError(f"{path} is damaged: {key!r} is {reprlib.repr(data.get(key))}; delete it")
     return data
+
+
+def check_scores(scores: dict[str, Any], path: str | Path) -> dict[str, float]:
+    """The scores of a record by name, each a number. Raises `InputError` if its file is damaged."""
+    for name, value in scores.items():
+        if type(value) not in (int, float):
+            raise InputError(f"{path} is damaged: the score {reprlib.repr(name)} is {reprlib.repr(value)}; delete it")
+    return scores

@@ -149,9 +149,10 @@ def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
     job = wait_for(in_work, "waited for a checkpoint", process)[0]
     os.kill(int((job / ".lock").read_text()), signal.SIGKILL)
     printed, _ = process.communicate(timeout=120)
-    assert process.returncode == 1 and "without a result" in printed, "a killed worker"
-    _, runs = stored(killed, "function_count")
-    assert "RUNNING" not in set(runs["status"])
+    assert process.returncode == 1 and "3 of 4 jobs finished; 1 failed" in printed, "a killed worker"
+    sweep, _ = stored(killed, "function_count")
+    assert sorted(sweep.jobs["status"]) == ["FAILED", *["FINISHED"] * 3] and sweep.jobs["row"].notna().all()
+    assert "its process ended without a word" in sweep.jobs.set_index("job")["reason"][job.name]
 
     process = start(killed, *words)
     wait_for(in_work, "waited for a checkpoint", process)

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ..checkpoint import compare
 from ..errors import InputError
-from ..files import alone_in, explain, read_record, write_atomically
+from ..files import alone_in, check_scores, explain, read_record, write_atomically
 from ..ifs import IFS
 from ..images import write_image
 from ..tracking.addresses import shown
@@ -71,6 +71,7 @@ class FitFolder:
         if not self._finished.exists():
             return None
         record = read_record(self._finished, "the record of a finished fit", identity=dict, scores=dict)
+        check_scores(record["scores"], self._finished)
         differences = compare(record["identity"], json.loads(json.dumps(identity)))
         if differences:
             raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "

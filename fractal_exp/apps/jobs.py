@@ -17,7 +17,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from .. import threads
-from ..files import alone_in, read_record, write_atomically
+from ..files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
 from . import configuration, parent
 from .runs import Runs
@@ -53,11 +53,17 @@ class Outcome:
         path = cls.path(folder)
         if not path.exists():
             return None
-        record = read_record(path, "the outcome of a job", status=str, row=str, sample=str, seconds=(int, float))
+        record = read_record(path, "the outcome of a job", status=str, row=str, sample=str, seconds=(int, float),
+                             scores=dict, again=bool, reason=str, traceback=str)
+        check_scores(record["scores"], path)
         return cls(**{key: value for key, value in record.items() if key in cls.__dataclass_fields__})
 
     def write(self, folder: Path) -> None:
         write_atomically(self.path(folder), json.dumps(asdict(self), indent=1).encode())
+
+
+class JobLost(RuntimeError):
+    """The process that was at work on a job is gone."""
 
 
 def job_name(overrides: Sequence[str], keys: Collection[str]) -> str:
@@ -87,6 +93,8 @@ def run_job(config: DictConfig) -> str:
     with alone_in(folder, wait=True), _printing_to(folder / "log.txt"):
         again = (folder / "finished.json").exists()
         try:
+            if config.sweep.lost:
+                raise JobLost(config.sweep.lost)
             scores = fit(config)
             outcome = Outcome(FINISHED, row, sample, time.perf_counter() - start, scores, again)
         except Exception as error:

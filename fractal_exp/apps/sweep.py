@@ -11,7 +11,7 @@ import hydra
 from omegaconf import DictConfig
 
 from ..errors import InputError
-from . import configuration, interruption, sweeps
+from . import configuration, interruption, sweeps, workers
 from .jobs import run_job
 
 
@@ -29,6 +29,7 @@ def main() -> None:
     """The command line: the first word names the study, the rest is Hydra's; the exit status tells of failed jobs."""
     interruption.listen()
     configuration.register()
+    workers.use()
     try:
         sys.argv[1:] = _arguments(sys.argv[1:])
     except InputError as error:

@@ -11,6 +11,7 @@ import queue
 import random
 import re
 import resource
+import time
 import warnings
 
 import numpy as np
@@ -25,7 +26,8 @@ from fractal_exp.checkpoint import Checkpoint, Snapshot
 from fractal_exp.codes import known
 from fractal_exp.images import read_target
 
-SECONDS, MEBIBYTES = 20, 600  # that one reading may take, and that all of them may add to the process
+CPU_SECONDS, SECONDS = 60, 300  # that one reading may take: of the processor's time, and asleep
+MEBIBYTES = 2000  # that readings may add to the process: a changed size may come to the largest picture that is read
 EXTREMES = [b"1e400", b"-1e308", b"1e39", b"NaN", b"Infinity", b"9" * 400, b"9" * 5000, b"true", b"null", b'"1"', b"[]",
             b"{}", b"-1", b"0", b"1e-320", b"4294967296", b"[" * 2000, b'{"a":1,"a":2}']
 SNAPSHOT = Snapshot(7, {"raw/x": torch.arange(300.0), "step": torch.tensor(7)}, {"losses": [0.1, 1 / 3], "best": {}})
@@ -161,7 +163,9 @@ def campaign(counts, folder, results):
             for i in range(count):
                 path.write_bytes(mutate(whole, random.Random(f"{path.name} {i}"), path.suffix in TEXTUAL))
                 tried += 1
-                faulthandler.dump_traceback_later(SECONDS, exit=True)  # also where Python itself would never look up
+                # Both limits hold also where Python itself would never look up.
+                faulthandler.dump_traceback_later(SECONDS, exit=True)
+                resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + CPU_SECONDS, resource.RLIM_INFINITY))
                 try:
                     read(path)
                 except InputError as error:
@@ -188,7 +192,7 @@ def attack(counts, folder):
                 kind, tried, refused, failures, more = results.get(timeout=1)
                 break
             except queue.Empty:
-                assert process.is_alive(), (f"a crash, or more than {SECONDS} s for one file (status "
+                assert process.is_alive(), (f"a crash, or too long for one file (status "
                                             f"{process.exitcode}): the newest below {folder}")
         print(f"{kind}: {tried} tried, {refused} refused, {tried - len(failures)} clean, {more:.0f} MiB at most")
         assert not failures, f"{len(failures)} of {tried}: {failures[:20]}"

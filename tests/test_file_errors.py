@@ -106,7 +106,7 @@ def a_disk_that_takes(size):
 
 @pytest.mark.parametrize(("main", "arguments", "size", "names"), [
     (suite.main, ["suite", "--count", "1", "--resolution", "64"], 100, "suite/codes/000.json"),
-    (suite.main, ["suite", "--count", "1", "--resolution", "64"], 1400, "suite/targets/000.png"),
+    (suite.main, ["suite", "--count", "1", "--resolution", "64"], 1400, "suite/sheet.png"),
     (render.main, ["fern", "fern.png", "--size", "64", "--points", "1e4"], 200, "fern.png"),
     (render.main, ["fern", "fern.gif", "--size", "64", "--points", "1e4", "--seconds", "0.1"], 200, "fern.gif"),
 ])
@@ -156,11 +156,16 @@ def test_a_damaged_image_of_the_cache_is_drawn_anew_and_said(tmp_path, caplog):
     image = cache.render(known("sierpinski_triangle"), View(), **size)
     (path,) = tmp_path.iterdir()
     whole = path.read_bytes()
-    for damaged in (b"", whole[:60], whole[:-30], whole.replace(b"(32, 32)", b"(99, 99)")):
+    np.savez_compressed(tmp_path / "other.npz", lit=np.zeros((99, 99), np.uint16))
+    other = (tmp_path / "other.npz").read_bytes()
+    (tmp_path / "other.npz").unlink()
+    for damaged in (b"", whole[:60], whole[:-30], other):
         path.write_bytes(damaged)
         caplog.clear()
         assert torch.equal(cache.render(known("sierpinski_triangle"), View(), **size), image)
-        assert "is damaged" in caplog.text and path.read_bytes()[:2] == b"PK" and len(path.read_bytes()) == len(whole)
+        assert "is damaged" in caplog.text
+        with np.load(path) as kept:
+            assert kept["lit"].shape == (32, 32)
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -165,7 +165,8 @@ def campaign(counts, folder, results):
                 tried += 1
                 # Both limits hold also where Python itself would never look up.
                 faulthandler.dump_traceback_later(SECONDS, exit=True)
-                resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + CPU_SECONDS, resource.RLIM_INFINITY))
+                ends = int(time.process_time()) + CPU_SECONDS
+                resource.setrlimit(resource.RLIMIT_CPU, (ends, resource.RLIM_INFINITY))
                 try:
                     read(path)
                 except InputError as error:

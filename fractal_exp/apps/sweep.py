@@ -11,6 +11,7 @@ import hydra
 from omegaconf import DictConfig
 
 from ..errors import InputError
+from ..files import explain
 from . import configuration, interruption, sweeps, workers
 from .jobs import run_job
 
@@ -44,7 +45,12 @@ def main() -> None:
         print("\nfractal-sweep: interrupted; the same command goes on", file=sys.stderr)
         status = 130
     while sweeps.opened:
-        status = sweeps.opened.pop().close(status)
+        try:
+            status = sweeps.opened.pop().close(status)
+        except (InputError, OSError) as error:  # the tables could not be written: a full disk
+            reason = explain(error) if isinstance(error, OSError) else error
+            print(f"fractal-sweep: error: {reason}; the same command goes on", file=sys.stderr)
+            status = 2
     raise SystemExit(status)
 
 

@@ -1,0 +1,166 @@
+"""Make small mistakes in a copy of the tree, one at a time, and see whether the tests notice.
+
+python tests/mutations/run.py [--only PART …] [--jobs N]
+
+Each entry of mutations.toml is one mistake. The copy lies in the temporary folder and stays there between calls, so
+that numba's cache serves again; the working tree is only read. First the tests named must pass in the copy as it is.
+Exit status: 0 if all mistakes are caught, 1 if one survives, 2 if nothing could be learnt.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+LIST = Path(__file__).with_name("mutations.toml")
+LEFT_OUT = shutil.ignore_patterns(".git", ".venv", "outputs", "multirun", ".pytest_cache", ".ruff_cache", "*.egg-info")
+SECONDS = 600  # for the tests of one mutation; one that never ends has been noticed
+
+
+class Broken(Exception):
+    """Something is wrong with the list, the copy or a test: nothing can be said about the tests."""
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """`old` stands exactly once in `file` and is replaced by `new`; one of `tests` (files or node ids) must fail."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    tests: list[str]
+
+    def applied(self, root: Path = ROOT) -> str:
+        """The file's text with the mistake. Raises `Broken` unless the old text stands in it exactly once."""
+        text = (root / self.file).read_text()
+        if (found := text.count(self.old)) != 1:
+            raise Broken(f"{self.name}: its old text must stand exactly once in {self.file}, found {found} times; "
+                         f"correct {LIST.name}")
+        return text.replace(self.old, self.new)
+
+
+def load() -> list[Mutation]:
+    """All mutations of the list. Raises `TypeError` on an entry with other keys."""
+    return [Mutation(**entry) for entry in tomllib.loads(LIST.read_text())["mutation"]]
+
+
+class Copy:
+    """A copy of the tree, with everything that Python and numba have compiled there."""
+
+    def __init__(self, number: int):
+        name = f"mutations-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:8]}-{os.getuid()}-{number}"
+        self.root = Path(tempfile.gettempdir()) / name
+        self.environment = os.environ | {"PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1"}
+        for place in self._files(self.root) - self._files(ROOT):
+            (self.root / place).unlink()  # deleted in the tree since
+        shutil.copytree(ROOT, self.root, ignore=LEFT_OUT, copy_function=_copy_if_changed, dirs_exist_ok=True)
+        where = self._run([sys.executable, "-c", "import fractal_exp; print(fractal_exp.__file__)"]).stdout.strip()
+        if Path(where) != self.root / "fractal_exp" / "__init__.py":
+            raise Broken(f"Python imports {where or 'nothing'} instead of the copy in {self.root}")
+
+    @staticmethod
+    def _files(root: Path) -> set[Path]:
+        return {path.relative_to(root) for part in ("fractal_exp", "tests", "conf", "sweeps")
+                for path in (root / part).rglob("*") if path.is_file() and path.parent.name != "__pycache__"}
+
+    def _run(self, command: list[str]) -> subprocess.CompletedProcess:
+        return subprocess.run(command, cwd=self.root, env=self.environment, text=True, timeout=SECONDS,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+    def check(self, tests: list[str]) -> None:
+        """Raise `Broken` unless the tests pass."""
+        done = self._run([sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests])
+        if done.returncode:
+            raise Broken(f"the tests fail without any mutation:\n{done.stdout[-4000:]}")
+
+    def notices(self, mutation: Mutation) -> bool:
+        """Whether one of the mutation's tests fails. Raises `Broken` where they do not even run."""
+        with self._mutated(mutation):
+            try:
+                done = self._run([sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider",
+                                  *mutation.tests])
+            except subprocess.TimeoutExpired:
+                return True
+        if done.returncode not in (0, 1):  # pytest's own statuses: passed, failed
+            raise Broken(f"{mutation.name}: pytest ended with status {done.returncode}:\n{done.stdout[-4000:]}")
+        return done.returncode == 1
+
+    @contextmanager
+    def _mutated(self, mutation: Mutation) -> Iterator[None]:
+        """The mistake in its file, for a while; then file, time stamps and compiled kernels are as they were."""
+        path = self.root / mutation.file
+        compiled = path.parent / "__pycache__"
+        with tempfile.TemporaryDirectory(dir=self.root) as aside:
+            kept = [path, *compiled.glob(f"{path.stem}.*.nb?")]
+            for file in kept:
+                shutil.move(file, aside)
+            try:
+                path.write_text(mutation.applied())
+                yield
+            finally:
+                for file in compiled.glob(f"{path.stem}.*.nb?"):
+                    file.unlink()
+                for file in kept:
+                    shutil.move(Path(aside) / file.name, file)
+
+
+def _copy_if_changed(source: str, target: str) -> None:
+    a, b = os.stat(source), os.stat(target) if os.path.exists(target) else None
+    if b is None or (a.st_mtime_ns, a.st_size) != (b.st_mtime_ns, b.st_size):
+        shutil.copy2(source, target)
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", default=[""], metavar="PART", help="those with this in their names")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="copies that are worked on at once")
+    options = parser.parse_args()
+    chosen = [mutation for mutation in load() if any(part in mutation.name for part in options.only)]
+    if not chosen:
+        parser.error(f"no mutation's name holds {' or '.join(options.only)}")
+    for mutation in chosen:
+        mutation.applied()
+
+    copies: queue.SimpleQueue[Copy] = queue.SimpleQueue()
+    for number in range(min(options.jobs, len(chosen))):
+        copy = Copy(number)
+        copies.put(copy)
+    copy.check(sorted({test for mutation in chosen for test in mutation.tests}))
+
+    def caught(mutation: Mutation) -> bool:
+        copy, start = copies.get(), time.monotonic()
+        try:
+            noticed = copy.notices(mutation)
+        finally:
+            copies.put(copy)
+        print(f"{'caught  ' if noticed else 'SURVIVED'} {time.monotonic() - start:5.0f} s  {mutation.name}", flush=True)
+        return noticed
+
+    with ThreadPoolExecutor(options.jobs) as pool:
+        outcomes = list(pool.map(caught, chosen))
+    print(f"{sum(outcomes)} of {len(outcomes)} mutations caught")
+    return int(not all(outcomes))
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except Broken as problem:
+        print(f"run.py: error: {problem}", file=sys.stderr)
+        sys.exit(2)

@@ -1,0 +1,40 @@
+"""The frame as seen by gradients: a picture that is normalised does not change where its code is moved or enlarged."""
+
+import pytest
+import torch
+
+from fractal_exp import IFS
+from fractal_exp.model import SVD, ForwardModel, Naive, frame
+
+SMALL = {"resolution": 32, "maps": 3, "trajectories": 50, "length": 40, "warmup": 20}
+
+
+def random(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def test_the_gradient_of_the_frame_is_that_of_finite_differences():
+    points = torch.rand(2, 30, 2, dtype=torch.float64, generator=random()).mul(3).requires_grad_()
+    assert torch.autograd.gradcheck(frame, points)
+
+
+@pytest.mark.parametrize("change", ["enlarged", "moved"])
+def test_no_gradient_asks_for_a_larger_or_a_moved_attractor(change):
+    """d/dε of f(x) = A x + b with b (1 + ε), or b + ε (1 - A) t: the attractor enlarged, or moved by ε t."""
+    linear = torch.tensor([[[0.5, 0.1], [0, 0.4]], [[0.4, 0], [-0.2, 0.3]], [[0.3, 0.2], [0, 0.5]]])
+    offset = torch.tensor([[0.1, -0.3], [0.4, 0.2], [-0.3, 0.1]])
+    raw = {name: value.requires_grad_() for name, value in Naive().encode(linear, offset).items()}
+    cotangent = torch.randn(50 * 20, 2, generator=random())
+    (ForwardModel(Naive(), **SMALL)(raw, 1).points * cotangent).sum().backward()
+    by_offset = raw["offset"].grad / (1 - offset**2)  # b = tanh(raw)
+    along = offset if change == "enlarged" else torch.tensor([0.7, 0.4]) - linear @ torch.tensor([0.7, 0.4])
+    assert abs(float((by_offset * along).sum())) < 1e-3 * float((by_offset * along).abs().sum())
+
+
+def test_a_code_of_large_offsets_is_drawn_like_any_other():
+    model = ForwardModel(SVD(), **SMALL)
+    linear = torch.tensor([[[0.5, 0.1], [0, 0.4]], [[0.4, 0], [-0.2, 0.3]], [[0.3, 0.2], [0, 0.5]]])
+    offset = torch.tensor([[0.5, -3.0], [0.4, 0.2], [-3.0, 1.0]])
+    code = model.code(model.encode(IFS(linear, offset)))
+    torch.testing.assert_close(code.linear, linear, atol=1e-5, rtol=0)
+    torch.testing.assert_close(code.offset, model.code(model.encode(IFS(linear, offset / 5))).offset, atol=1e-3, rtol=0)

@@ -1,0 +1,102 @@
+"""Random numbers of optimisers: new at every step, other ones for another seed and another parameter."""
+
+import pytest
+import torch
+
+from fractal_exp.model import Parameterization
+from fractal_exp.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
+
+NUMBERS = 2000
+UNRELATED = 0.12  # correlation of so many numbers: five standard deviations
+
+
+class Flat:
+    """A problem without slopes, where every proposal is accepted; it keeps the seeds that it is asked with."""
+
+    waits = False
+
+    class parameterization(Parameterization):  # noqa: N801 - an instance is not needed
+        initial = encode = decode = None
+        project = staticmethod(dict)
+
+    def __init__(self):
+        self.loss_seeds, self.energy_seeds = [], []
+
+    def loss(self, raw, seed):
+        self.loss_seeds.append(int(seed))
+        total = 0 * sum(value.sum((-2, -1)) for value in raw.values())
+        return total, {"flat": total}
+
+    def energy(self, raw, seed):
+        self.energy_seeds.append(tuple(torch.as_tensor(seed).flatten().tolist()))
+        return 0 * raw["x"].sum((-2, -1))
+
+
+def moved(optimizer, step):
+    """What a step changed, by parameter."""
+    before = {name: value.detach().clone() for name, value in optimizer.raw.items()}
+    step()
+    return {name: (value.detach() - before[name]).flatten() for name, value in optimizer.raw.items()}
+
+
+def noise(optimizer, step):
+    """What was added to the gradients of a step, which are zero."""
+    step()
+    return {name: value.grad.flatten().clone() for name, value in optimizer.raw.items()}
+
+
+DRAWS = {
+    "annealing only": (AnnealingOnly, moved),
+    "phases of annealing": (lambda: Alternating(every=1, candidates=1, until=1), moved),
+    "noisy gradients": (NoisyGradientDescent, noise),
+}
+
+
+def drawn(name, seed, steps=4):
+    """The random numbers (parameter, NUMBERS) of each step."""
+    build, look = DRAWS[name]
+    optimizer, problem = build(), Flat()
+    optimizer.start({"x": torch.zeros(NUMBERS // 2, 2), "y": torch.zeros(NUMBERS // 2, 2)}, seed)
+    found = [look(optimizer, lambda i=i: optimizer.step(problem, i, 0.9)) for i in range(steps)]
+    return [each[name] for each in found for name in ("x", "y")]
+
+
+@pytest.mark.parametrize("name", DRAWS)
+def test_every_step_every_parameter_and_every_seed_has_random_numbers_of_its_own(name):
+    streams = torch.stack([*drawn(name, seed=1), *drawn(name, seed=2)])
+    assert float(streams.std(1).min()) > 0.05, "there is noise"
+    related = torch.corrcoef(streams) - torch.eye(len(streams))
+    assert float(related.abs().max()) < UNRELATED
+    assert all(torch.equal(a, b) for a, b in zip(drawn(name, seed=1), drawn(name, seed=1), strict=True))
+
+
+def test_proposals_shrink_with_the_temperature():
+    optimizer = AnnealingOnly()
+    optimizer.start({"x": torch.zeros(NUMBERS // 2, 2)}, 0)
+    for temperature in (1.0, 0.25):
+        steps = moved(optimizer, lambda: optimizer.step(Flat(), 0, temperature))  # noqa: B023 - called at once
+        assert float(steps["x"].std()) == pytest.approx(0.2 * temperature, rel=0.1)
+
+
+@pytest.mark.parametrize("build", [GradientDescent, NoisyGradientDescent, AnnealingOnly])
+def test_every_iteration_and_every_seed_plays_other_points(build):
+    seeds = set()
+    for seed in (1, 2):
+        optimizer, problem = build(), Flat()
+        optimizer.start({"x": torch.zeros(2, 2)}, seed)
+        for i in range(5):
+            optimizer.step(problem, i, 0.9)
+        seeds |= set(problem.loss_seeds)
+    assert len(seeds) == 10
+
+
+@pytest.mark.parametrize("common", [True, False])
+def test_every_phase_of_annealing_and_every_seed_plays_other_points(common):
+    phases = []
+    for seed in (1, 2):
+        for i in range(3):
+            optimizer, problem = Alternating(every=1, candidates=2, until=1, common_random_numbers=common), Flat()
+            optimizer.start({"x": torch.zeros(2, 2)}, seed)
+            optimizer.step(problem, i, 0.9)
+            phases.append({each for seeds in problem.energy_seeds for each in seeds})
+    assert len(set.union(*phases)) == sum(map(len, phases)) == len(phases) * (1 if common else 3)

@@ -1,12 +1,16 @@
 """Known answers and properties of parts of collage search: displacements, the push off the identity, the correction."""
 
+import math
+
 import pytest
 import torch
 from ops_helpers import tiling_problem
 
 from fractal_exp import attractor, suite
 from fractal_exp.collage import maps as affine
-from fractal_exp.collage.measure import LEVELS, correction, guess_levels
+from fractal_exp.collage.births import candidates
+from fractal_exp.collage.measure import LEVELS, correction, guess_levels, halve
+from fractal_exp.collage.search import Judge, Search
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
 from fractal_exp.ops.reference_collage import displacement_squared
 
@@ -94,3 +98,43 @@ def test_a_correction_is_trusted_where_picture_and_code_agree():
     corrected[:, 62:] = False  # beyond the seam
     assert int(corrected.sum()) > 20, "there is something to correct"
     assert float((wrong[corrected] - 1).abs().max()) < 0.05
+
+
+def test_halved_bins_hold_the_same_mass():
+    bins = torch.rand(3, 8, 8, generator=random())
+    torch.testing.assert_close(halve(bins, 4), bins.view(3, 4, 2, 4, 2).sum((2, 4)))
+    torch.testing.assert_close(halve(bins[0], 1), bins[0].sum().view(1, 1))
+
+
+def test_random_matrices_are_half_of_them_reflections_and_their_sizes_log_uniform():
+    matrices = affine.random_matrices(4000, 0.01, 0.64, random())
+    assert float((torch.linalg.det(matrices) < 0).float().mean()) == pytest.approx(0.5, abs=0.04)
+    logs = torch.linalg.svdvals(matrices)[:, 0].log()
+    parts = torch.tensor([0.25, 0.5, 0.75])
+    torch.testing.assert_close(logs.quantile(parts), math.log(0.01) + parts * math.log(64), atol=0.15, rtol=0)
+
+
+def test_maps_born_of_a_blob_give_the_measure_its_mean_and_covariance():
+    measure, size = far_from_the_middle(), 64
+    axis = (2 * torch.arange(size) + 1) / size - 1
+    blob = torch.exp(-((axis - 0.3) / 0.12).square() / 2) * torch.exp(-((-axis[:, None] - 0.1) / 0.06).square() / 2)
+    born = candidates(blob, blob, measure, (0.9, 0.97), 20, 20, random())  # windows far wider than the blob
+    linear = born[:, :4].unflatten(1, (2, 2))
+    covariance = linear @ measure.covariance.float() @ linear.mT
+    expected = torch.tensor([[0.12**2, 0], [0, 0.06**2]]).expand(20, 2, 2)
+    torch.testing.assert_close(covariance, expected, atol=2e-3, rtol=0)
+    mean = linear @ measure.mean.float() + born[:, 4:]
+    torch.testing.assert_close(mean, torch.tensor([0.3, 0.1]).expand(20, 2), atol=0.02, rtol=0)
+
+
+def test_a_score_is_the_error_and_what_maps_identities_and_untied_weights_cost():
+    masses = torch.rand(32, 32, generator=random())
+    search = Search(masses, size=32, coarse=16, judge=Judge(price=1e-3, prior=0.02))
+    half, quarter = torch.tensor([0.5, 0, 0, 0.5, 0.3, 0.3]), torch.tensor([0.5, 0, 0, 0.5, -0.3, 0.3])
+    maps, even = torch.stack([half, quarter]), torch.tensor([0.25, 0.25])
+    assert search.cheap_score(maps, even, 0.125) == pytest.approx(0.125 + 2e-3, abs=1e-6)
+    untied = 0.75 * math.log(1.5) ** 2 + 0.25 * math.log(0.5) ** 2
+    assert search.cheap_score(maps, torch.tensor([0.375, 0.125]), 0.125) == pytest.approx(
+        0.125 + 2e-3 + 0.01 * untied, abs=1e-6)
+    assert search.cheap_score(IDENTITY[None], torch.tensor([0.5]), 0.125) == pytest.approx(
+        0.125 + 1e-3 + 0.5 * Descent(1).identity_weight, abs=1e-6)

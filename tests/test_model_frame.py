@@ -38,3 +38,21 @@ def test_a_code_of_large_offsets_is_drawn_like_any_other():
     code = model.code(model.encode(IFS(linear, offset)))
     torch.testing.assert_close(code.linear, linear, atol=1e-5, rtol=0)
     torch.testing.assert_close(code.offset, model.code(model.encode(IFS(linear, offset / 5))).offset, atol=1e-3, rtol=0)
+
+
+def test_the_maps_of_a_code_come_back_from_their_parameters():
+    linear = torch.tensor([[[0.5, 0.3], [-0.1, 0.4]], [[0.2, 0.6], [0.5, -0.1]]])
+    for parameterization in (SVD(), Naive()):
+        maps = parameterization.decode(parameterization.encode(linear, torch.tensor([[0.1, -0.3], [0.4, 0.2]])))
+        torch.testing.assert_close(maps.linear, linear, atol=1e-5, rtol=0)
+        torch.testing.assert_close(maps.offset, torch.tensor([[0.1, -0.3], [0.4, 0.2]]))
+
+
+def test_a_matched_target_lies_where_the_target_does():
+    target = torch.zeros(32, 32)
+    target[5, 9] = target[20, 15] = 1
+    matched = ForwardModel(SVD(), **SMALL).match(target, seed=0)
+    around = [matched[row - 4:row + 5, column - 4:column + 5] for row, column in ((5, 9), (20, 15))]
+    for patch in around:
+        for axis in (0, 1):
+            assert float((patch.sum(axis) * torch.arange(-4, 5)).sum() / patch.sum()) == pytest.approx(0, abs=0.05)

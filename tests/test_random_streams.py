@@ -1,9 +1,11 @@
-"""Random numbers of optimisers: new at every step, other ones for another seed and another parameter."""
+"""Random numbers of fits: new at every step, other ones for another seed and another parameter."""
 
 import pytest
 import torch
 
-from fractal_exp.model import Parameterization
+from fractal_exp.losses import MSE, WeightedSum
+from fractal_exp.methods.chaotic import Chaotic, Problem
+from fractal_exp.model import SVD, ForwardModel, Parameterization
 from fractal_exp.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
 
 NUMBERS = 2000
@@ -100,3 +102,28 @@ def test_every_phase_of_annealing_and_every_seed_plays_other_points(common):
             optimizer.step(problem, i, 0.9)
             phases.append({each for seeds in problem.energy_seeds for each in seeds})
     assert len(set.union(*phases)) == sum(map(len, phases)) == len(phases) * (1 if common else 3)
+
+
+def test_the_best_states_of_a_fit_are_all_judged_on_the_same_fresh_points():
+    class Recorded(ForwardModel):
+        seeds = []
+
+        def __call__(self, raw, seed):
+            self.seeds.append(int(seed))
+            return super().__call__(raw, seed)
+
+    model = Recorded(SVD(), resolution=32, maps=3, trajectories=30, length=30)
+    target = model(SVD().initial(3, torch.Generator().manual_seed(5)), 0).image.detach()
+    model.seeds.clear()
+    Chaotic(model, WeightedSum({"mse": 1}, {"mse": MSE()}), GradientDescent(), iterations=6, kept=2, rescoring_draws=3,
+            previews=0).reconstruct(target)
+    fitted, judged = model.seeds[:6], model.seeds[6:]
+    assert judged[:3] == judged[3:] and len(set(judged)) == 3 and len(set(fitted)) == 6
+    assert not set(judged) & set(fitted)
+
+
+def test_annealing_compares_mean_squared_errors():
+    model = ForwardModel(SVD(), resolution=32, maps=3, trajectories=30, length=30)
+    target, raw = torch.rand(32, 32), SVD().initial(3, torch.Generator().manual_seed(5))
+    energy = Problem(model, WeightedSum({"mse": 5}, {"mse": MSE()}), target).energy(raw, 4)
+    torch.testing.assert_close(energy, torch.nn.functional.mse_loss(model(raw, 4).image, target))

@@ -36,7 +36,7 @@ class Asked:
 
 def test_every_view_of_result_and_truth_has_points_of_its_own():
     result, truth = Asked(), Asked()
-    evaluate(result, truth, resolution=32, seed=3)
+    evaluate(result, truth, resolution=32, seed=3, views="released")
     assert result.views == truth.views and len(result.views) > 1
     seeds = result.seeds + truth.seeds
     assert len(set(seeds)) == len(seeds)

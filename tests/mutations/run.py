@@ -10,6 +10,7 @@ Exit status: 0 if all mistakes are caught, 1 if one survives, 2 if nothing could
 from __future__ import annotations
 
 import argparse
+import fcntl
 import hashlib
 import os
 import queue
@@ -28,6 +29,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 LIST = Path(__file__).with_name("mutations.toml")
 LEFT_OUT = shutil.ignore_patterns(".git", ".venv", "outputs", "multirun", ".pytest_cache", ".ruff_cache", "*.egg-info")
+PYTEST = "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"
 SECONDS = 600  # for the tests of one mutation; one that never ends has been noticed
 
 
@@ -60,16 +62,21 @@ def load() -> list[Mutation]:
 
 
 class Copy:
-    """A copy of the tree, with everything that Python and numba have compiled there."""
+    """A copy of the tree, with everything that numba has compiled there. What a killed call left behind is mended."""
 
     def __init__(self, number: int):
         name = f"mutations-{hashlib.sha256(str(ROOT).encode()).hexdigest()[:8]}-{os.getuid()}-{number}"
         self.root = Path(tempfile.gettempdir()) / name
         self.environment = os.environ | {"PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1"}
+        self._lock = open(f"{self.root}.lock", "w")  # held as long as this process lives
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise Broken(f"another run.py is at work in {self.root}; wait until it is done") from error
         for place in self._files(self.root) - self._files(ROOT):
             (self.root / place).unlink()  # deleted in the tree since
         shutil.copytree(ROOT, self.root, ignore=LEFT_OUT, copy_function=_copy_if_changed, dirs_exist_ok=True)
-        where = self._run([sys.executable, "-c", "import fractal_exp; print(fractal_exp.__file__)"]).stdout.strip()
+        where = self._run("-c", "import fractal_exp; print(fractal_exp.__file__)").stdout.strip()
         if Path(where) != self.root / "fractal_exp" / "__init__.py":
             raise Broken(f"Python imports {where or 'nothing'} instead of the copy in {self.root}")
 
@@ -78,13 +85,13 @@ class Copy:
         return {path.relative_to(root) for part in ("fractal_exp", "tests", "conf", "sweeps")
                 for path in (root / part).rglob("*") if path.is_file() and path.parent.name != "__pycache__"}
 
-    def _run(self, command: list[str]) -> subprocess.CompletedProcess:
-        return subprocess.run(command, cwd=self.root, env=self.environment, text=True, timeout=SECONDS,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    def _run(self, *arguments: str, seconds: float | None = None) -> subprocess.CompletedProcess:
+        return subprocess.run([sys.executable, *arguments], cwd=self.root, env=self.environment, text=True,
+                              timeout=seconds, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
     def check(self, tests: list[str]) -> None:
         """Raise `Broken` unless the tests pass."""
-        done = self._run([sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests])
+        done = self._run(*PYTEST, *tests)
         if done.returncode:
             raise Broken(f"the tests fail without any mutation:\n{done.stdout[-4000:]}")
 
@@ -92,8 +99,7 @@ class Copy:
         """Whether one of the mutation's tests fails. Raises `Broken` where they do not even run."""
         with self._mutated(mutation):
             try:
-                done = self._run([sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider",
-                                  *mutation.tests])
+                done = self._run(*PYTEST, *mutation.tests, seconds=SECONDS)
             except subprocess.TimeoutExpired:
                 return True
         if done.returncode not in (0, 1):  # pytest's own statuses: passed, failed
@@ -103,14 +109,14 @@ class Copy:
     @contextmanager
     def _mutated(self, mutation: Mutation) -> Iterator[None]:
         """The mistake in its file, for a while; then file, time stamps and compiled kernels are as they were."""
-        path = self.root / mutation.file
+        path, text = self.root / mutation.file, mutation.applied(self.root)
         compiled = path.parent / "__pycache__"
         with tempfile.TemporaryDirectory(dir=self.root) as aside:
             kept = [path, *compiled.glob(f"{path.stem}.*.nb?")]
             for file in kept:
                 shutil.move(file, aside)
             try:
-                path.write_text(mutation.applied())
+                path.write_text(text)
                 yield
             finally:
                 for file in compiled.glob(f"{path.stem}.*.nb?"):
@@ -120,9 +126,12 @@ class Copy:
 
 
 def _copy_if_changed(source: str, target: str) -> None:
-    a, b = os.stat(source), os.stat(target) if os.path.exists(target) else None
-    if b is None or (a.st_mtime_ns, a.st_size) != (b.st_mtime_ns, b.st_size):
-        shutil.copy2(source, target)
+    """Copy a file with its time stamp, by which numba knows its kernels; the copy's own kernels stay."""
+    if os.path.exists(target):
+        a, b = os.stat(source), os.stat(target)
+        if (a.st_mtime_ns, a.st_size) == (b.st_mtime_ns, b.st_size) or target.endswith((".nbi", ".nbc")):
+            return
+    shutil.copy2(source, target)
 
 
 def main() -> int:

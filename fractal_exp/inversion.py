@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import InputError
+from .errors import InputError, did_you_mean
 from .ifs import IFS
-from .methods import METHODS, load
+from .methods import METHODS, check_options, load
 from .methods.base import OnStep
 
 if TYPE_CHECKING:
@@ -34,10 +34,12 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
     from .images import read_target
 
     if method not in METHODS:
-        raise InputError(f"there is no method {method!r}; choose one of {', '.join(METHODS)}")
+        raise InputError(f"there is no method {method!r}{did_you_mean(str(method), METHODS) or ';'} choose one of "
+                         f"{', '.join(METHODS)}")
+    if not (on_step is None or callable(on_step)):
+        raise InputError(f"on_step must be a function that takes a Progress, got {on_step!r}")
+    build = load(method)
+    check_options(build, method, options | {"seconds": seconds, "seed": seed})
     target = read_target(image, resolution).image
-    try:
-        built = load(method)(resolution=resolution, seed=seed, seconds=seconds, **options)
-    except TypeError as error:
-        raise InputError(f"the method {method!r} does not take these options: {error}") from error
+    built = build(resolution=resolution, seed=seed, seconds=seconds, **options)
     return built.reconstruct(target, on_step=on_step).code

@@ -112,7 +112,7 @@ def test_paths_are_absolute(tmp_path, monkeypatch):
     (["target.kind=color"], "target.kind: Input should be 'grey' or 'binary', got 'color'"),
     (["+model.layers=3"], "unknown key model.layers; ForwardModel takes parameterization, resolution, maps"),
     (["model._target_=fractal_exp.model.Nope"], "model._target_: there is no 'fractal_exp.model.Nope'"),
-    (["target=image"], "no value was given for target.path; add KEY=VALUE"),
+    (["target=image"], "no value was given for target.path; add picture=FILE"),
 ])
 def test_wrong_keys_and_types_are_refused_by_name(overrides, message):
     with pytest.raises(InputError, match=message):

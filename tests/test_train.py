@@ -242,7 +242,7 @@ def test_the_library_fits_in_one_call(picture):
     assert torch.equal(code.linear, again.linear)
     with pytest.raises(InputError, match="there is no method 'magic'; choose one of collage, chaotic"):
         invert(picture, method="magic")
-    with pytest.raises(InputError, match="does not take these options: .*colour"):
+    with pytest.raises(InputError, match="has no option 'colour'; it takes"):
         invert(picture, colour=3)
 
 

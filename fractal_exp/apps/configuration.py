@@ -15,15 +15,18 @@ from hydra.utils import get_object, instantiate
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 
-PATH_KEYS = ("output", "target.path", "perceptual_weights")
+PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights")
+TIMES = ("method.seconds", "method.init.seconds")  # 60 and 60.0 are one limit
 
 
 @dataclass
 class TrainConfig:
     """The top level of `fractal-train`; every group's own keys are typed by the class that its `_target_` names."""
 
+    picture: str | None = None
+    seconds: float | None = None
     target: Any = MISSING
     method: Any = MISSING
     model: Any = MISSING
@@ -82,8 +85,16 @@ def resolve(config: DictConfig) -> DictConfig:
         raise InputError(f"the configuration cannot be resolved: {str(error).splitlines()[0]}") from error
     if config.get("init") and "init" not in config.method:
         raise InputError("init=… says what the paper's method begins with; take method=chaotic, or leave init out")
+    if config.get("picture") and OmegaConf.select(config, "target.path") != config.picture:
+        raise InputError(f"picture={config.picture} and the configuration's target are two; give one of them (in a "
+                         "file, picture: stands beside `override target: image`)")
+    if config.get("target") and "path" in config.target and config.target.path is None:
+        raise InputError("no value was given for target.path; add picture=FILE to the command")
     if missing:
         raise InputError(f"no value was given for {', '.join(sorted(missing))}; add KEY=VALUE to the command")
+    for key in TIMES:
+        if isinstance(value := OmegaConf.select(config, key), float) and value.is_integer():
+            OmegaConf.update(config, key, int(value))
     # The method repeats model, loss and optimizer: it comes last, so that an error names the part itself.
     for key, node in sorted(config.items(), key=lambda item: item[0] == "method"):
         if isinstance(node, DictConfig):
@@ -129,7 +140,9 @@ def _check_against_signature(constructor: Any, given: dict[str, Any], path: str)
     takes = inspect.signature(constructor).parameters
     unknown = sorted(set(given) - set(takes))
     if unknown:
-        raise InputError(f"unknown key {path}.{unknown[0]}; {constructor.__name__} takes {', '.join(takes)}")
+        near = did_you_mean(unknown[0], takes)
+        raise InputError(f"unknown key {path}.{unknown[0]}{near}{'' if near else ';'} {constructor.__name__} takes "
+                         f"{', '.join(takes)}")
     variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     needed = [name for name, parameter in takes.items()
               if parameter.default is inspect.Parameter.empty and parameter.kind not in variadic]

@@ -19,7 +19,7 @@ from ..checkpoint import Checkpoint
 from ..errors import InputError
 from ..methods.base import check_device
 from ..perceptual_training.training import Recipe, train
-from . import configuration, interruption
+from . import configuration, interruption, words
 from .folders import FitFolder
 from .progress import Reporter
 from .runs import Runs
@@ -116,8 +116,7 @@ def _hydra_main(config: DictConfig) -> None:
     try:
         train_distance(config)
     except InputError as error:
-        print(f"fractal-perceptual: error: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
+        words.complain("fractal-perceptual", str(error))
     except KeyboardInterrupt:
         print("\nfractal-perceptual: interrupted; the same command with resume=true goes on from its last checkpoint",
               file=sys.stderr)
@@ -128,7 +127,7 @@ def main() -> None:
     """The command line."""
     interruption.listen()
     register()
-    _hydra_main()
+    words.run("fractal-perceptual", _hydra_main, sys.argv[1:], "perceptual")
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ from pathlib import Path
 import hydra
 from omegaconf import DictConfig
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..files import explain
-from . import configuration, interruption, sweeps, workers
+from . import configuration, interruption, sweeps, words, workers
 from .jobs import run_job
 
 
@@ -32,13 +32,12 @@ def main() -> None:
     configuration.register()
     workers.use()
     try:
-        sys.argv[1:] = _arguments(sys.argv[1:])
+        arguments = _arguments(sys.argv[1:])
     except InputError as error:
-        print(f"fractal-sweep: error: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
+        words.complain("fractal-sweep", str(error))
     status = 0
     try:
-        _hydra_main()
+        words.run("fractal-sweep", _hydra_main, arguments, "sweep")
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
@@ -54,19 +53,20 @@ def main() -> None:
     raise SystemExit(status)
 
 
-def _arguments(words: list[str]) -> list[str]:
+def _arguments(given: list[str]) -> list[str]:
     """Hydra's arguments for ours."""
-    if any(word in ("--help", "-h", "--hydra-help", "--version") for word in words):
-        return words
+    if any(word in ("--help", "-h", "--hydra-help", "--version") for word in given):
+        return given
     known = study_names()
-    name, *rest = words or [""]
+    name, *rest = given or [""]
     if not name or name.startswith("-") or "=" in name:
         raise InputError(f"name a study first: {', '.join(known)}, or one of your own with --config-dir FOLDER; "
                          "fractal-sweep --help tells more")
     if not any(word in ("--config-dir", "-cd") or word.startswith("--config-dir=") for word in rest):
         if name not in known:
-            raise InputError(f"there is no study {name!r}; choose one of {', '.join(known)}, or name the folder of "
-                             "your own with --config-dir FOLDER")
+            near = did_you_mean(name, known)
+            raise InputError(f"there is no study {name!r}{near or ';'} choose one of {', '.join(known)}, or "
+                             "name the folder of your own with --config-dir FOLDER")
         rest = ["--config-dir", os.fspath(Path(str(importlib.resources.files("fractal_exp.sweeps")))), *rest]
     shows = any(word in ("--cfg", "-c", "--info", "-i") for word in rest)
     return ["--config-name", name, *rest, *([] if shows else ["--multirun"])]

@@ -26,14 +26,19 @@ from ..images import write_image
 from ..methods.base import CodeReconstruction, FitDiverged, Method
 from ..targets import Target
 from ..tracking import Tracker
-from . import configuration, interruption
+from . import configuration, interruption, words
 from .folders import FitFolder
 from .judging import Judgement, check_options, judge
 from .progress import Reporter
 from .runs import Runs
 
-NOT_PART_OF_A_FIT = ("output", "study", "name", "resume", "tracking", "threads", "checkpoint_every", "evaluation",
-                     "sweep")
+# The target and the method hold what `picture` and `seconds` say.
+NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", "tracking", "threads",
+                     "checkpoint_every", "evaluation", "sweep")
+
+
+METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
+                 "collage-chaotic": "the paper's method, begun with collage search"}
 
 
 def fit(config: DictConfig) -> dict[str, float]:
@@ -111,7 +116,8 @@ def _digest(data: bytes) -> str:
 
 
 def _announce(config: DictConfig, label: str, target: Target) -> None:
-    print(f"{label}: {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.notes)}")
+    method = METHOD_TITLES.get(configuration.method_name(config.method), configuration.method_name(config.method))
+    print(f"{label}: {method}, {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.notes)}")
     if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
         print("  no perceptual term in this objective (perceptual=none); perceptual=fractal adds one")
 
@@ -133,13 +139,11 @@ def _hydra_main(config: DictConfig) -> dict[str, float]:
     except (InputError, FitDiverged) as error:
         if HydraConfig.get().mode == RunMode.MULTIRUN:
             raise
-        print(f"fractal-train: error: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
+        words.complain("fractal-train", str(error))
     except OSError as error:
         if error.errno is None or HydraConfig.get().mode == RunMode.MULTIRUN:
             raise
-        print(f"fractal-train: error: {explain(error)}", file=sys.stderr)
-        raise SystemExit(2) from None
+        words.complain("fractal-train", explain(error))
     except KeyboardInterrupt:
         print("\nfractal-train: interrupted; the same command with resume=true goes on", file=sys.stderr)
         raise SystemExit(130) from None
@@ -149,7 +153,7 @@ def main() -> None:
     """The command line: Hydra composes, `fit` works, errors are one line."""
     interruption.listen()
     configuration.register()
-    _hydra_main()
+    words.run("fractal-train", _hydra_main, sys.argv[1:], "train", ["method=collage"])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ..errors import InputError
 
+LEAST_FONT = 9                             # pixels high
 GAP = 4                                    # pixels between pictures
 MISSING = np.array([1.0, 0.55, 0.1])       # orange: in the target alone
 EXTRA = np.array([0.2, 0.6, 1.0])          # blue: in the result alone
@@ -50,7 +51,7 @@ def _grey(image: Tensor) -> np.ndarray:
 
 
 def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, side: int) -> np.ndarray:
-    font = ImageFont.load_default(size=max(9, side // 24))
+    font = ImageFont.load_default(size=max(LEAST_FONT, side // 24))
     line = font.getbbox("Ag")[3] + GAP
     rows, columns = -(-len(cells) // columns), min(columns, len(cells))
     sheet = Image.new("RGB", (columns * (side + GAP) + GAP, rows * (side + line + GAP) + GAP), (32, 32, 32))
@@ -61,5 +62,19 @@ def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, si
         # Averaging over a pixel's area keeps thin shapes; enlarging keeps pixels visible as pixels.
         smaller = picture.width >= side
         sheet.paste(picture.resize((side, side), Image.Resampling.BOX if smaller else Image.Resampling.NEAREST), (x, y))
-        pen.text((x, y + side + 1), caption, fill=(210, 210, 210), font=font)
+        text, fitting = _fitted(caption, side, font)
+        pen.text((x, y + side + line - GAP), text, fill=(210, 210, 210), font=fitting, anchor="ls")
     return np.asarray(sheet)
+
+
+def _fitted(caption: str, width: int, font: ImageFont.FreeTypeFont) -> tuple[str, ImageFont.FreeTypeFont]:
+    """A caption that is no wider than its picture: in a smaller font, or else without its middle."""
+    caption = " ".join(caption.split())
+    while font.getlength(caption) > width and font.size > LEAST_FONT:
+        font = font.font_variant(size=font.size - 1)
+    kept = len(caption)
+    text = caption
+    while font.getlength(text) > width and kept > 0:
+        kept -= 1
+        text = caption[:(kept + 1) // 2].rstrip() + "…" + caption[len(caption) - kept // 2:].lstrip()
+    return text, font

@@ -6,14 +6,14 @@ import logging
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from .. import attractor
+from .. import attractor, codes
 from ..errors import InputError
 from ..ifs import IFS, View
 from ..ops import cuda_launch, histogram
@@ -86,12 +86,13 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
       uniform one, in [0, resolution²]. `tone_map` makes a picture of it. `supersample` has no say.
     device: "cpu", or "cuda" to throw the points on an NVIDIA GPU, other ones of the same distribution; views that
     have to be searched for points are drawn by the CPU all the same. The image is on the CPU.
-    The same seed gives the same image on any number of threads. A view that holds no point of the attractor is black,
-    and one whose points cannot be had with reasonable work holds fewer: both are logged as warnings, and
-    `render_with_info` returns them as data.
+    The same seed gives the same image on any number of threads. Tensors that require gradients are drawn by their
+    values: the image carries no gradient (`fractal_exp.ops` draws differentiably). A view that holds no point of the
+    attractor is black, and one whose points cannot be had with reasonable work holds fewer: both are logged as
+    warnings, and `render_with_info` returns them as data.
 
-    Raises `InputError` if the code is not contractive, the zoom exceeds 1e12, a size is below 1 or too large for
-    this machine's memory, or the device is none that can draw.
+    Raises `InputError` if what is given is no IFS, the code is not contractive, the zoom exceeds 1e12, a size is below
+    1 or too large for this machine's memory, or the device is none that can draw.
     """
     image, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view,
                                    supersample=supersample, seed=seed, mode=mode, device=device)
@@ -106,6 +107,7 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
     """`render`, and what it did instead of a warning; `reuse` (CPU only) as in `AddressTree`, for quicker drawings."""
     _check_memory(resolution)
     check_device(device)
+    code = _drawable(code)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode, reuse)
     image, drawn = np.zeros((resolution, resolution), np.float32), 0
@@ -124,6 +126,7 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
     anew for each tile, at one density, so no seam shows.
     """
     check_device(device)
+    code = _drawable(code)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode)
     if plan.reason is not None:
@@ -149,6 +152,19 @@ def tone_map(density: Tensor, white: float | None = None) -> Tensor:
     """
     white = white_level(density) if white is None else white
     return (torch.log1p(density) / math.log1p(white)).clamp(max=1.0)
+
+
+def _drawable(code: IFS) -> IFS:
+    """The code without gradients. Raises `InputError`, with the way to a code, on anything else."""
+    if isinstance(code, str | os.PathLike):
+        known = str(code) in codes.names()
+        remedy = f"fractal_exp.codes.known({str(code)!r})" if known else f"IFS.load({str(code)!r})"
+        raise InputError(f"a code must be an IFS, got {str(code)!r}; {remedy} reads it")
+    if not isinstance(code, IFS):
+        raise InputError(f"a code must be an IFS, got {type(code).__name__}; IFS(linear, offset) makes one")
+    own = code.probabilities
+    return replace(code, linear=code.linear.detach(), offset=code.offset.detach(),
+                   probabilities=None if own is None else own.detach())
 
 
 def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,

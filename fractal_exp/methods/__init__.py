@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import inspect
+import typing
+from collections.abc import Callable, Mapping
 from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ..errors import InputError, did_you_mean
 from .base import Method
 
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+KINDS = {"int": "a whole number", "float": "a number", "bool": "True or False", "str": "a text"}  # of options
 METHODS = {  # name -> module.function that builds the method with sensible sizes
     "collage": "collage.laptop",
     "chaotic": "chaotic.laptop",
@@ -17,3 +27,25 @@ def load(name: str) -> Callable[..., Method]:
     """The function that builds the method called `name`, imported when it is asked for."""
     module, function = METHODS[name].split(".")
     return getattr(import_module(f"{__package__}.{module}"), function)
+
+
+def check_options(build: Callable[..., Method], name: str, options: Mapping[str, Any]) -> None:
+    """Raise `InputError` on options that a method's building function does not have or that have another type."""
+    takes = inspect.signature(build).parameters
+    for option, value in options.items():
+        if option not in takes:
+            near = did_you_mean(option, takes, most=1)
+            raise InputError(f"the method {name!r} has no option {option!r}{near or ';'} it takes {', '.join(takes)}")
+        try:
+            _checker(build, option).validate_python(value.item() if isinstance(value, np.generic) else value)
+        except ValueError as error:
+            kinds = " or ".join(KINDS.get(kind, kind) for kind in takes[option].annotation.split(" | "))
+            raise InputError(f"{option} must be {kinds}, got {value!r}") from error
+
+
+def _checker(build: Callable[..., Method], option: str) -> TypeAdapter:
+    """What tells whether a value has the type that the option is annotated with. An int passes for a float."""
+    from pydantic import ConfigDict, TypeAdapter
+
+    hint = typing.get_type_hints(build)[option]
+    return TypeAdapter(hint, config=ConfigDict(arbitrary_types_allowed=True, strict=True))

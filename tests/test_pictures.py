@@ -32,5 +32,5 @@ def test_no_caption_of_a_strip_runs_into_the_next_or_past_the_edge():
     for column in range(4):  # the gaps between pictures, and the edges
         gap = background[:, column * (side + pictures.GAP):column * (side + pictures.GAP) + pictures.GAP - 1]
         assert gap.all()
-    assert background[-2:].all() and (strip == 210).any(), "captions are there, and whole"
+    assert background[-2:].all() and (strip > 150).any(), "captions are there, and whole"
     assert np.ptp(strip[4:4 + side, 4:4 + side]) == 0, "and not on the pictures"

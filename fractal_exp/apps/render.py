@@ -17,11 +17,14 @@ from ..errors import InputError
 from ..evaluation.png import PngWriter
 from ..evaluation.render import MODES, render, render_tiles, tile_side, tone_map, white_level
 from ..evaluation.video import SUFFIXES, check_film, frames, write_film
-from ..evaluation.zoom import nearest_point, zoom_path
+from ..evaluation.zoom import nearest_point, rich_point, zoom_path
 from ..ifs import IFS, View
 from .commands import CODE_HELP, command, command_parser, read_code
 
 LARGEST = 16_384
+STILLS = {"bits": 8, "transparent": False}
+FILMS = {"seconds": 12.0, "fps": 30, "start_zoom": 1.0}
+DEFAULTS = STILLS | FILMS | {"supersample": 8, "seed": 0}
 FRAMES = {"canvas": attractor.normalize, "own": lambda code: code}
 
 DESCRIPTION = """Draw a code: a still at any view and any zoom, or a film that zooms into it.
@@ -45,22 +48,22 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("code", help=CODE_HELP)
     parser.add_argument("out", help="file to write: .png for a still, .mp4 or .gif for a film")
     parser.add_argument("--center", type=float, nargs=2, metavar=("X", "Y"),
-                        help="middle of the view (default 0 0); of a film, where it zooms to (default: a random point "
-                             "of the attractor)")
+                        help="middle of the view (default 0 0); of a film, where it zooms to (default: a point of the "
+                             "attractor with much to see around it, by --seed)")
     parser.add_argument("--zoom", type=float, help="of the view (default 1); of a film, at its end (default 10000)")
     parser.add_argument("--size", type=int, help=f"pixels a side, up to {LARGEST} (default 1024; of a film 720)")
     parser.add_argument("--points", type=float, help="points in the view (default: 50 million at 1024², in proportion)")
-    parser.add_argument("--supersample", type=int, default=8, help="parts of a pixel along each axis")
+    parser.add_argument("--supersample", type=int, help="parts of a pixel along each axis (default 8; not for density)")
     parser.add_argument("--mode", choices=MODES, default="occupancy", help="what a pixel shows")
     parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")
-    parser.add_argument("--seed", type=int, default=0, help="of the points, and of a film's random target")
+    parser.add_argument("--seed", type=int, help="of the points of a still, and of a film's target (default 0)")
     still = parser.add_argument_group("stills")
-    still.add_argument("--bits", type=int, choices=(8, 16), default=8, help="grey levels")
-    still.add_argument("--transparent", action="store_true", help="white on nothing instead of on black")
+    still.add_argument("--bits", type=int, choices=(8, 16), help="of grey levels (default 8)")
+    still.add_argument("--transparent", action="store_true", default=None, help="white on nothing instead of on black")
     film = parser.add_argument_group("films")
-    film.add_argument("--seconds", type=float, default=12, help="length")
-    film.add_argument("--fps", type=int, default=30, help="frames a second")
-    film.add_argument("--start-zoom", type=float, default=1, help="zoom of the first frame, about the middle")
+    film.add_argument("--seconds", type=float, help="length (default 12)")
+    film.add_argument("--fps", type=int, help="frames a second (default 30)")
+    film.add_argument("--start-zoom", type=float, help="zoom of the first frame, about the middle (default 1)")
     command("fractal-render", draw, parser, arguments)
 
 
@@ -68,13 +71,31 @@ def draw(options: argparse.Namespace) -> None:
     """Draw what the command line asks for."""
     threads.use()
     started = time.perf_counter()
+    film = Path(options.out).suffix.lower() in SUFFIXES
+    _refuse_unused(options, film)
+    for name, value in DEFAULTS.items():
+        if getattr(options, name) is None:
+            setattr(options, name, value)
     code = FRAMES[options.frame](read_code(options.code))
     if options.points is not None:
         if not (math.isfinite(options.points) and options.points >= 1):
             raise InputError(f"--points must be a number of at least 1, got {options.points}")
         options.points = int(options.points)
-    path = (draw_film if Path(options.out).suffix.lower() in SUFFIXES else draw_still)(code, options)
+    path = (draw_film if film else draw_still)(code, options)
     print(f"{path} ({time.perf_counter() - started:.1f} s)")
+
+
+def _refuse_unused(options: argparse.Namespace, film: bool) -> None:
+    """Raise `InputError` on an option that was given and would change nothing."""
+    unused = {name: f"is for stills; {options.out} is a film" if film else
+              f"is for films (.mp4, .gif); {options.out} is a still" for name in (STILLS if film else FILMS)}
+    if options.mode == "density":
+        unused["supersample"] = "changes nothing with --mode density"
+    if film and options.center:
+        unused["seed"] = "chooses a film's target, which --center names"
+    for name, reason in unused.items():
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')} {reason}; leave it out")
 
 
 def draw_still(code: IFS, options: argparse.Namespace) -> Path:
@@ -107,16 +128,13 @@ def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Ite
 
 def draw_film(code: IFS, options: argparse.Namespace) -> Path:
     """Zoom into a point of the attractor, frame by frame."""
-    if options.transparent or options.bits != 8:
-        raise InputError("--transparent and --bits are for stills; films are 8 bits on black")
     size = _size(options, 720)
     path = check_film(options.out, size, options.fps)
     if not (math.isfinite(options.seconds) and options.seconds * options.fps >= 2):
         raise InputError(f"a film has at least 2 frames, got {options.seconds} s at {options.fps} frames a second")
     start = View(zoom=options.start_zoom)
     end_zoom = 1e4 if options.zoom is None else View(zoom=options.zoom).zoom
-    target = (nearest_point(code, tuple(options.center)) if options.center
-              else attractor.random_point(code, options.seed))
+    target = nearest_point(code, tuple(options.center)) if options.center else rich_point(code, options.seed, end_zoom=end_zoom)
     views = zoom_path(target, round(options.seconds * options.fps), start=start, end_zoom=end_zoom)
     pictures = frames(code, views, resolution=size, points_in_view=options.points, supersample=options.supersample,
                       mode=options.mode)

@@ -134,7 +134,8 @@ def draw_film(code: IFS, options: argparse.Namespace) -> Path:
         raise InputError(f"a film has at least 2 frames, got {options.seconds} s at {options.fps} frames a second")
     start = View(zoom=options.start_zoom)
     end_zoom = 1e4 if options.zoom is None else View(zoom=options.zoom).zoom
-    target = nearest_point(code, tuple(options.center)) if options.center else rich_point(code, options.seed, end_zoom=end_zoom)
+    target = (nearest_point(code, tuple(options.center)) if options.center
+              else rich_point(code, options.seed, end_zoom=end_zoom))
     views = zoom_path(target, round(options.seconds * options.fps), start=start, end_zoom=end_zoom)
     pictures = frames(code, views, resolution=size, points_in_view=options.points, supersample=options.supersample,
                       mode=options.mode)

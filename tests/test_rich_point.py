@@ -1,0 +1,49 @@
+"""Where a film zooms to unless told, and options of fractal-render that would change nothing."""
+
+import pytest
+
+from fractal_exp import View, attractor, codes
+from fractal_exp.apps import render as render_app
+from fractal_exp.evaluation.render import render_with_info
+from fractal_exp.evaluation.zoom import _look, _richness, _without_noise, random_point, rich_point
+
+DRAGON = attractor.normalize(codes.known("heighway_dragon"))
+
+
+def test_a_film_of_the_dragon_follows_its_border():
+    dull = _without_noise(_look(DRAGON, random_point(DRAGON), 1e4))
+    assert dull.min() == 1, "a random point lies where all is filled"
+    point = rich_point(DRAGON, 0, end_zoom=1e4)
+    assert point == rich_point(DRAGON, 0, end_zoom=1e4) != rich_point(DRAGON, 1, end_zoom=1e4)
+    for zoom in (10, 100, 1e3, 1e4):
+        assert 0.05 < float(_without_noise(_look(DRAGON, point, zoom)).mean()) < 0.95
+    assert not render_with_info(DRAGON, View(point, 1e5), resolution=16, points_in_view=1000)[1].empty
+
+
+def test_what_is_empty_full_or_striped_is_not_rich():
+    import torch
+
+    lit = torch.zeros(64, 64, dtype=torch.bool)
+    assert _richness(lit) == _richness(~lit) == 0
+    lit[::8] = lit[1::8] = True
+    assert _richness(lit) < 1e-4
+    lit[:, ::8] = lit[:, 1::8] = True
+    assert _richness(lit) > 1
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["a.png", "--fps", "30"], "--fps is for films (.mp4, .gif); a.png is a still"),
+    (["a.png", "--seconds", "12"], "--seconds is for films"),
+    (["a.png", "--start-zoom", "2"], "--start-zoom is for films"),
+    (["a.mp4", "--bits", "8"], "--bits is for stills; a.mp4 is a film"),
+    (["a.gif", "--transparent"], "--transparent is for stills"),
+    (["a.png", "--mode", "density", "--supersample", "8"], "--supersample changes nothing with --mode density"),
+    (["a.mp4", "--center", "0", "0", "--seed", "3"], "--seed chooses a film's target, which --center names"),
+])
+def test_an_option_that_would_change_nothing_is_refused(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        render_app.main(["fern", *arguments])
+    error = capsys.readouterr().err
+    assert stop.value.code == 2 and message in error and error.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -27,8 +27,9 @@ class Sweep:
     """A sweep as the tracking store has it.
 
     jobs: one row a job, in the order of the plan: job, row, sample, status (FINISHED, FAILED, KILLED, RUNNING, or
-    ABSENT for a job that never got a run), reason, seconds, run_id, then the means over views f1, iou, psnr, ssim and
-    the perceptual distance, and the same of an all white and an all black image as white/f1 … black/f1 ….
+    ABSENT for a job that never got a run), reason, seconds, run_id, views_judged and views_empty, then the means over
+    views f1, iou, psnr, ssim and the perceptual distance, and the same of an all white and an all black image as
+    white/f1 … black/f1 …. views: their kind, None in a sweep of before it was kept.
     """
 
     study: str
@@ -40,6 +41,7 @@ class Sweep:
     baseline: str | None
     published: str | None
     jobs: pd.DataFrame
+    views: str | None = None
 
     @property
     def metrics(self) -> list[str]:
@@ -74,12 +76,15 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
         "reason": _column(runs, "tags.error", planned).fillna(""),
         "seconds": _column(runs, "metrics.time/fit_seconds", planned).astype(float),
         "run_id": _column(runs, "run_id", planned),
+        **{f"views_{name}": _column(runs, f"metrics.views/{name}", planned).astype(float)
+           for name in ("judged", "empty")},
     })
     for column in runs.columns:
         if score := SCORE.fullmatch(column):
             jobs[f"metric.{'/'.join(filter(None, score.groups()))}"] = runs[column].to_numpy(dtype=float)
     return Sweep(study, parent["name"], parent["run_id"], about["title"], parent["tags.scale"],
-                 parent["tags.perceptual"], about["baseline"], about["published"], jobs)
+                 parent["tags.perceptual"], about["baseline"], about["published"], jobs,
+                 views if isinstance(views := parent.get("tags.views"), str) else None)
 
 
 def _column(runs: pd.DataFrame, name: str, planned: list[str]) -> pd.Series:

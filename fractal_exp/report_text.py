@@ -14,13 +14,16 @@ if TYPE_CHECKING:
 
 TITLES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS"}
 DIGITS = {"psnr": 2}
+RELEASED = "released"  # the kind of views that the published rows were judged on
 
 
 def describe(sweep: Sweep) -> str:
     """What was measured, in one line: scale, samples, what the brackets mean."""
-    samples = sweep.jobs["sample"].dropna().nunique()
-    return (f"{sweep.title}: measured at {sweep.scale} scale on {samples} samples, mean over views and samples "
+    samples, views = sweep.jobs["sample"].dropna().nunique(), f" (views={sweep.views})" if sweep.views else ""
+    empty, judged = (int(sweep.jobs[f"views_{name}"].sum()) for name in ("empty", "judged"))
+    return (f"{sweep.title}: measured at {sweep.scale} scale on {samples} samples, mean over views{views} and samples "
             "[bootstrap 95% interval over samples]"
+            + (f"; {empty} of {empty + judged} views are empty in truth and result and are left out" if empty else "")
             + (f"; LPIPS with the backbone of {sweep.perceptual}" if "lpips" in sweep.metrics else "")
             + "".join(f"; {name} is no LPIPS, lower is better" for name in sweep.metrics if name.endswith("_distance")))
 
@@ -69,7 +72,10 @@ def _time(seconds: float) -> str:
 def _parts(sweep: Sweep, table: pd.DataFrame) -> list[tuple[str, list[str], list[list[str]]]]:
     captions = {MEASURED: describe(sweep), TRIVIAL: "trivial images on the same views"}
     if sweep.published:
-        captions[PUBLISHED] = f"published, not measured here ({TABLES[sweep.published].source})"
+        captions[PUBLISHED] = f"published, not measured here ({TABLES[sweep.published].source})" + (
+            "" if sweep.views == RELEASED else
+            f"; on the views of the authors' program, not those above: only rows with views={RELEASED} may be compared "
+            "with these")
     return [(caption, *cells(sweep, table, source)) for source, caption in captions.items()
             if (table["source"] == source).any()]
 

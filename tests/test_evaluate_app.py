@@ -121,6 +121,8 @@ def test_a_truth_is_a_code_or_a_folder(folder):
 @pytest.mark.parametrize(("arguments", "message"), [
     (["mine"], "Name its truth"),
     (["mine", "--truth", "ferm"], "did you mean fern"),
+    (["mine", "--truth", "suite", "--views", "paper"], "views=paper is now called views=uniform"),
+    (["mine", "--truth", "suite", "--views", "all"], "views must be one of attractor, released, uniform"),
     (["mine", "--truth", "true"], "true/fit-000.json"),
     (["empty", "--truth", "suite"], "holds neither codes"),
     (["none.json", "--truth", "suite"], "cannot read the code"),

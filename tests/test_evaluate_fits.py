@@ -277,3 +277,12 @@ def test_only_configurations_of_this_process_are_instantiated():
     users = {path.name for path in package.rglob("*.py")
              if any(word in path.read_text() for word in ("instantiate(", "get_object(", "import instantiate"))}
     assert users == {"configuration.py"}
+
+
+@pytest.mark.parametrize(("scale", "views"), [("laptop", "attractor"), ("smoke", "attractor"), ("paper", "released")])
+def test_only_the_papers_scale_is_judged_on_the_views_of_its_program(scale, views):
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        assert compose("train", [f"scale={scale}"]).evaluation.views == views
+        assert compose("train", [f"scale={scale}", "evaluation.views=uniform"]).evaluation.views == "uniform"
+    assert app.SCALES.get(scale, {"views": views})["views"] == views

@@ -151,3 +151,23 @@ def test_what_is_not_there_is_said(output, words, message, capsys, monkeypatch):
 def test_an_unknown_store_is_refused(tmp_path):
     with pytest.raises(InputError, match="no study 'study'"):
         report.read_sweep(tracking.prepare_store(tmp_path), "study")
+
+
+def test_a_report_says_on_which_views_and_how_many_were_empty(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    for kind, note in (("uniform", True), ("released", False)):
+        tags = {"kind": "sweep", "sweep": kind, "scale": "smoke", "perceptual": "none", "views": kind}
+        with tracking.start_run(uri, "views", kind, folder=tmp_path, tags=tags) as parent:
+            parent.artifact("jobs.json", json.dumps(["one", "two"]))
+            parent.artifact("sweep.json", json.dumps({"title": "A", "baseline": None, "published": "ablations"}))
+            for job, empty in (("one", 2), ("two", 1)):
+                tags = {"kind": "job", "job": job, "row": "full", "sample": job}
+                with tracking.start_run(uri, "views", job, folder=tmp_path, tags=tags,
+                                        parent_run_id=parent.run_id) as run:
+                    run.log({"eval/f1": 0.5, "views/empty": empty, "views/judged": 7 - empty})
+        read = report.read_sweep(uri, "views", kind)
+        text = report_text.markdown(read, report.summary(read))
+        assert read.metrics == ["f1"] and f"views={kind}" in text
+        assert "3 of 14 views are empty in truth and result and are left out" in text
+        assert ("only rows with views=released may be compared" in text) == note

@@ -101,7 +101,8 @@ class MlflowRuns(Runs):
                                   note=f"**{settings['sweep']['title']}**: the sweep of the runs below it, with its "
                                        f"table in report/{_command('fractal-sweep', settings['study'], *words)}",
                                   tags={"kind": SWEEP, "sweep": folder.name, "scale": settings["scale"],
-                                        "device": settings["device"], "perceptual": settings["perceptual"]})
+                                        "device": settings["device"], "perceptual": settings["perceptual"],
+                                        "views": settings["evaluation"]["views"]})
 
     def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:
         uri, sweep = tracking.prepare_store(Path(settings["output"])), settings["sweep"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -29,6 +30,7 @@ KIND = "mlflow.experimentKind"  # without it MLflow guesses, and shows tools for
 VIEW = "scores"
 COLUMNS = [*(f"metrics.`eval/{name}`" for name in ("f1", "iou", "psnr", "ssim")), "metrics.`time/fit_seconds`",
            *(f"tags.`{name}`" for name in ("target", "method", "variant", "scale", "row", "sample"))]
+LAST_SECONDS = 5.0  # that the server has to end
 ABOUT = """{name}: each run recovers the code of a self-similar shape from one image.
 
 `eval/…` are mean scores over the views, `trivial/…` what an all white and an all black image would get there,
@@ -81,7 +83,7 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     print("dashboard: starting", flush=True)
     server = subprocess.Popen(command, env={**ENVIRONMENT, **os.environ}, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.PIPE, text=True)
+                              stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         _wait_for(server, f"http://127.0.0.1:{port}")
         address = runs_address(f"http://127.0.0.1:{port}", experiment.experiment_id)
@@ -93,8 +95,7 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
     except KeyboardInterrupt:
         return 0
     finally:
-        server.terminate()
-        server.wait()
+        _end(server)
 
 
 def _experiment(client: MlflowClient, name: str | None) -> Experiment:
@@ -110,6 +111,14 @@ def _experiment(client: MlflowClient, name: str | None) -> Experiment:
     if not newest:
         raise InputError("no run is kept here yet; fit something first, or name the output folder")
     return next(each for each in known if each.experiment_id == newest[0].info.experiment_id)
+
+
+def _end(server: subprocess.Popen) -> None:
+    """End MLflow's command and the server that it has started."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError, subprocess.TimeoutExpired):
+            os.killpg(server.pid, number)
+            server.wait(LAST_SECONDS)
 
 
 def _wait_for(server: subprocess.Popen, address: str) -> None:

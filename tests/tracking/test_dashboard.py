@@ -47,7 +47,7 @@ def test_the_dashboard_prints_where_the_newest_runs_are_once_it_answers(uri, sta
         assert urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=60).status == 200
     finally:
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
     with pytest.raises(OSError):
         urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5)
 

@@ -163,8 +163,9 @@ def read_record(path: str | Path, what: str, **kinds: type | tuple[type, ...]) -
     if not isinstance(data, dict):
         raise InputError(f"{path} is damaged: expected a JSON object, got {type(data).__name__}; delete it")
     for key, kind in kinds.items():
-        if not isinstance(data.get(key), kind):
-            raise InputError(f"{path} is damaged: {key!r} is {reprlib.repr(data.get(key))}; delete it")
+        if key not in data or not isinstance(data[key], kind):
+            found = f"is {reprlib.repr(data[key])}" if key in data else "is missing"
+            raise InputError(f"{path} is damaged: {key!r} {found}; delete it")
     return data
 
 

@@ -137,7 +137,8 @@ def test_what_the_system_refuses_a_command_is_one_line_but_a_closed_pipe_is_not_
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"identity": 1, "scores": {}}', '{"identity": {}}',
-                                  "[" * 9999, '{"identity": {}, "scores": {"eval/f1": "good"}}'])
+                                  "[" * 9999, '{"uri": "sqlite://"}',
+                                  '{"identity": {}, "scores": {"eval/f1": "good"}}'])
 def test_damaged_records_are_refused_by_name(tmp_path, text):
     folder = FitFolder.open(tmp_path, "fit")
     folder.checkpoint.touch()

@@ -44,7 +44,7 @@ def mutate(data, chance, textual):
             for _ in range(chance.choice((1, 2, 8))):
                 data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
         elif kind == "cut":
-            del data[chance.randrange(1, len(data)):]
+            del data[chance.randrange(len(data)):]
         elif kind == "repeat":
             start = chance.randrange(len(data))
             piece = data[start:start + chance.randrange(1, 200)]

@@ -21,8 +21,9 @@ def describe(sweep: Sweep) -> str:
     """What was measured, in one line: scale, samples, what the brackets mean."""
     samples, views = sweep.jobs["sample"].dropna().nunique(), f" (views={sweep.views})" if sweep.views else ""
     empty, judged = (int(sweep.jobs[f"views_{name}"].sum()) for name in ("empty", "judged"))
-    return (f"{sweep.title}: measured at {sweep.scale} scale on {samples} samples, mean over views{views} and samples "
-            "[bootstrap 95% interval over samples]"
+    means = (f"1 sample, mean over views{views}" if samples == 1 else
+             f"{samples} samples, mean over views{views} and samples [bootstrap 95% interval over samples]")
+    return (f"measured at {sweep.scale} scale on {means}"
             + (f"; {empty} of {empty + judged} views are empty in truth and result and are left out" if empty else "")
             + (f"; LPIPS with the backbone of {sweep.perceptual}" if "lpips" in sweep.metrics else "")
             + "".join(f"; {name} is no LPIPS, lower is better" for name in sweep.metrics if name.endswith("_distance")))
@@ -107,7 +108,7 @@ def latex(sweep: Sweep, table: pd.DataFrame) -> str:
     order = ["", *TITLES.values()]  # a score that only the published rows have stands among the scores
     heads = sorted(dict.fromkeys(title for _, head, _ in parts for title in head),
                    key=lambda title: order.index(title) if title in order else len(order))
-    lines = [r"\begin{table}", r"\centering", rf"\caption{{{_escape(describe(sweep))}.}}",
+    lines = [r"\begin{table}", r"\centering", rf"\caption{{{_escape(f'{sweep.title}: {describe(sweep)}')}.}}",
              rf"\label{{tab:{sweep.study}}}", rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}", r"\toprule",
              " & ".join(_escape(title) for title in heads) + r" \\"]
     for number, (caption, head, rows) in enumerate(parts):

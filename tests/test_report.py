@@ -115,7 +115,7 @@ def test_the_texts_say_what_was_measured_and_what_was_not(sweep):
     table = report.summary(sweep)
     text = report_text.markdown(sweep, table)
     rows = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
-    assert "measured at smoke scale on 3 samples" in text and "Published, not measured here" in text
+    assert "Measured at smoke scale on 3 samples" in text and "Published, not measured here" in text
     assert "0.700 [0.6" in text and "2, 1 failed" in text and "1/2" in text and "full, no_ssim" in text
     assert rows["no_mip"].count("0.363") == 1
     latex = report_text.latex(sweep, table)
@@ -133,7 +133,7 @@ def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, c
         "report.md", "report.tex", "report.csv", "report.png", "jobs.csv", "spread.csv"}
     assert len(pd.read_csv(tmp_path / "jobs.csv")) == 10
     main(["study", "--output", str(output), "--sweep", "smoke-old"])
-    assert "on 1 samples" in (output / "study" / "smoke-old" / "report.md").read_text()
+    assert "on 1 sample, mean over views:" in (output / "study" / "smoke-old" / "report.md").read_text()
 
 
 @pytest.mark.parametrize(("words", "message"), [

@@ -41,12 +41,12 @@ def check_alike(name: str, value: Tensor, other_name: str, other: Tensor) -> Non
                          f"and {other.dtype} on {other.device}; convert one with {name}.to({other_name})")
 
 
-def check_count(name: str, value: int, least: int = 1, most: int | None = None) -> None:
+def check_count(name: str, value: int, least: int = 1, most: int = 2**63 - 1) -> None:
     """Raise `InputError` unless `value` is an integer from `least` to `most`; True and False are no integers here."""
-    limits = f"of at least {least}" if most is None else f"from {least} to {most}"
-    if (isinstance(value, bool) or not isinstance(value, Integral) or value < least
-            or most is not None and value > most):
-        raise InputError(f"{name} must be an integer {limits}, got {shown(value)}")
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise InputError(f"{name} must be an integer of at least {least}, got {shown(value)}")
+    if value > most:
+        raise InputError(f"{name} must be an integer of at most {most}, got {shown(value)}")
 
 
 def check_number(name: str, value: float, what: str, least: float = -math.inf, most: float = math.inf) -> None:

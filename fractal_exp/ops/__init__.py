@@ -129,8 +129,9 @@ def _splat_bytes(points: Tensor, resolution: int, supersample: int, sigma_px: fl
     """About what one image takes: itself, with gradients the transmittance of every supersampled pixel, and on a CPU a
     buffer for each thread that holds three by two footprints."""
     footprint = 2 * cutoff_radius(float(sigma_px)) + 1
-    buffers = 24 * available() * footprint**2 if points.device.type == "cpu" else 0
-    return 4.0 * resolution**2 + (4 * points.requires_grad + 0.01) * (resolution * supersample)**2 + buffers
+    buffers = 24 * available() * footprint * footprint if points.device.type == "cpu" else 0
+    side = float(resolution) * float(supersample)
+    return 4 * float(resolution) ** 2 + (4 * points.requires_grad + 0.01) * side * side + buffers
 
 
 def _thresholds(probabilities: Tensor | None, batch: torch.Size, maps: int, device: torch.device) -> Tensor:

@@ -41,6 +41,7 @@ class Descent:
         check_number("identity_radius", self.identity_radius, f"a finite number from {LEAST_RADIUS} on", LEAST_RADIUS)
         for name in ("rate", "weight_rate", "decay", "largest", "smaller", "prior", "identity_weight"):
             check_number(name, getattr(self, name), "a finite number of at least 0", 0)
+            object.__setattr__(self, name, float(getattr(self, name)))  # kernels are compiled for one type
 
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:

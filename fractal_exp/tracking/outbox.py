@@ -57,12 +57,12 @@ class Outbox:
     said once on stderr. What has not arrived at a call of `secure`, or by a minute after the end, is written to
     `folder`/undelivered-RUN_ID; the next outbox of that run starts with it.
 
-    on_record: the value of each metric at each step that the store has; images: the names and steps of its image
-    series. What lies in the folder is added to both.
+    on_record: name, step and value of the metrics that the store has; images: name and step of its image series. What
+    lies in the folder is added to both.
     """
 
     def __init__(self, client: MlflowClient, run_id: str, folder: str | Path,
-                 on_record: dict[tuple[str, int], float], images: set[tuple[str, int]]) -> None:
+                 on_record: set[tuple[str, int, float]], images: set[tuple[str, int]]) -> None:
         self._client, self._run_id = client, run_id
         self._folder = Path(folder).absolute() / f"undelivered-{run_id}"
         # The fit appends, the thread deletes from the front what has arrived. Both are atomic: neither waits.
@@ -189,7 +189,7 @@ class Outbox:
         write_atomically(self._folder / NOTE, json.dumps(note).encode())
         return len(metrics), len(uploads)
 
-    def _read_undelivered(self, on_record: dict[tuple[str, int], float], images: set[tuple[str, int]]) -> None:
+    def _read_undelivered(self, on_record: set[tuple[str, int, float]], images: set[tuple[str, int]]) -> None:
         # Numbers go on: a file must not change under a note that names it.
         numbers = [int(file.name.split("-")[0]) for file in self._folder.glob("[0-9]*-*")]
         self._number = 1 + max(numbers, default=-1)
@@ -197,8 +197,8 @@ class Outbox:
             return
         note = json.loads((self._folder / NOTE).read_text())
         for name, value, milliseconds, step in note["metrics"]:
-            if on_record.get((name, step)) != value:  # the process may have been killed after it was sent
-                on_record[name, step] = value
+            if (name, step, value) not in on_record:  # the process may have been killed after it was sent
+                on_record.add((name, step, value))
                 self._metrics.append((name, value, milliseconds, step))
         self._tags.extend(tuple(tag) for tag in note["tags"])
         for entry in note["files"]:

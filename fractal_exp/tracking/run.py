@@ -38,12 +38,13 @@ class MlflowTracker(Tracker):
     """A run in MLflow, made by `start_run`. A verb costs microseconds: an `Outbox` sends every few seconds."""
 
     def __init__(self, client: MlflowClient, run_id: str, folder: str | Path, tables: list[dict] | None = None,
-                 on_record: Mapping[tuple[str, int], float] | None = None,
+                 on_record: Collection[tuple[str, int, float]] = (),
                  images: Collection[tuple[str, int]] = (), note: str | None = None) -> None:
         self.run_id = run_id
         self._note, self._scores = note, {}
         self._tables = list(tables or [])
-        self._on_record = dict(on_record or {})
+        self._on_record = set(on_record)
+        self._last: dict[str, tuple[int, float]] = {}  # step and value by name
         self._images = set(images)
         self._outbox = Outbox(client, run_id, folder, self._on_record, self._images)
         self._names: set[str] = set()
@@ -61,8 +62,9 @@ class MlflowTracker(Tracker):
                 count, first, at = self._non_finite.get(name, (0, value, step))
                 self._non_finite[name] = (count + 1, first, at)
             # A resumed fit goes through the steps since its checkpoint again and finds the same numbers.
-            elif self._on_record.get((name, step)) != value:
+            elif (name, step, value) not in self._on_record and self._last.get(name) != (step, value):
                 self._outbox.metric(name, value, now, step)
+            self._last[name] = step, value
 
     def image(self, name: str, image: Any, step: int | None = None) -> None:
         _checked_name("image", name, r"[A-Za-z0-9_\-. ]")
@@ -185,15 +187,14 @@ def _reopen(client: MlflowClient, uri: str, run_id: str, params: Mapping[str, st
 
 
 def _known(client: MlflowClient, uri: str, run: Run) -> dict[str, Any]:
-    """What the store has of a run: its tables, the value of each metric at each step, the steps of its images."""
+    """What the store has of a run: its tables, the values of its metrics by step, the steps of its images."""
     run_id = run.info.run_id
     histories = [patiently(uri, client.get_metric_history, run_id, name) for name in run.data.metrics]
     files = patiently(uri, client.list_artifacts, run_id, "images") if IMAGES in run.data.tags else []
     # MLflow writes the small copy of an image last.
     names = [re.fullmatch(r"images/(.*)\+step\+(\d+)\+.*\+compressed\.webp", file.path) for file in files]
     return {"tables": json.loads(run.data.tags.get(TABLES, "[]")),
-            "on_record": {(m.key, m.step): m.value for history in histories
-                          for m in sorted(history, key=lambda metric: metric.timestamp)},
+            "on_record": {(m.key, m.step, m.value) for history in histories for m in history},
             "images": {(name[1], int(name[2])) for name in names if name}}
 
 

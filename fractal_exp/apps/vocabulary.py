@@ -60,7 +60,7 @@ class Vocabulary:
         found: dict[str, list[str]] = {}
         for key in self._top():
             found.setdefault(key, []).append("")
-        for group in self._groups():
+        for group in self._groups:
             found.setdefault(group, []).append("")
             choices = {name: list(self._of(self.folder / group / f"{name}.yaml", group))
                        for name in self.choices(group)}
@@ -76,10 +76,11 @@ class Vocabulary:
             data = OmegaConf.to_container(OmegaConf.load(self.folder / f"{name}.yaml"))
             yield from _paths({key: value for key, value in data.items() if key not in ("defaults", "hydra")})
 
+    @cached_property
     def _groups(self) -> list[str]:
         files = {"sweep": ("train", "sweep")}.get(self.config, (self.config,))
-        defaults = [entry for name in files for entry in OmegaConf.load(self.folder / f"{name}.yaml").defaults
-                    if OmegaConf.is_dict(entry)]
+        loaded = [OmegaConf.to_container(OmegaConf.load(self.folder / f"{name}.yaml")) for name in files]
+        defaults = [entry for data in loaded for entry in data["defaults"] if isinstance(entry, dict)]
         names = [str(key) for entry in defaults for key in entry]
         return [name for name in dict.fromkeys(names) if (self.folder / name).is_dir()]
 
@@ -87,7 +88,7 @@ class Vocabulary:
         data = OmegaConf.to_container(OmegaConf.load(path))
         defaults = data.pop("defaults", [])
         if path.read_text().startswith("# @package _global_"):
-            yield from (key for key in data if key not in ("hydra", *self._groups()))
+            yield from (key for key in data if key not in ("hydra", *self._groups))
             return
         for entry in defaults:
             yield from self._of(self.folder / group / f"{entry}.yaml", group)

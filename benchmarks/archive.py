@@ -55,12 +55,13 @@ class Fit:
     @property
     def truth(self) -> IFS:
         """The code that drew the target, in its own coordinates; its probabilities are |det| + 0.01."""
-        return replace(true_code(self.fractal, self.suite), probabilities=None)
+        return true_code(self.fractal, self.suite)
 
 
 def true_code(fractal: int | str, seed: int | None) -> IFS:
-    """A classic code by name, or a fractal of the suite of this seed by number."""
-    return codes.known(fractal) if isinstance(fractal, str) else suite.random_suite(fractal + 1, seed)[fractal]
+    """A classic code by name, or a fractal of the suite of this seed by number, with probabilities |det| + 0.01."""
+    code = codes.known(fractal) if isinstance(fractal, str) else suite.random_suite(fractal + 1, seed)[fractal]
+    return replace(code, probabilities=None)
 
 
 def here() -> dict:

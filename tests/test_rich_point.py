@@ -5,13 +5,13 @@ import pytest
 from fractal_exp import View, attractor, codes
 from fractal_exp.apps import render as render_app
 from fractal_exp.evaluation.render import render_with_info
-from fractal_exp.evaluation.zoom import _look, _richness, _without_noise, random_point, rich_point
+from fractal_exp.evaluation.zoom import _look, _richness, _without_noise, rich_point
 
 DRAGON = attractor.normalize(codes.known("heighway_dragon"))
 
 
 def test_a_film_of_the_dragon_follows_its_border():
-    dull = _without_noise(_look(DRAGON, random_point(DRAGON), 1e4))
+    dull = _without_noise(_look(DRAGON, attractor.random_point(DRAGON), 1e4))
     assert dull.min() == 1, "a random point lies where all is filled"
     point = rich_point(DRAGON, 0, end_zoom=1e4)
     assert point == rich_point(DRAGON, 0, end_zoom=1e4) != rich_point(DRAGON, 1, end_zoom=1e4)

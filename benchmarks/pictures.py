@@ -20,17 +20,18 @@ from pathlib import Path
 import pandas as pd
 import torch
 
-from fractal_exp import View, codes, samples, suite, threads
+from fractal_exp import View, samples, threads
 from fractal_exp.evaluation import metrics
 from fractal_exp.evaluation.pictures import comparison_strip
 from fractal_exp.images import write_image
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import Progress
+from fractal_exp.targets import KnownCode
 
 from .environment import environment
 
 PICTURES = {"retina": samples.retina_vessels, "snowflake": samples.snowflake,
-            "fern": lambda resolution: suite.target(codes.known("fern"), resolution)}
+            "fern": lambda resolution: KnownCode("fern").load(resolution).image}
 REAL = "retina", "snowflake"
 
 

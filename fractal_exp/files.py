@@ -134,15 +134,22 @@ def read_json(path: str | Path, what: str) -> Any:
     """The plain data of a JSON file (UTF-8) of at most 16 MiB, which gives no key twice. Raises `InputError`."""
     path = check_file(path, what, LARGEST_JSON)
     try:
-        return json.loads(path.read_bytes().decode(), object_pairs_hook=_no_key_twice)
+        data = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read {what} {path}: {error.strerror}") from error
+    return parse_json(data, str(path))
+
+
+def parse_json(data: bytes, name: str) -> Any:
+    """The plain data of JSON (UTF-8) that gives no key twice. Raises `InputError`, which begins with the name."""
+    try:
+        return json.loads(data.decode(), object_pairs_hook=_no_key_twice)
     except RecursionError:
-        raise InputError(f"{path} is no JSON that can be read: its lists are nested too deeply") from None
+        raise InputError(f"{name} is no JSON that can be read: its lists are nested too deeply") from None
     except InputError as error:
-        raise InputError(f"{path} {error}") from None
+        raise InputError(f"{name} {error}") from None
     except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from error
+        raise InputError(f"{name} is not JSON: {error}") from error
 
 
 def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from .errors import InputError, did_you_mean
 from .ifs import IFS
@@ -15,13 +15,15 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
-def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", resolution: int = 256, seed: int = 0,
-           seconds: float | None = None, on_step: OnStep | None = None, **options: Any) -> IFS:
+def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", resolution: int = 256,
+           frame: Literal["fit", "keep"] = "fit", seed: int = 0, seconds: float | None = None,
+           on_step: OnStep | None = None, **options: Any) -> IFS:
     """Recover the code of the self-similar shape on a picture.
 
     image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
     white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
-    image: the shape's longer side spans [-0.75, 0.75]. seconds: a limit after which the best code so far is returned.
+    image: the shape's longer side spans [-0.75, 0.75]. frame: "keep" takes a square picture as it is framed, as one that
+    `render` or `suite.target` drew; fitting it again would resample its grey levels. seconds: a limit after which the best code so far is returned.
     on_step is told a `Progress` after every step. options go to the method: for "collage" maps (None: found), at_most
     (None), islands (5), moves (50), rounds (None: up to 4 or 2, by the picture), detail_moves (25), picture_moves (60),
     levels ("auto") and memory_gib (None: no limit), see `methods.collage.Collage`; for "chaotic" maps (10), starts
@@ -40,6 +42,6 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
         raise InputError(f"on_step must be a function that takes a Progress, got {on_step!r}")
     build = load(method)
     check_options(build, method, options | {"seconds": seconds, "seed": seed})
-    target = read_target(image, resolution).image
+    target = read_target(image, resolution, frame=frame).image
     built = build(resolution=resolution, seed=seed, seconds=seconds, **options)
     return built.reconstruct(target, on_step=on_step).code

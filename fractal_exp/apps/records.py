@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from torch import Tensor
 
 from ..errors import InputError
+from ..files import parse_json
 from ..ifs import IFS
 from ..targets import KnownCode, SuiteFractal
 
@@ -95,21 +94,8 @@ def read_aim(read: Read, where: str) -> Aim:
     return Aim()
 
 
-def read_json_file(path: Path) -> Any:
-    """The plain data of a JSON file. Raises `InputError` naming the file."""
-    try:
-        return _json(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
 def _json(data: bytes) -> Any:
-    try:
-        return json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"this is no JSON that can be read: {_short(error)}") from None
+    return parse_json(data, "it")
 
 
 def _yaml(data: bytes) -> Any:

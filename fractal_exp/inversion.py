@@ -22,14 +22,14 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
 
     image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
     white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
-    image: the shape's longer side spans [-0.75, 0.75]. frame: "keep" takes a square picture as it is framed, as one that
-    `render` or `suite.target` drew; fitting it again would resample its grey levels. seconds: a limit after which the best code so far is returned.
-    on_step is told a `Progress` after every step. options go to the method: for "collage" maps (None: found), at_most
-    (None), islands (5), moves (50), rounds (None: up to 4 or 2, by the picture), detail_moves (25), picture_moves (60),
-    levels ("auto") and memory_gib (None: no limit), see `methods.collage.Collage`; for "chaotic" maps (10), starts
-    (10), scouting (120), iterations (800), trajectories (1000), length (110), match_target (True), radii ((1,)),
-    perceptual (None, or fractal, lpips_alex, lpips_squeeze, lpips_vgg) and perceptual_weights (None), see
-    `methods.chaotic.laptop`.
+    image: the shape's longer side spans [-0.75, 0.75]. frame: "keep" takes a square picture as it is framed, as one
+    that `render` or `suite.target` drew; fitting it again would resample its grey levels. seconds: a limit after which
+    the best code so far is returned. on_step is told a `Progress` after every step. options go to the method: for
+    "collage" maps (None: found), at_most (None), islands (5), moves (50), rounds (None: up to 4 or 2, by the picture),
+    detail_moves (25), picture_moves (60), levels ("auto") and memory_gib (None: no limit), see
+    `methods.collage.Collage`; for "chaotic" maps (10), starts (10), scouting (120), iterations (800), trajectories
+    (1000), length (110), match_target (True), radii ((1,)), perceptual (None, or fractal, lpips_alex, lpips_squeeze,
+    lpips_vgg) and perceptual_weights (None), see `methods.chaotic.laptop`.
 
     Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before any work.
     """

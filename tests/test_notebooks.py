@@ -63,9 +63,7 @@ def test_a_notebook_defines_nothing_and_has_no_plumbing_in_sight(path):
             assert not modules & {"os", "sys", "subprocess", "tempfile"}, "belongs into the test that runs it"
 
 
-@pytest.mark.parametrize("path", [
-    pytest.param(path, marks=pytest.mark.xfail(strict=True, reason="to be executed")) if path.stem == "01_quickstart"
-    else path for path in NOTEBOOKS], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_kept_with_what_it_shows_and_without_errors(path):
     cells = [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
     outputs = [output for cell in cells for output in cell.outputs]

@@ -11,7 +11,7 @@ WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run ablations test test-all test-launchers dashboard bench bench-gpu lint clean
+.PHONY: help setup run ablations test test-all mutations test-launchers dashboard bench bench-gpu lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -36,8 +36,11 @@ ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=p
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
 
-test-all: $(READY) ## Run the slow tests too: campaigns of kills and full disks
-	@$(BIN)/python -m pytest -m '' $(PYTEST_ARGS)
+test-all: $(READY) ## Run the slow tests too: campaigns of kills, full disks, mutated files and hostile arguments
+	@$(BIN)/python -m pytest -m 'slow or not slow' $(PYTEST_ARGS)
+
+mutations: $(READY) ## Make small mistakes in a copy of the code, one at a time, and see whether the tests notice
+	@$(BIN)/python tests/mutations/run.py
 
 test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for real (root on Debian: installs packages)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,launchers,server]'

@@ -79,7 +79,7 @@ def test_what_comes_in_while_a_batch_is_sent_is_sent_with_the_next(tmp_path):
         def set_terminated(self, *_, **__):
             pass
 
-    outbox = Outbox(Client(), "run", tmp_path)
+    outbox = Outbox(Client(), "run", tmp_path, set(), set())
     for i in range(2 * BATCH + 500):
         outbox.metric("early", 1.0, 0, i)
     assert Client.begun.wait(60)

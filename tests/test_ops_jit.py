@@ -27,6 +27,7 @@ def test_an_interrupt_in_a_kernel_stays_an_interrupt(monkeypatch):
         raise SystemError("something else")
 
     monkeypatch.setattr(jit, "njit", lambda function, **options: function)
+    monkeypatch.setattr(jit, "remembering", lambda compiled: compiled)
     with pytest.raises(KeyboardInterrupt):
         jit.kernel()(interrupted)()
     with pytest.raises(SystemError, match="something else"):

@@ -89,7 +89,7 @@ def read(folder: Path) -> list[Fit]:
 def missing(folder: Path, fractals: Iterable[int | str]) -> list[int | str]:
     """Those of the fractals that the run does not hold yet."""
     done = {fit.fractal for fit in read(folder)}
-    return [fractal for fractal in fractals if fractal not in done]
+    return [fractal for fractal in dict.fromkeys(fractals) if fractal not in done]
 
 
 def _fit(record: dict) -> Fit:

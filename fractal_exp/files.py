@@ -132,12 +132,16 @@ def check_file(path: str | Path, what: str, most_bytes: int | None = None) -> Pa
 
 def read_json(path: str | Path, what: str) -> Any:
     """The plain data of a JSON file (UTF-8) of at most 16 MiB, which gives no key twice. Raises `InputError`."""
-    path = check_file(path, what, LARGEST_JSON)
+    return parse_json(read_file(path, what, LARGEST_JSON), str(Path(path).absolute()))
+
+
+def read_file(path: str | Path, what: str, most_bytes: int | None = None) -> bytes:
+    """The bytes of an ordinary file; see `check_file`."""
+    path = check_file(path, what, most_bytes)
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read {what} {path}: {error.strerror}") from error
-    return parse_json(data, str(path))
 
 
 def parse_json(data: bytes, name: str) -> Any:
@@ -161,19 +165,28 @@ def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return data
 
 
-def read_record(path: str | Path, what: str, **kinds: type | tuple[type, ...]) -> dict[str, Any]:
-    """A JSON object that a program wrote, with at least the keys of `kinds`, each of its kind.
+def read_record(path: str | Path, what: str, remedy: str = "delete it", most_bytes: int = LARGEST_JSON,
+                **kinds: type | tuple[type, ...]) -> dict[str, Any]:
+    """A JSON object that a program wrote, with at least the keys of `kinds`, each of its kind; see `parse_record`."""
+    return parse_record(read_file(path, what, most_bytes), str(path), remedy, **kinds)
 
-    Raises `InputError` if it is damaged, which says so.
+
+def parse_record(data: bytes, name: str, remedy: str, **kinds: type | tuple[type, ...]) -> dict[str, Any]:
+    """The JSON object in `data`, with at least the keys of `kinds`, each of its kind.
+
+    Raises `InputError` if it is damaged: one line with the name and the remedy.
     """
-    data = read_json(path, what)
-    if not isinstance(data, dict):
-        raise InputError(f"{path} is damaged: expected a JSON object, got {type(data).__name__}; delete it")
+    try:
+        record = parse_json(data, name)
+    except InputError as error:
+        raise InputError(f"{error}; {remedy}") from error
+    if not isinstance(record, dict):
+        raise InputError(f"{name} is damaged: expected a JSON object, got {type(record).__name__}; {remedy}")
     for key, kind in kinds.items():
-        if key not in data or not isinstance(data[key], kind):
-            found = f"is {reprlib.repr(data[key])}" if key in data else "is missing"
-            raise InputError(f"{path} is damaged: {key!r} {found}; delete it")
-    return data
+        if key not in record or not isinstance(record[key], kind):
+            found = f"is {reprlib.repr(record[key])}" if key in record else "is missing"
+            raise InputError(f"{name} is damaged: {key!r} {found}; {remedy}")
+    return record
 
 
 def check_scores(scores: dict[str, Any], path: str | Path) -> dict[str, float]:

@@ -115,8 +115,7 @@ class MlflowRuns(Runs):
         if not settings["sweep"]:
             return
         uri = tracking.prepare_store(Path(settings["output"]))
-        if any(folder.path.glob("undelivered-*")):
-            tracking.deliver(folder.path)
+        tracking.deliver(folder.path, uri)
         if _job_run(uri, settings, folder.path) is None:
             raise InputError(f"{folder.path} holds this fit, finished, but its run is not below this sweep's in the "
                              "store; use the store that it was tracked in, or delete that folder to fit it again")

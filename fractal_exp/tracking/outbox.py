@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
+import math
 import posixpath
+import re
+import reprlib
 import shutil
 import sys
 import tempfile
@@ -12,9 +16,10 @@ import threading
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ..checkpoint import write_atomically
+from ..errors import InputError
+from ..files import read_file, read_record, write_atomically
 from .addresses import reason, root, shown
 from .store import FIRST_RETRY, LAST_RETRY
 
@@ -25,6 +30,8 @@ FLUSH_SECONDS = 5.0  # between two sendings,
 BATCH = 1000         # or when so many values wait; also the most that MLflow takes in one call
 NOTE = "run.json"    # in the folder of what is undelivered
 LAST_WAIT = 60.0     # seconds of silence after which a run that has ended stops trying
+ENDS = ("FINISHED", "FAILED", "KILLED")
+LARGEST_NOTE = 2**28  # bytes, four million values: hours without a store
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,7 @@ class Outbox:
     def __init__(self, client: MlflowClient, run_id: str, folder: str | Path,
                  on_record: set[tuple[str, int, float]], images: set[tuple[str, int]]) -> None:
         self._client, self._run_id = client, run_id
-        self._folder = Path(folder).absolute() / f"undelivered-{run_id}"
+        self._folder = undelivered(folder, run_id)
         # The fit appends, the thread deletes from the front what has arrived. Both are atomic: neither waits.
         self._metrics: list[tuple[str, float, int, int]] = []  # name, value, milliseconds since the epoch, step
         self._tags: list[tuple[str, str]] = []
@@ -98,7 +105,7 @@ class Outbox:
         """Write what is on its way to the folder, so that it outlives this process."""
         try:
             self._write_undelivered(None)
-        except OSError as error:
+        except (InputError, OSError) as error:
             if not self._insecure:
                 print(f"tracking: what is on its way to the store could not be written to {self._folder}: {error}; a "
                       f"kill would lose it", file=sys.stderr)
@@ -116,6 +123,8 @@ class Outbox:
                 self._abandoned = True
                 self._give_up(status)
             else:
+                with contextlib.suppress(OSError):  # the note first: it must not outlive the files that it names
+                    (self._folder / NOTE).unlink()
                 shutil.rmtree(self._folder, ignore_errors=True)
 
     def _run(self) -> None:
@@ -168,7 +177,7 @@ class Outbox:
     def _give_up(self, status: str) -> None:
         try:
             values, files = self._write_undelivered(status)
-        except OSError as error:
+        except (InputError, OSError) as error:
             print(f"tracking: what the store did not take could not be written to {self._folder} either: {error}",
                   file=sys.stderr)
         else:
@@ -179,6 +188,7 @@ class Outbox:
     def _write_undelivered(self, status: str | None) -> tuple[int, int]:
         """Write what waits (status None: the run goes on); how many values and files."""
         uploads, metrics = self._uploads[:], self._metrics[:]
+        self._folder.mkdir(parents=True, exist_ok=True)
         for upload in uploads:
             if upload.file not in self._written:
                 write_atomically(self._folder / upload.file, upload.data)
@@ -191,11 +201,11 @@ class Outbox:
 
     def _read_undelivered(self, on_record: set[tuple[str, int, float]], images: set[tuple[str, int]]) -> None:
         # Numbers go on: a file must not change under a note that names it.
-        numbers = [int(file.name.split("-")[0]) for file in self._folder.glob("[0-9]*-*")]
+        numbers = [int(match[1]) for file in self._folder.glob("*") if (match := re.match(r"(\d+)-", file.name))]
         self._number = 1 + max(numbers, default=-1)
-        if not (self._folder / NOTE).exists():
+        note = read_note(self._folder)
+        if note is None:
             return
-        note = json.loads((self._folder / NOTE).read_text())
         for name, value, milliseconds, step in note["metrics"]:
             if (name, step, value) not in on_record:  # the process may have been killed after it was sent
                 on_record.add((name, step, value))
@@ -207,5 +217,53 @@ class Outbox:
                 continue
             if entry["step"] is not None:
                 images.add(key)
-            self._uploads.append(Upload(**entry, data=(self._folder / entry["file"]).read_bytes()))
+            data = read_file(self._folder / entry["file"], "what is undelivered,")
+            self._uploads.append(Upload(**entry, data=data))
             self._written.add(entry["file"])
+
+
+def undelivered(folder: str | Path, run_id: str) -> Path:
+    """The folder of what a run could not send; `folder` is the run's own."""
+    return Path(folder).absolute() / f"undelivered-{run_id}"
+
+
+def read_note(folder: Path) -> dict[str, Any] | None:
+    """What waits in a folder of undelivered things, None if nothing does.
+
+    The note may have been damaged, or made by somebody else to get at other files. Raises `InputError` unless every
+    part of it is as an outbox writes it and every file that it names lies in the folder.
+    """
+    path = folder / NOTE
+    if not path.exists():
+        return None
+    remedy = f"move {folder} away to go on without what it holds"
+    note = read_record(path, "the note of what is undelivered,", remedy, LARGEST_NOTE, uri=str, run_id=str,
+                       status=(str, type(None)), metrics=list, tags=list, files=list)
+    if folder.name != f"undelivered-{note['run_id']}":
+        raise InputError(f"{path} is damaged: it is of the run {reprlib.repr(note['run_id'])}; {remedy}")
+    if note["status"] not in (None, *ENDS):
+        raise InputError(f"{path} is damaged: 'status' is {reprlib.repr(note['status'])}; {remedy}")
+    for key, is_whole in (("metrics", _is_metric), ("tags", _is_tag), ("files", _is_file)):
+        for entry in note[key]:
+            if not is_whole(entry):
+                raise InputError(f"{path} is damaged: {reprlib.repr(entry)} in {key!r}; {remedy}")
+    for entry in note["files"]:
+        file = entry["file"]
+        if Path(file).name != file or not (folder / file).is_file() or (folder / file).is_symlink():
+            raise InputError(f"{path} is damaged: {reprlib.repr(file)} is no file of this folder; {remedy}")
+    return note
+
+
+def _is_metric(entry: Any) -> bool:
+    return (isinstance(entry, list) and [type(part) for part in entry] == [str, float, int, int]
+            and math.isfinite(entry[1]) and all(abs(number) < 2**63 for number in entry[2:]))
+
+
+def _is_tag(entry: Any) -> bool:
+    return isinstance(entry, list) and [type(part) for part in entry] == [str, str]
+
+
+def _is_file(entry: Any) -> bool:
+    return (isinstance(entry, dict) and entry.keys() == {"name", "step", "file"} and type(entry["file"]) is str
+            and type(entry["step"]) in (int, type(None)) and type(entry["name"]) is str
+            and posixpath.normpath(entry["name"]) == entry["name"] and entry["name"][:1] not in (".", "/"))

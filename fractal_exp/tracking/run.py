@@ -9,6 +9,7 @@ import math
 import os
 import posixpath
 import re
+import sys
 import time
 import traceback
 from collections.abc import Collection, Iterator, Mapping
@@ -20,7 +21,7 @@ from .addresses import reason, shown
 from .base import Tracker
 from .client import connect
 from .dashboard import NOTE, experiment_tags
-from .outbox import Outbox, Upload
+from .outbox import ENDS, Outbox, Upload, read_note, undelivered
 from .store import FIRST_PATIENCE, PARENT, artifact_root, is_written_elsewhere, patiently, process_tags
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class MlflowTracker(Tracker):
         self._outbox.secure()
 
     def finish(self, status: str = "FINISHED", error: BaseException | str | None = None) -> None:
-        if status not in ("FINISHED", "FAILED", "KILLED"):
+        if status not in ENDS:
             raise ValueError(f"a run ends as FINISHED, FAILED or KILLED, got {status!r}")
         if self._ended:
             return
@@ -134,6 +135,7 @@ def start_run(uri: str, experiment: str, name: str, *, folder: str | Path, param
         experiment_id = patiently(uri, _experiment_id, client, uri, experiment)
         run_id = patiently(uri, client.create_run, experiment_id, run_name=name, tags=tags).info.run_id
     else:
+        read_note(undelivered(folder, resume_run_id))  # if it is damaged, the run stays as it is
         run_id, known = resume_run_id, _reopen(client, uri, resume_run_id, texts, tags)
     from mlflow.entities import Param
 
@@ -198,32 +200,46 @@ def _known(client: MlflowClient, uri: str, run: Run) -> dict[str, Any]:
             "images": {(name[1], int(name[2])) for name in names if name}}
 
 
-def deliver(folder: str | Path) -> list[str]:
+def deliver(folder: str | Path, uri: str | None = None) -> list[str]:
     """Send what the runs in `folder` and below could not while their store was away; the ids of those runs.
 
-    The store is MLFLOW_TRACKING_URI if set, else the one they were started with. Raises `InputError` if there is
-    nothing to send or the store is still away.
+    uri: the store in use; what waits for another one is left where it is, which is said on stderr. None: the store is
+    MLFLOW_TRACKING_URI if set, else the one that each run was started with. Raises `InputError` if what waits is
+    damaged, the store is still away or does not have the run, or, without a uri, if there is nothing to send.
     """
     notes = sorted(Path(folder).absolute().rglob("undelivered-*/run.json"))
-    if not notes:
+    if not notes and uri is None:
         raise InputError(f"nothing waits to be delivered in {Path(folder).absolute()}; name the run's folder")
     run_ids = []
     for path in notes:
-        note = json.loads(path.read_text())
-        uri = os.environ.get("MLFLOW_TRACKING_URI") or note["uri"]
-        client = connect(uri)
-        run = patiently(uri, client.get_run, note["run_id"], patience=FIRST_PATIENCE)
-        if run.info.status == "RUNNING" and is_written_elsewhere(run.data.tags):
-            raise InputError(f"run {note['run_id']} is being written by process {run.data.tags['pid']}, which will "
-                             f"send the rest itself")
-        if note["status"] and "error" in run.data.tags:  # it may have been taken for killed meanwhile
-            patiently(uri, client.delete_tag, run.info.run_id, "error")
-        run = MlflowTracker(client, note["run_id"], path.parent.parent, **_known(client, uri, run))
-        run.finish(note["status"] or "KILLED")
-        if path.exists():
-            raise InputError(f"{shown(uri)} still does not take everything of {path.parent}; try again")
+        note = read_note(path.parent)
+        if uri is not None and shown(note["uri"]) != shown(uri):
+            print(f"tracking: {path.parent} waits for another store, {shown(note['uri'])}; send it with: "
+                  f"{sys.executable} -m fractal_exp.tracking deliver '{path.parent.parent}'", file=sys.stderr)
+            continue
+        _deliver(path.parent, note, uri or os.environ.get("MLFLOW_TRACKING_URI") or note["uri"])
         run_ids.append(note["run_id"])
     return run_ids
+
+
+def _deliver(folder: Path, note: Mapping[str, Any], uri: str) -> None:
+    from mlflow.exceptions import MlflowException
+
+    client = connect(uri)
+    try:
+        run = patiently(uri, client.get_run, note["run_id"], patience=FIRST_PATIENCE)
+    except MlflowException as error:
+        raise InputError(f"{shown(uri)} has no run {note['run_id']}, whose rest waits in {folder} ({reason(error)}); "
+                         f"name its store with MLFLOW_TRACKING_URI, or move that folder away") from error
+    if run.info.status == "RUNNING" and is_written_elsewhere(run.data.tags):
+        raise InputError(f"run {note['run_id']} is being written by process {run.data.tags['pid']}, which will "
+                         f"send the rest itself")
+    if note["status"] and "error" in run.data.tags:  # it may have been taken for killed meanwhile
+        patiently(uri, client.delete_tag, run.info.run_id, "error")
+    tracker = MlflowTracker(client, note["run_id"], folder.parent, **_known(client, uri, run))
+    tracker.finish(note["status"] or "KILLED")
+    if folder.exists():
+        raise InputError(f"{shown(uri)} still does not take everything of {folder}; try again")
 
 
 def _param_texts(params: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:

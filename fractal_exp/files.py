@@ -6,6 +6,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 import reprlib
 import secrets
 import stat
@@ -19,6 +20,7 @@ from .errors import InputError
 
 LARGEST_JSON = 16 * 2**20  # bytes; read, they may take twenty times as much memory
 ABANDONED_AFTER = 3600.0   # seconds without a write: then the process that wrote a partial file is gone
+PARTIAL = re.compile(r"\..+\.[0-9a-f]{12}\.partial(\.\w+)?", re.DOTALL)
 POLL_SECONDS = 0.2         # between two looks at a folder's lock
 
 REMEDIES = {
@@ -41,17 +43,18 @@ def replacing(path: str | Path, suffix: str = ".partial") -> Iterator[Path]:
     """A new, empty file beside `path`, which takes its place when the block ends without an error, else vanishes.
 
     At any moment `path` is a whole file, the old one or the new, even if the power fails. Any number of threads and
-    processes may write one path: the last to finish wins. What killed processes left is removed an hour later, by the
-    next that writes the same path. suffix: how the new file's name ends, for writers that go by it. Raises
-    `InputError` where the file cannot be written.
+    processes may write one path: the last to finish wins. What killed processes left in a folder is removed an hour
+    later, by the next process that writes into it. suffix: how the new file's name ends, for writers that go by it.
+    Raises `InputError` where the file cannot be written; what the system says of other files, or of a pipe or a
+    connection, passes as it is.
     """
     path = Path(path).absolute()
-    start = f".{path.name[:40]}."  # a name may have 255 bytes, and a character four
-    partial = path.with_name(f"{start}{secrets.token_hex(6)}{suffix}")
+    # A name may have 255 bytes, and a character four.
+    partial = path.with_name(f".{path.name[:40]}.{secrets.token_hex(6)}{suffix}")
     try:
         try:
             open(partial, "xb").close()
-            _remove_abandoned(partial, start, suffix)
+            _remove_abandoned(path.parent, partial.stat().st_mtime)
             yield partial
             with open(partial, "rb") as file:
                 os.fsync(file.fileno())
@@ -59,15 +62,29 @@ def replacing(path: str | Path, suffix: str = ".partial") -> Iterator[Path]:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
+        if not is_of_file(error) or error.filename not in (None, str(partial), str(path)):
+            raise
         raise InputError(f"cannot write {explain(error, path)}") from error
 
 
-def _remove_abandoned(partial: Path, start: str, suffix: str) -> None:
-    now = partial.stat().st_mtime  # by the clock of the disk, which may be another machine's
-    with os.scandir(partial.parent) as entries:
+def is_of_file(error: OSError) -> bool:
+    """Whether the system said it about a file: not so of a closed pipe, a lost connection or a library's own words."""
+    return error.errno is not None and not isinstance(error, ConnectionError)  # BrokenPipeError is one of these
+
+
+_looked_through: set[Path] = set()  # folders; to list one at every write would take ever longer as it fills
+
+
+def _remove_abandoned(folder: Path, now: float) -> None:
+    """Remove what killed processes left in a folder, once a process. now: by the clock of the disk, which may be
+    another machine's."""
+    if folder in _looked_through:
+        return
+    _looked_through.add(folder)
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:  # which may be closed to us
         for entry in entries:
-            if entry.name.startswith(start) and entry.name.endswith(suffix):
-                with contextlib.suppress(FileNotFoundError):  # another process was quicker
+            if PARTIAL.fullmatch(entry.name):
+                with contextlib.suppress(OSError):  # another process was quicker, or it belongs to somebody else
                     if entry.stat().st_mtime < now - ABANDONED_AFTER:
                         os.unlink(entry.path)
 

@@ -9,7 +9,7 @@ import time
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError
+from fractal_exp import IFS, InputError, files
 from fractal_exp.checkpoint import Checkpoint, Snapshot
 from fractal_exp.files import alone_in, read_json, replacing, write_atomically
 from fractal_exp.images import write_image
@@ -50,13 +50,14 @@ def test_many_threads_and_processes_save_to_one_path(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["checkpoint", "code.json", "image.png", "text"], "nothing is left over"
 
 
-def test_what_a_killed_process_left_goes_with_a_later_write_but_not_what_is_being_written(tmp_path):
+def test_what_a_killed_process_left_goes_with_a_later_write_but_not_what_is_being_written(tmp_path, monkeypatch):
     with replacing(tmp_path / "file") as mine:
         left = tmp_path / ".file.0123456789ab.partial"
         others = tmp_path / ".file.ba9876543210.partial"
         for path in (left, others):
             path.write_bytes(b"half")
         os.utime(left, (time.time() - 7200,) * 2)
+        monkeypatch.setattr(files, "_looked_through", set())  # another process
         write_atomically(tmp_path / "file", b"whole")
         assert not left.exists() and others.exists() and mine.exists()
 
@@ -168,3 +169,30 @@ def test_a_code_whose_notes_are_no_json_is_not_written(tmp_path):
     with pytest.raises(InputError, match="meta must hold nothing but JSON"):
         IFS([[[0.5, 0], [0, 0.5]]], [[0, 0]], meta={"x": object()}).save(tmp_path / "code.json")
     assert not os.listdir(tmp_path)
+
+
+def test_a_folder_is_looked_through_once_by_a_process_for_what_killed_ones_left(tmp_path, monkeypatch):
+    left = [tmp_path / name for name in (".other.0123456789ab.partial", ".film.mp4.0123456789ab.partial.mp4")]
+    kept = [tmp_path / name for name in (".mine.partial", ".other.ba9876543210.partial", ".a.0123456789ab.json")]
+    for path in (*left, *kept):
+        path.write_bytes(b"half")
+        os.utime(path, (time.time() - 7200,) * 2)
+    os.utime(kept[1])
+    listed, scandir = [], os.scandir
+    monkeypatch.setattr(os, "scandir", lambda path: listed.append(path) or scandir(path))
+    for i in range(5):
+        write_atomically(tmp_path / f"file{i}", "whole")
+    assert listed == [tmp_path]
+    assert not any(path.exists() for path in left) and all(path.exists() for path in kept)
+
+
+def test_what_fails_while_a_file_is_written_but_is_not_of_it_passes_as_it_is(tmp_path):
+    for error in (BrokenPipeError(32, "Broken pipe"), OSError("of ffmpeg"),
+                  FileNotFoundError(2, "No such file", "/other")):
+        with pytest.raises(type(error)) as caught, replacing(tmp_path / "file"):
+            raise error
+        assert caught.value is error
+    with pytest.raises(InputError, match="cannot write .*/file: Permission denied"), replacing(
+            tmp_path / "file") as partial:
+        raise PermissionError(13, "Permission denied", str(partial))
+    assert os.listdir(tmp_path) == []

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .. import codes
 from ..errors import InputError
-from ..files import explain
+from ..files import explain, is_of_file
 from ..ifs import IFS
 from ..suite import SUITE_SEED, random_suite
 
@@ -77,7 +77,7 @@ def command(program: str, work: Callable[[argparse.Namespace], None], parser: ar
         print(f"{program}: error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except OSError as error:
-        if error.errno is None or isinstance(error, BrokenPipeError | ConnectionError):  # not of a file
+        if not is_of_file(error):
             raise
         print(f"{program}: error: {explain(error)}", file=sys.stderr)
         raise SystemExit(2) from None

@@ -34,7 +34,8 @@ def build(database: Path, uri: str) -> None:
     """
     try:
         artifacts(database).mkdir(parents=True, exist_ok=True)
-        # Commands that are started together wait here for the first.
+        # Commands that are started together wait here for the first. Not with `files.alone_in`: that locks a whole
+        # folder, here perhaps one that is not ours, and has to write into its lock, which a full disk would not let it.
         with open(f"{database}.lock", "w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             _remove_leftovers(database)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import tracking
 from .errors import InputError
 from .evaluation.summary import METRICS, bootstrap_interval
+from .files import parse_json, parse_record
 from .published import COLUMNS, TABLES
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Sweep:
 def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
     """The sweep `name` of a study (None: the newest), from a tracking store.
 
-    Raises `InputError` if the store has no such study or sweep.
+    Raises `InputError` if the store has no such study or sweep, or the sweep's files in it are damaged.
     """
     import pandas as pd
 
@@ -64,8 +64,7 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
         raise InputError(f"the study {study!r} has no sweep{f' {name!r}' if name else ''}; fractal-sweep {study} makes "
                          "one")
     parent = parents.iloc[0]
-    about = json.loads(tracking.read_artifact(uri, parent["run_id"], "sweep.json"))
-    planned = json.loads(tracking.read_artifact(uri, parent["run_id"], "jobs.json"))
+    about, planned = _plan(uri, study, parent["run_id"])
     runs = tracking.runs_frame(uri, study, tracking.nested_below(parent["run_id"]))
     if len(runs):
         runs = runs.drop_duplicates("tags.job").set_index("tags.job").reindex(planned)
@@ -85,6 +84,24 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
     return Sweep(study, parent["name"], parent["run_id"], about["title"], parent["tags.scale"],
                  parent["tags.perceptual"], about["baseline"], about["published"], jobs,
                  views if isinstance(views := parent.get("tags.views"), str) else None)
+
+
+def _plan(uri: str, study: str, run_id: str) -> tuple[dict[str, Any], list[str]]:
+    """What a sweep is about, and the names of its jobs."""
+    remedy = f"the same fractal-sweep {study} command again writes it anew"
+    name = f"the artifact {{}} of the run {run_id}"
+    about = parse_record(tracking.read_artifact(uri, run_id, "sweep.json"), name.format("sweep.json"), remedy,
+                         title=str, baseline=(str, type(None)), published=(str, type(None)))
+    if about["published"] not in (None, *TABLES):
+        raise InputError(f"{name.format('sweep.json')} names the published table {about['published']!r}, which is none "
+                         f"of {', '.join(TABLES)}; {remedy}")
+    try:
+        planned = parse_json(tracking.read_artifact(uri, run_id, "jobs.json"), name.format("jobs.json"))
+    except InputError as error:
+        raise InputError(f"{error}; {remedy}") from error
+    if not isinstance(planned, list) or not all(isinstance(job, str) for job in planned):
+        raise InputError(f"{name.format('jobs.json')} is damaged: expected a list of names; {remedy}")
+    return about, planned
 
 
 def _column(runs: pd.DataFrame, name: str, planned: list[str]) -> pd.Series:

@@ -25,7 +25,7 @@ def output(tmp_path_factory):
     return folder
 
 
-def log(uri, folder, name, scores, published, perceptual="none"):
+def log(uri, folder, name, scores, published, perceptual="none", trivial=("trivial/white_f1", "trivial/black_f1")):
     names = [f"{i},{row}" for i in range(len(scores["full"])) for row in scores] + ["9,full"]
     tags = {"kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": perceptual}
     with tracking.start_run(uri, "study", name, folder=folder, tags=tags) as parent:
@@ -38,8 +38,8 @@ def log(uri, folder, name, scores, published, perceptual="none"):
                 if value is None:
                     job.finish("FAILED", ValueError("of 100% & more_"))
                     continue
-                job.log({"eval/f1": value, "eval/psnr": 10 * value, "white/f1": .4, "black/f1": .1, "train/loss": 1.0,
-                         "time/fit_seconds": 2.0 + i})
+                job.log({"eval/f1": value, "eval/psnr": 10 * value, "train/loss": 1.0, "time/fit_seconds": 2.0 + i,
+                         **dict(zip(trivial, (.4, .1), strict=True))})
                 if perceptual == "fractal":
                     job.log({"eval/fractal_distance": 1 - value})
                 job.image("result", np.full((8, 8), value, np.float32))
@@ -171,3 +171,28 @@ def test_a_report_says_on_which_views_and_how_many_were_empty(tmp_path, monkeypa
         assert read.metrics == ["f1"] and f"views={kind}" in text
         assert "3 of 14 views are empty in truth and result and are left out" in text
         assert ("only rows with views=released may be compared" in text) == note
+
+
+def test_an_older_store_with_other_names_of_the_trivial_scores_is_reported_alike(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-older", {"full": [.6]}, None, trivial=("white/f1", "black/f1"))
+    table = report.summary(report.read_sweep(uri, "study")).set_index("row")
+    assert table.loc[["all white", "all black"], "f1"].tolist() == pytest.approx([.4, .1])
+
+
+ABOUT = {"title": "A study", "baseline": None, "published": None}
+
+
+@pytest.mark.parametrize(("name", "content"), [
+    ("sweep.json", "{"), ("sweep.json", "[]"), ("sweep.json", "{}"), ("sweep.json", json.dumps({**ABOUT, "title": 1})),
+    ("sweep.json", json.dumps({**ABOUT, "published": "no such table"})),
+    ("jobs.json", "["), ("jobs.json", "{}"), ("jobs.json", "[1]")])
+def test_a_damaged_sweep_is_said_in_one_line(name, content, monkeypatch):
+    files = {"sweep.json": json.dumps(ABOUT), "jobs.json": "[]"} | {name: content}
+    frame = pd.DataFrame([{"run_id": "r1", "name": "s", "tags.scale": "smoke", "tags.perceptual": "none"}])
+    monkeypatch.setattr(tracking, "runs_frame", lambda *_: frame)
+    monkeypatch.setattr(tracking, "read_artifact", lambda uri, run_id, name: files[name].encode())
+    with pytest.raises(InputError, match=f"the artifact {name} of the run r1 .*; the same fractal-sweep") as error:
+        report.read_sweep("sqlite:////none", "study")
+    assert "\n" not in str(error.value)

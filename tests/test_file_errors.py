@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import resource
 import signal
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
@@ -87,7 +88,7 @@ def test_a_disk_that_fills_up_ends_a_fit_in_one_line_and_the_fit_goes_on_from_wh
 
 @pytest.mark.parametrize("key", ["name", "study", "output"])
 def test_names_too_long_are_refused_with_what_to_shorten(train, tmp_path, key):
-    with pytest.raises(InputError, match="File name too long; choose a shorter name with output=FOLDER, study=STUDY or "
+    with pytest.raises(InputError, match="File name too long; choose another with output=FOLDER, study=STUDY or "
                                          "name=NAME"):
         train(f"{key}={tmp_path if key == 'output' else ''}{'/' if key == 'output' else ''}{'x' * 300}")
 
@@ -176,3 +177,10 @@ def test_a_code_is_saved_whole_or_not_at_all(tmp_path):
     with pytest.raises(InputError, match="File too large"), a_disk_that_takes(20):
         code.save(tmp_path / "code.json")
     assert IFS.load(tmp_path / "code.json").linear.equal(code.linear) and os.listdir(tmp_path) == ["code.json"]
+
+
+def test_fits_that_start_together_open_one_folder(tmp_path):
+    with ThreadPoolExecutor(16) as pool:
+        opened = list(pool.map(lambda _: FitFolder.open(tmp_path, "fit"), range(3000)))
+    assert {folder.path for folder in opened} == {tmp_path / "fit"}
+    assert [path.name for path in (tmp_path / "fit").iterdir()] == ["views"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from torch import Tensor
 
 from ..checkpoint import compare
 from ..errors import InputError
-from ..files import alone_in, check_scores, explain, read_record, write_atomically
+from ..files import alone_in, check_scores, read_record, write_atomically
 from ..ifs import IFS
 from ..images import write_image
 from ..tracking.addresses import shown
@@ -37,12 +38,10 @@ class FitFolder:
         folder = cls(Path(parent).absolute() / name)
         try:
             folder.views.mkdir(parents=True, exist_ok=True)
-            probe = folder.path / ".writable"
-            probe.touch()
-            probe.unlink()
+            tempfile.TemporaryFile(dir=folder.path).close()  # of a name of its own, as fits may start together
         except OSError as error:
-            raise InputError(f"cannot write to the output folder {explain(error, folder.path)} with output=FOLDER, "
-                             "study=STUDY or name=NAME") from error
+            raise InputError(f"cannot write to the output folder {folder.path}: {error.strerror}; choose another with "
+                             "output=FOLDER, study=STUDY or name=NAME") from error
         return folder
 
     def alone(self) -> AbstractContextManager[None]:

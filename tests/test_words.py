@@ -1,5 +1,6 @@
 """What a wrong word on the command line is answered with, and what picture= and seconds= come to."""
 
+import errno
 import subprocess
 import sys
 
@@ -219,3 +220,21 @@ def test_a_code_with_gradients_is_drawn_by_its_values():
         tensor.requires_grad_()
     again = render(code, resolution=32)
     assert torch.equal(image, again) and not again.requires_grad
+
+
+@pytest.mark.parametrize(("program", "work"), [(train, "fit"), (perceptual, "train_distance")])
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device", "/x"),
+                                   BrokenPipeError(errno.EPIPE, "Broken pipe"), OSError("a library's own words")])
+def test_what_the_system_refuses_of_a_file_is_one_line_in_every_program(program, work, error, monkeypatch, capsys):
+    def fail(config):
+        raise error
+
+    monkeypatch.setattr(program, work, fail)
+    if error.filename:
+        assert "error: /x: No space left on device; free some space" in said(program, [], monkeypatch, capsys)
+        return
+    monkeypatch.setattr(sys, "argv", ["program"])
+    monkeypatch.setattr("fractal_exp.apps.interruption.listen", lambda: None)
+    with pytest.raises(SystemExit) as stop:
+        program.main()
+    assert stop.value.code == 1 and "Traceback" in capsys.readouterr().err

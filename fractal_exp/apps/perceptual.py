@@ -16,7 +16,6 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 from .. import fractal_features, threads
 from ..checkpoint import Checkpoint
-from ..errors import InputError
 from ..methods.base import check_device
 from ..perceptual_training.training import Recipe, train
 from . import configuration, interruption, words
@@ -114,9 +113,8 @@ def _file(folder: FitFolder) -> Path:
 @hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="perceptual")
 def _hydra_main(config: DictConfig) -> None:
     try:
-        train_distance(config)
-    except InputError as error:
-        words.complain("fractal-perceptual", str(error))
+        with words.one_line("fractal-perceptual"):
+            train_distance(config)
     except KeyboardInterrupt:
         print("\nfractal-perceptual: interrupted; the same command with resume=true goes on from its last checkpoint",
               file=sys.stderr)

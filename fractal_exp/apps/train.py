@@ -13,17 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import hydra
-from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from .. import threads
 from ..checkpoint import Checkpoint
-from ..errors import InputError
 from ..evaluation import Perceptual
-from ..files import explain, write_atomically
+from ..files import write_atomically
 from ..images import write_image
-from ..methods.base import CodeReconstruction, FitDiverged, Method
+from ..methods.base import CodeReconstruction, Method
 from ..targets import Target
 from ..tracking import Tracker
 from . import configuration, interruption, words
@@ -135,15 +132,8 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
 @hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="train")
 def _hydra_main(config: DictConfig) -> dict[str, float]:
     try:
-        return fit(config)
-    except (InputError, FitDiverged) as error:
-        if HydraConfig.get().mode == RunMode.MULTIRUN:
-            raise
-        words.complain("fractal-train", str(error))
-    except OSError as error:
-        if error.errno is None or HydraConfig.get().mode == RunMode.MULTIRUN:
-            raise
-        words.complain("fractal-train", explain(error))
+        with words.one_line("fractal-train"):
+            return fit(config)
     except KeyboardInterrupt:
         print("\nfractal-train: interrupted; the same command with resume=true goes on", file=sys.stderr)
         raise SystemExit(130) from None

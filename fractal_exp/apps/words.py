@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from hydra._internal.utils import get_args_parser
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from hydra.types import RunMode
 from omegaconf.errors import (
     ConfigAttributeError,
     ConfigKeyError,
@@ -26,6 +28,7 @@ from omegaconf.errors import (
     ValidationError,
 )
 
+from .. import files
 from ..errors import InputError, did_you_mean
 from ..methods.base import FitDiverged
 from .vocabulary import Vocabulary
@@ -58,6 +61,28 @@ def run(program: str, main: Callable[[], Any], words: Sequence[str], config: str
             traceback.print_exc()
             raise SystemExit(1) from None
         complain(program, message)
+
+
+@contextlib.contextmanager
+def one_line(program: str) -> Iterator[None]:
+    """Print what a user can mend as one line (exit status 2), before Hydra adds lines of its own.
+
+    With -m it is raised, as Hydra is to see which job failed.
+    """
+    try:
+        yield
+    except Exception as error:
+        told = _told(error)
+        if told is None or HydraConfig.get().mode == RunMode.MULTIRUN:
+            raise
+        complain(program, told)
+
+
+def _told(error: BaseException) -> str | None:
+    """What a user can mend of the work itself: what was given, and what the system refuses of a file."""
+    if isinstance(error, InputError | FitDiverged):
+        return str(error)
+    return files.explain(error) if isinstance(error, OSError) and files.is_of_file(error) else None
 
 
 def complain(program: str, message: str) -> None:
@@ -163,9 +188,9 @@ def _quoted(word: str) -> str:
 
 
 def explain(error: BaseException, vocabulary: Vocabulary, words: Sequence[str] = ()) -> str | None:
-    """What is wrong with the words in one line, or None if the error is not about them."""
-    if isinstance(error, InputError | FitDiverged):
-        return str(error)
+    """What a user can mend in one line: the words, what stands in a file, what the system refuses; else None."""
+    if told := _told(error):
+        return told
     if _during_our_work(error):
         return None
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error

@@ -162,7 +162,10 @@ def read_file(path: str | Path, what: str, most_bytes: int | None = None) -> byt
 
 
 def parse_json(data: bytes, name: str) -> Any:
-    """The plain data of JSON (UTF-8) that gives no key twice. Raises `InputError`, which begins with the name."""
+    """The plain data of JSON (UTF-8), at most 16 MiB, that gives no key twice. Raises `InputError`, which begins with
+    the name."""
+    if len(data) > LARGEST_JSON:
+        raise InputError(f"{name} has {len(data)} bytes, at most {LARGEST_JSON} are read")
     try:
         return json.loads(data.decode(), object_pairs_hook=_no_key_twice)
     except RecursionError:

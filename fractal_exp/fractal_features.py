@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from .errors import InputError
+from .files import check_file, parse_json, write_atomically
 
 FORMAT, VERSION = "fractal-exp/perceptual", 1
 CHANNELS = (8, 24, 48, 64, 96, 128, 128)  # of the seven levels, at a half, a quarter … a 64th of the image's side; the
@@ -22,6 +23,7 @@ KERNELS = (5, 3, 3, 3, 3, 3, 3)
 TAPS = (2, 4, 6, 8, 10, 12, 14)           # features are read after each level's ReLU
 SMALLEST_PX = 32                          # one whole pixel of the fifth level; the padding fills up the last two
 
+LARGEST_FILE = 2**28                      # bytes of a weight file; this network needs less than a megabyte
 SHIPPED = "fractal_features.safetensors"  # in the folder data/ of this package
 SHIPPED_SHA256 = "3119823362fcd7c843a7db213329c5900cddd19a8a2c25261adc91b3c8b4e856"
 
@@ -52,8 +54,6 @@ def save(path: str | Path, layers: nn.Sequential, channel_weights: Sequence[Tens
     """Write a weight file (safetensors, float16) and return its absolute path. `recipe`: plain data, kept as JSON."""
     from safetensors.torch import save as to_bytes
 
-    from .files import write_atomically
-
     tensors = {f"layers.{name}": value for name, value in layers.state_dict().items()}
     tensors |= {f"channel_weights.{level}": weight for level, weight in enumerate(channel_weights)}
     tensors = {name: value.detach().cpu().half().contiguous() for name, value in tensors.items()}
@@ -70,7 +70,7 @@ def load(path: str | Path | None = None) -> FractalFeatures:
     """
     if path is None:
         return _parse(_shipped(), f"this package's {SHIPPED}")
-    path = Path(path).expanduser().absolute()
+    path = check_file(Path(path).expanduser(), "the weight file", LARGEST_FILE)
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -102,7 +102,7 @@ def _parse(data: bytes, name: str) -> FractalFeatures:
     except (SafetensorError, ValueError) as error:
         raise InputError(f"{name} cannot be read as safetensors: {error}; name a file that fractal-perceptual wrote "
                          "(perceptual_weights=PATH)") from error
-    notes = _notes(data)
+    notes = _notes(data, name)
     if notes.get("format") != FORMAT or notes.get("version") != str(VERSION):
         raise InputError(f"{name} must be of the format {FORMAT!r} version {VERSION}, got {notes.get('format')!r} "
                          f"version {notes.get('version')!r}; train one with fractal-perceptual, or leave "
@@ -118,17 +118,17 @@ def _parse(data: bytes, name: str) -> FractalFeatures:
     return FractalFeatures(layers, weights, _recipe(notes, name))
 
 
-def _notes(data: bytes) -> dict[str, str]:
+def _notes(data: bytes, name: str) -> dict[str, str]:
     """The metadata of whole safetensors bytes: a header of as many bytes as the first eight say, in JSON."""
-    return json.loads(data[8:8 + int.from_bytes(data[:8], "little")]).get("__metadata__") or {}
+    header = data[8:8 + int.from_bytes(data[:8], "little")]
+    return parse_json(header, f"{name} is damaged: its header").get("__metadata__") or {}
 
 
 def _recipe(notes: Mapping[str, str], name: str) -> dict[str, Any]:
     try:
-        recipe = json.loads(notes.get("recipe", "{}"))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{name} is damaged: its recipe is no JSON ({error}); copy it anew, or train one with "
-                         "fractal-perceptual") from error
+        recipe = parse_json(notes.get("recipe", "{}").encode(), "its recipe")
+    except InputError as error:
+        raise InputError(f"{name} is damaged: {error}; copy it anew, or train one with fractal-perceptual") from error
     if not isinstance(recipe, dict):
         raise InputError(f"{name} is damaged: its recipe must be a JSON object, got {type(recipe).__name__}; copy it "
                          "anew, or train one with fractal-perceptual")

@@ -231,7 +231,7 @@ def test_a_damaged_file(file, tmp_path):
         broken.write_bytes(data)
         with pytest.raises(InputError, match="cannot be read as safetensors"):
             perceptual.load("fractal", broken)
-    for recipe, message in (('{"steps": 9', "its recipe is no JSON"), ("[9]", "must be a JSON object, got list")):
+    for recipe, message in (('{"steps": 9', "its recipe is not JSON"), ("[9]", "must be a JSON object, got list")):
         with pytest.raises(InputError, match=f"broken.safetensors is damaged: .*{message}.*fractal-perceptual"):
             perceptual.load("fractal", altered(file, broken, {"recipe": recipe}))
 

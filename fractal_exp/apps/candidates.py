@@ -10,6 +10,7 @@ from pathlib import Path
 
 from .. import codes, tracking
 from ..errors import InputError
+from ..files import check_file
 from ..ifs import IFS
 from ..suite import SUITE_COUNT, SUITE_SEED, random_suite
 from . import records
@@ -72,7 +73,9 @@ def _fit(name: str, where: str, read: Read, truth: str | None) -> Candidate:
 def _folder_reader(folder: Path) -> Read:
     def read(name: str) -> bytes | None:
         try:
-            return (folder / name).read_bytes() if (folder / name).is_file() else None
+            if not (folder / name).exists():
+                return None
+            return check_file(folder / name, "the fit's file", records.most_bytes(name)).read_bytes()
         except OSError as error:
             raise InputError(f"cannot read {folder / name}: {error.strerror}") from error
     return read
@@ -86,9 +89,11 @@ def _run_reader(run_id: str, output: str | Path) -> Read:
 
     def read(name: str) -> bytes | None:
         try:
-            return tracking.read_artifact(uri, run_id, name)
-        except InputError:  # there is none of this name
+            return tracking.read_artifact(uri, run_id, name, records.most_bytes(name))
+        except tracking.NoArtifact:
             return None
+        except InputError:
+            raise
         except Exception as error:  # MLflow's own kinds, by version
             raise InputError(f"cannot read run {run_id!r}: {str(error).splitlines()[0]}") from error
     return read

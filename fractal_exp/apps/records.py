@@ -15,13 +15,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from torch import Tensor
 
 from ..errors import InputError
-from ..files import parse_json
+from ..files import LARGEST_JSON, parse_json
 from ..ifs import IFS
 from ..targets import KnownCode, SuiteFractal
 
 FINISHED, CONFIG = "finished.json", "config.yaml"
 CODE, TRUTH, PICTURE, EIGHT_BITS = "code.json", "truth.json", "target.png", "views/target.png"
 LARGEST_SIDE = 8192       # pixels, of a picture that a fit left
+LARGEST_PICTURE = 2**28   # bytes of its file, which 16-bit noise of that size just about needs
 LARGEST_INDEX = 99_999    # of a fractal of a suite that a record names
 
 Read = Callable[[str], bytes | None]  # a file of the fit by its name, None if there is none
@@ -47,9 +48,10 @@ class _Record(BaseModel):
 
 class _Known(_Record):
     name: str = Field("fern", max_length=100)
+    probabilities: Literal["area", "published"] = "area"
 
     def truth(self) -> IFS:
-        return KnownCode(self.name).code  # such records are older than the choice of probabilities
+        return KnownCode(self.name, self.kind, self.probabilities).code
 
 
 class _Suite(_Record):
@@ -63,6 +65,11 @@ class _Suite(_Record):
 CODES: dict[str, type[_Known] | type[_Suite]] = {"fractal_exp.targets.KnownCode": _Known,
                                                  "fractal_exp.targets.SuiteFractal": _Suite}
 PICTURES = tuple(f"fractal_exp.targets.{name}" for name in ("Picture", "RetinaVessels", "Snowflake"))
+
+
+def most_bytes(name: str) -> int:
+    """How large a file of a fit may be; a `Read` refuses larger ones without reading them."""
+    return LARGEST_PICTURE if name.endswith(".png") else LARGEST_JSON
 
 
 def read_code(read: Read, name: str, where: str) -> IFS | None:
@@ -99,6 +106,8 @@ def _json(data: bytes) -> Any:
 
 
 def _yaml(data: bytes) -> Any:
+    if len(data) > LARGEST_JSON:
+        raise InputError(f"it has {len(data)} bytes, at most {LARGEST_JSON} are read")
     try:
         return yaml.safe_load(data)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from ..errors import InputError
+from ..files import check_file
 from .addresses import database_path, shown
 from .client import connect
 from .store import PARENT, pages, patiently
@@ -79,15 +80,28 @@ def read_series(uri: str, run_id: str, name: str) -> pd.DataFrame:
     return frame.sort_values(["step", "time"], ignore_index=True)
 
 
-def read_artifact(uri: str, run_id: str, name: str) -> bytes:
-    """The content of one artifact of a run. Raises `InputError` if the run has none of that name."""
+class NoArtifact(InputError):
+    """A run has no artifact of the name that was asked for."""
+
+
+def read_artifact(uri: str, run_id: str, name: str, most_bytes: int | None = None) -> bytes:
+    """The content of one artifact of a run, of at most `most_bytes`.
+
+    Raises `NoArtifact`, an `InputError`, if the run has none of that name, and `InputError` on one that is larger. The
+    size is that of the store's list where it gives one, so that a large artifact is not even fetched.
+    """
     client = connect(uri)
     parent = name.rpartition("/")[0] or None
-    names = [artifact.path for artifact in client.list_artifacts(run_id, parent) if not artifact.is_dir]
-    if name not in names:
-        raise InputError(f"run {run_id} has no artifact {name!r}; in that folder it has {names}")
+    sizes = {artifact.path: artifact.file_size for artifact in client.list_artifacts(run_id, parent)
+             if not artifact.is_dir}
+    if name not in sizes:
+        raise NoArtifact(f"run {run_id} has no artifact {name!r}; in that folder it has {list(sizes)}")
+    if most_bytes is not None and (sizes[name] or 0) > most_bytes:
+        raise InputError(f"cannot read the artifact {name!r} of run {run_id}: it has {sizes[name]} bytes, at most "
+                         f"{most_bytes} are read")
     with tempfile.TemporaryDirectory() as scratch:
-        return Path(client.download_artifacts(run_id, name, scratch)).read_bytes()
+        path = Path(client.download_artifacts(run_id, name, scratch))
+        return check_file(path, f"the artifact {name!r} of run {run_id} in", most_bytes).read_bytes()
 
 
 def read_table(uri: str, run_id: str, name: str) -> pd.DataFrame:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import cmath
-import difflib
 import math
 from dataclasses import dataclass
 
-from .errors import InputError
+from .errors import InputError, did_you_mean
 from .ifs import IFS
 
 Row = tuple[float, float, float, float, float, float]  # a b c d e f: x' = a x + b y + e, y' = c x + d y + f
@@ -33,9 +32,8 @@ def known(name: str) -> IFS:
     to the canvas. Raises `InputError` on an unknown name, listing the close ones and all.
     """
     if name not in _CLASSICS:
-        close = difflib.get_close_matches(str(name).lower(), names(), n=3, cutoff=0.5)
-        hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
-        raise InputError(f"no classic code is called {name!r}; {hint}known names: {', '.join(names())}")
+        near = did_you_mean(str(name), names())
+        raise InputError(f"no classic code is called {name!r}{near or ';'} known names: {', '.join(names())}")
     classic = _CLASSICS[name]
     rows = classic.rows
     return IFS(

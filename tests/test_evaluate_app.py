@@ -120,7 +120,7 @@ def test_a_truth_is_a_code_or_a_folder(folder):
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["mine"], "Name its truth"),
-    (["mine", "--truth", "ferm"], "did you mean fern"),
+    (["mine", "--truth", "ferm"], "did you mean 'fern'? give"),
     (["mine", "--truth", "suite", "--views", "paper"], "views=paper is now called views=uniform"),
     (["mine", "--truth", "suite", "--views", "all"], "views must be one of attractor, released, uniform"),
     (["mine", "--truth", "true"], "true/fit-000.json"),
@@ -131,10 +131,12 @@ def test_a_truth_is_a_code_or_a_folder(folder):
     (["run:5", "--truth", "suite"], "no runs are kept"),
     (["picture"], "fitted to pictures that are not kept"),
     (["foreign"], "no target of this package"),
-    (["mine", "--truth", "suite", "--resolution", "0"], "resolution"),
+    (["mine", "--truth", "suite", "--resolution", "0"], "--resolution must be an integer of at least 1, got 0"),
+    (["mine", "--truth", "suite", "--resolution", "-5"], "--resolution must be an integer of at least 1, got -5"),
+    (["mine", "--truth", "suite", "--resolution", "10000000000"], "lower --resolution"),
     (["mine", "--truth", "suite", "--resolution", "41", "--perceptual", "fractal"], "raise --resolution to 42"),
-    (["mine", "--truth", "suite", "--points", "0"], "points_in_view"),
-    (["mine", "--truth", "suite", "--out", "mine/other.txt"], "cannot make the folder"),
+    (["mine", "--truth", "suite", "--points", "0"], "--points must be an integer of at least 1, got 0"),
+    (["mine", "--truth", "suite", "--out", "mine/other.txt"], "mine/other.txt: File exists; choose a folder"),
 ])
 def test_what_a_user_can_mend_is_one_line(folder, capsys, arguments, message):
     save_two(folder)

@@ -286,3 +286,13 @@ def test_only_the_papers_scale_is_judged_on_the_views_of_its_program(scale, view
         assert compose("train", [f"scale={scale}"]).evaluation.views == views
         assert compose("train", [f"scale={scale}", "evaluation.views=uniform"]).evaluation.views == "uniform"
     assert app.SCALES.get(scale, {"views": views})["views"] == views
+
+
+def test_the_table_of_the_inputs_replaces_an_older_one_as_a_whole(folder):
+    (folder / "inputs.csv").write_text("old")
+    (folder / "older.csv").hardlink_to(folder / "inputs.csv")
+    table = pd.DataFrame([{"fractal": "leaf", "method": "result", "against": "input", "input": "target.png",
+                           "resolution": 64, "f1": 0.5, "perceptual": "none"}])
+    app._write_inputs(table, folder, tracking.NoTracker())
+    assert pd.read_csv(folder / "inputs.csv").f1.tolist() == [0.5]
+    assert (folder / "older.csv").read_text() == "old", "it was not written into"

@@ -180,13 +180,16 @@ def test_points_keep_their_density_at_every_resolution():
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"resolution": 0}, "resolution must be an integer of at least 1, got 0"),
     ({"resolution": 2.5}, "resolution must be an integer"),
-    ({"resolution": 1_000_000}, "takes 7450.6 GiB"),
+    ({"resolution": 1_000_000}, "would take 7.45e.03 GiB of memory"),
     ({"points_in_view": 0}, "points_in_view"),
     ({"supersample": 0}, "supersample"),
     ({"supersample": 65}, "at most 64"),
     ({"seed": -1}, "seed"),
     ({"mode": "colour"}, "occupancy, density"),
     ({"view": View(zoom=1e13)}, "double precision"),
+    ({"view": (0, 0)}, r"view must be a View, got \(0, 0\); View\(center, zoom\) makes one"),
+    ({"view": ()}, "view must be a View"),
+    ({"supersample": True}, "supersample must be an integer of at least 1, got True"),
 ])
 def test_what_cannot_be_drawn_is_said_before_any_work(arguments, message):
     with pytest.raises(InputError, match=message):

@@ -67,7 +67,7 @@ def test_a_film(tmp_path, suffix):
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["ferm", "a.png"], "did you mean fern"),
+    (["ferm", "a.png"], "did you mean 'fern'? give"),
     (["no.json", "a.png"], "cannot read the code"),
     (["suite:x", "a.png"], "suite:INDEX"),
     (["fern", "a.jpg"], "end the name in .png"),

@@ -100,7 +100,8 @@ def test_weights_that_are_huge_or_no_file_are_not_read(tmp_path):
 @pytest.mark.parametrize("choice", ["area", "published"])
 def test_a_record_of_a_classic_says_its_probabilities(choice):
     """What conf/target/known.yaml has is what a record of it may hold."""
-    target = OmegaConf.to_container(OmegaConf.load(Path(__file__).parents[1] / "conf/target/known.yaml")) | {"probabilities": choice}
+    file = Path(__file__).parents[1] / "conf" / "target" / "known.yaml"
+    target = OmegaConf.to_container(OmegaConf.load(file)) | {"probabilities": choice}
     read = {"finished.json": json.dumps({"identity": {"target": target}}).encode()}.get
     source = instantiate(target)
     assert isinstance(source, KnownCode)

@@ -199,7 +199,11 @@ BAD = {
     "resolution without mip levels": (["target=retina", "resolution=48"], "power of two"),
     "no checkpoint interval": (["target=retina", "checkpoint_every=0"], "at least 1, got 0"),
     "unknown views": (["evaluation.views=all"], "views must be one of"),
-    "no supersampling": (["evaluation.supersample=0"], "evaluation.supersample must be a whole number"),
+    "no supersampling": (["evaluation.supersample=0"], "evaluation.supersample must be an integer of at "
+                                                         "least 1, got 0"),
+    "too much supersampling": (["evaluation.supersample=65"], "evaluation.supersample must be an integer of at most"),
+    "a truth value for a number": (["evaluation.supersample=true"], "evaluation.supersample"),
+    "a truth value for a resolution": (["evaluation.resolution=true"], "evaluation.resolution must be an integer"),
     "unknown evaluation option": (["+evaluation.zoom=3"], "'zoom' is none of them"),
     "a float for a count": (["model.trajectories=2e2"], "model.trajectories: .*integer, got 200.0"),
     "too many threads": (["threads=1000"], "threads must be between 1 and"),

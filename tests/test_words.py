@@ -238,3 +238,10 @@ def test_what_the_system_refuses_of_a_file_is_one_line_in_every_program(program,
     with pytest.raises(SystemExit) as stop:
         program.main()
     assert stop.value.code == 1 and "Traceback" in capsys.readouterr().err
+
+
+def test_a_mistake_in_the_yaml_of_a_user_is_located(monkeypatch, capsys, tmp_path):
+    (tmp_path / "target").mkdir()
+    (tmp_path / "target" / "mine.yaml").write_text("name: fern\nkind: [grey\n")
+    error = said(train, ["--config-dir", str(tmp_path), "target=mine", *SHOWN], monkeypatch, capsys)
+    assert "mine.yaml" in error and "line 2" in error and "expected ',' or ']'" in error

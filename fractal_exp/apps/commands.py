@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 from .. import codes
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..files import explain, is_of_file
 from ..ifs import IFS
 from ..suite import SUITE_SEED, random_suite
@@ -45,9 +44,8 @@ def read_code(text: str) -> IFS:
         return IFS.load(path)
     if text in codes.names():
         return codes.known(text)
-    close = difflib.get_close_matches(text.lower(), codes.names(), n=2, cutoff=0.5)
-    hint = f" (did you mean {' or '.join(close)}?)" if close else ""
-    raise InputError(f"{text!r} is no file and no classic code{hint}; give {CODE_HELP.removeprefix('a code: ')}")
+    near = did_you_mean(text, codes.names())
+    raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
 
 
 def suite_address(text: str) -> tuple[int, int]:
@@ -64,7 +62,7 @@ def make_folder(path: str | Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another") from error
+        raise InputError(f"cannot make the folder {explain(error, folder)}") from error
     return folder
 
 

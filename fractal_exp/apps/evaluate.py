@@ -14,11 +14,12 @@ import torch
 from tqdm import tqdm
 
 from .. import perceptual, threads, tracking
+from ..checks import check_count
 from ..errors import InputError
 from ..evaluation import Perceptual, score, summarize
 from ..evaluation.code_error import code_error
 from ..evaluation.pictures import comparison_strip
-from ..evaluation.render import render
+from ..evaluation.render import check_resolution, render
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL, Scored
 from ..evaluation.summary import CEILING_F1, describe
 from ..evaluation.views import KINDS, check_kind
@@ -89,6 +90,9 @@ def evaluate_codes(options: argparse.Namespace) -> None:
     """Judge what the command line names, and write what came out."""
     for name, value in SCALES[options.scale].items():
         setattr(options, name, value if getattr(options, name) is None else getattr(options, name))
+    check_resolution(options.resolution, "--resolution")
+    if options.points is not None:
+        check_count("--points", options.points)
     check_kind(options.views)
     threads.use()
     candidates = gather(options.codes, options.truth, options.output)
@@ -191,7 +195,7 @@ def _judge_pictures(candidates: list[Candidate], options: argparse.Namespace, di
 
 def _write_inputs(table: pd.DataFrame, folder: Path, run: tracking.Tracker) -> str:
     """The table of the fits of pictures into the folder and the run; its part of the report."""
-    table.to_csv(folder / "inputs.csv", index=False)
+    write_atomically(folder / "inputs.csv", table.to_csv(index=False))
     run.table("inputs.json", table)
     scores = table.drop(columns=["resolution", "input", "against", "perceptual"])
     means = scores.groupby("method", sort=False).mean(numeric_only=True).dropna(axis="columns", how="all")

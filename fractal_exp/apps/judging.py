@@ -10,10 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..checks import check_count
 from ..errors import InputError
 from ..evaluation import Perceptual, metrics, score
 from ..evaluation.pictures import comparison_strip
-from ..evaluation.render import check_device
+from ..evaluation.render import MAX_SUPERSAMPLE, check_device, check_resolution
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.summary import without_empty
 from ..evaluation.views import check_kind
@@ -62,10 +63,10 @@ def check_options(options: Mapping[str, Any]) -> None:
     if odd := sorted(set(options) ^ known):
         raise InputError(f"the evaluation options are {', '.join(sorted(known))}; {odd[0]!r} is "
                          f"{'none of them' if odd[0] in options else 'missing'}")
-    for name, optional in (("resolution", False), ("points_in_view", True), ("supersample", False)):
-        value = options[name]
-        if not (optional and value is None) and (not isinstance(value, int) or value < 1):
-            raise InputError(f"evaluation.{name} must be a whole number of at least 1, got {value!r}")
+    check_resolution(options["resolution"], "evaluation.resolution")
+    if options["points_in_view"] is not None:
+        check_count("evaluation.points_in_view", options["points_in_view"])
+    check_count("evaluation.supersample", options["supersample"], most=MAX_SUPERSAMPLE)
     check_kind(options["views"])
     if options["align"] not in ALIGNMENTS:
         raise InputError(f"evaluation.align must be one of {', '.join(ALIGNMENTS)}, got {options['align']!r}")

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
 from hydra._internal.utils import get_args_parser
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -264,6 +265,8 @@ TEXTS: dict[str, Callable[[Vocabulary, str], str]] = {
 
 def _first_line(error: BaseException) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if isinstance(error, yaml.YAMLError):  # its first line says what was being read, the next ones what is wrong where
+        lines = [" ".join(lines)]
     return f"the command cannot be carried out: {lines[0] if lines else type(error).__name__}"
 
 

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from .. import attractor, codes
+from ..checks import check_count, check_memory, shown
 from ..errors import InputError
 from ..ifs import IFS, View
 from ..ops import cuda_launch, histogram
@@ -105,13 +106,13 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
                      supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
                      reuse: int = 1) -> tuple[Tensor, RenderInfo]:
     """`render`, and what it did instead of a warning; `reuse` (CPU only) as in `AddressTree`, for quicker drawings."""
-    _check_memory(resolution)
+    check_resolution(resolution)
     check_device(device)
-    code = _drawable(code)
+    code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
-    plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode, reuse)
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse)
     image, drawn = np.zeros((resolution, resolution), np.float32), 0
-    for tile in _tiles(plan, view or View(), resolution, wanted, supersample, seed, mode, device):
+    for tile in _tiles(plan, view, resolution, wanted, supersample, seed, mode, device):
         target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
         target[:] = tile.pixels[:target.shape[0], :target.shape[1]]
         drawn += tile.drawn
@@ -126,12 +127,12 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
     anew for each tile, at one density, so no seam shows.
     """
     check_device(device)
-    code = _drawable(code)
+    code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
-    plan = _plan(code, view or View(), resolution, wanted, supersample, seed, mode)
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode)
     if plan.reason is not None:
         log.warning(plan.reason)
-    return _tiles(plan, view or View(), resolution, wanted, supersample, seed, mode, device)
+    return _tiles(plan, view, resolution, wanted, supersample, seed, mode, device)
 
 
 def tile_side(resolution: int, supersample: int) -> int:
@@ -167,14 +168,17 @@ def _drawable(code: IFS) -> IFS:
                    probabilities=None if own is None else own.detach())
 
 
+def _checked(view: View | None) -> View:
+    if view is not None and not isinstance(view, View):
+        raise InputError(f"view must be a View, got {shown(view)}; View(center, zoom) makes one")
+    return View() if view is None else view
+
+
 def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
           reuse: int = 1) -> _Plan:
-    for name, value in (("resolution", resolution), ("points_in_view", points), ("supersample", supersample),
-                        ("reuse", reuse)):
-        if not isinstance(value, Integral) or value < 1:
-            raise InputError(f"{name} must be an integer of at least 1, got {value!r}")
-    if supersample > MAX_SUPERSAMPLE:
-        raise InputError(f"supersample must be at most {MAX_SUPERSAMPLE}, got {supersample}; raise the resolution")
+    for name, value in (("resolution", resolution), ("points_in_view", points), ("reuse", reuse)):
+        check_count(name, value)
+    check_count("supersample", supersample, most=MAX_SUPERSAMPLE)
     if not isinstance(seed, Integral) or seed < 0:
         raise InputError(f"seed must be an integer of at least 0, got {seed!r}")
     if mode not in MODES:
@@ -296,11 +300,8 @@ def check_device(device: str) -> None:
                          "'fractal-exp[cuda]'); take device='cpu'")
 
 
-def _check_memory(resolution: int) -> None:
-    if not isinstance(resolution, Integral) or resolution < 1:
-        raise InputError(f"resolution must be an integer of at least 1, got {resolution!r}")
-    needed = 8 * resolution**2  # the image and a copy
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else math.inf
-    if needed > memory / 2:
-        raise InputError(f"an image of {resolution}² pixels takes {needed / 2**30:.1f} GiB and this machine has "
-                         f"{memory / 2**30:.1f}; lower the resolution, or draw it in tiles (render_tiles)")
+def check_resolution(resolution: int, name: str = "resolution") -> None:
+    """Raise `InputError` unless an image of this resolution, which the message calls `name`, can be drawn here."""
+    check_count(name, resolution)
+    check_memory(f"an image of {resolution}² pixels", 8 * int(resolution)**2,  # the image and a copy
+                 torch.device("cpu"), f"lower {name}, or draw it in tiles (render_tiles)")

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..ifs import IFS, View
 from . import metrics
 from .cache import ImageCache
-from .render import points_per_view
+from .render import check_resolution, points_per_view
 from .views import code_of, evaluation_views
 
 if TYPE_CHECKING:
@@ -82,8 +82,11 @@ class Perceptual:
         return "lpips" if self.name == "none" or self.name.startswith("lpips") else f"{self.name}_distance"
 
     def check(self, side: int, setting: str = "resolution") -> None:
-        """Raise `InputError` if the distance cannot be measured on the inner 75% of pictures of `side` pixels a side,
-        which `setting` decides."""
+        """Raise `InputError` if there is a distance, but it cannot be measured on the inner 75% of pictures of `side`
+        pixels a side, at least 1, which `setting` decides."""
+        if self.distance is None:
+            return
+
         def inner(pixels: int) -> int:
             return metrics.inner_crop(torch.empty(pixels, pixels, device="meta")).shape[-1]
 
@@ -141,6 +144,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     """`evaluate`, with the images that were compared."""
     if align not in ALIGNMENTS:
         raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
+    check_resolution(resolution)
     chosen = evaluation_views(truth, views, seed=seed)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}

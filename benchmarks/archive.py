@@ -6,6 +6,8 @@ A run is a folder: codes.jsonl as the fits left it; per_view.csv and report.txt 
 from __future__ import annotations
 
 import json
+import os
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -71,18 +73,32 @@ def here() -> dict:
 
 
 def append(folder: Path, fit: Fit) -> None:
-    """Add a fit to the run in `folder`."""
+    """Add a fit to the run in `folder`, on a line of its own even if the last one is incomplete."""
     folder.mkdir(parents=True, exist_ok=True)
     record = {name: value for name, value in vars(fit).items() if name not in ("code", "stages")}
     record |= {"code": _plain(fit.code), "stages": [vars(stage) | {"code": _plain(stage.code)} for stage in fit.stages]}
-    with open(folder / CODES, "a") as file:
-        file.write(json.dumps(record) + "\n")
+    with open(folder / CODES, "ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+        start = b"" if file.read(1) in (b"", b"\n") else b"\n"
+        file.write(start + json.dumps(record).encode() + b"\n")
 
 
 def read(folder: Path) -> list[Fit]:
-    """The fits of a run, in the order of the fractals."""
+    """The fits of a run, in the order of the fractals.
+
+    A line that ends before its record does is left out with a warning: its process was killed while it wrote.
+    """
     path = folder / CODES
-    fits = [_fit(json.loads(line)) for line in path.read_text().splitlines()] if path.exists() else []
+    fits = []
+    for number, line in enumerate(path.read_text().splitlines() if path.exists() else [], 1):
+        try:
+            record = json.loads(line)
+        except json.JSONDecodeError:
+            warnings.warn(f"{path}: line {number} is incomplete and left out; its fractal has to be fitted again",
+                          stacklevel=2)
+            continue
+        fits.append(_fit(record))
     return sorted(fits, key=lambda fit: (isinstance(fit.fractal, str), fit.fractal))
 
 

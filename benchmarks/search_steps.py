@@ -3,7 +3,7 @@
     python -m benchmarks.search_steps                      half a minute
     python -m benchmarks.search_steps --json steps.json
 
-One thread, as `benchmarks.collage` gives each fractal. A descent is 40 steps on a fractal of the random suite at 64²;
+One thread, as `benchmarks.suite` gives each fractal. A descent is 40 steps on a fractal of the random suite at 64²;
 its floor is the time of its floating-point operations at the rate of a large matrix product, measured in the same run,
 which scattered sums cannot reach. A drawing is that of 3.1 million points on 4096² subpixels by which a code is judged
 at 256²: with a point of the invariant measure under up to eight words, with each under one (as targets are drawn), and

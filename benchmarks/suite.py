@@ -68,6 +68,11 @@ def fit(fractal: int | str, seed: int | None, kind: str, resolution: int, method
                        **archive.here())
 
 
+def default_folder(method: str, seed: int | None, kind: str) -> Path:
+    """Where a run is kept unless told otherwise; seed: of the suite, None for the classics."""
+    return Path("outputs/benchmarks") / f"{method}_{'classics' if seed is None else seed}_{kind}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("method", choices=FITTERS)
@@ -83,7 +88,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, help="folder of the run (default: outputs/benchmarks/METHOD_SUITE_KIND)")
     args = parser.parse_args()
     seed = None if args.classics else args.seed
-    folder = args.output or Path("outputs/benchmarks") / f"{args.method}_{seed or 'classics'}_{args.kind}"
+    folder = args.output or default_folder(args.method, seed, args.kind)
     settings = args.options | ({"init": args.init} if args.init else {})
     for old in archive.read(folder):
         if (old.suite, old.kind, old.resolution, old.method, old.options) != (

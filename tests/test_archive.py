@@ -48,3 +48,21 @@ def test_a_folder_holds_one_run(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["suite", "collage", "--kind", "binary", "--output", str(tmp_path)])
     with pytest.raises(SystemExit, match="another run"):
         suite.main()
+
+
+def test_a_line_that_a_kill_cut_short_is_left_out_and_the_next_begins_anew(tmp_path):
+    archive.append(tmp_path, fit(fractal=0))
+    archive.append(tmp_path, fit(fractal=1))
+    path = tmp_path / archive.CODES
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.warns(UserWarning, match="codes.jsonl: line 2 is incomplete"):
+        assert archive.missing(tmp_path, range(3)) == [1, 2]
+    archive.append(tmp_path, fit(fractal=2))
+    with pytest.warns(UserWarning, match="line 2 is incomplete"):
+        assert [each.fractal for each in archive.read(tmp_path)] == [0, 2]
+    assert path.read_text().count("\n") == 3
+
+
+def test_the_suite_of_seed_zero_is_not_kept_where_the_classics_are():
+    assert suite.default_folder("collage", 0, "grey") != suite.default_folder("collage", None, "grey")
+    assert suite.default_folder("collage", 2025, "grey").name == "collage_2025_grey"

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_module
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 from PIL import Image
 
 from fractal_exp import InputError, attractor, codes, invert, render
-from fractal_exp.apps import configuration, perceptual, sweep, train, words
+from fractal_exp.apps import configuration, perceptual, sweep, sweep_check, train, words
 from fractal_exp.apps.vocabulary import Vocabulary
 
 SHOWN = ["--cfg", "job"]
@@ -245,3 +248,21 @@ def test_a_mistake_in_the_yaml_of_a_user_is_located(monkeypatch, capsys, tmp_pat
     (tmp_path / "target" / "mine.yaml").write_text("name: fern\nkind: [grey\n")
     error = said(train, ["--config-dir", str(tmp_path), "target=mine", *SHOWN], monkeypatch, capsys)
     assert "mine.yaml" in error and "line 2" in error and "expected ',' or ']'" in error
+
+
+@pytest.mark.parametrize("study", sweep.study_names())
+def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypatch):
+    """The words that the check adds leave a target of nothing but the picture's own settings, in every job."""
+    monkeypatch.setattr(sweep_check, "_compose_some", lambda config: None)
+    configuration.register()
+    given = words.completed([f"picture={tmp_path / 'leaf.png'}"], Vocabulary("sweep"))
+    search = ["hydra.searchpath=[pkg://fractal_exp.conf]"]
+    with initialize_config_module("fractal_exp.sweeps", version_base="1.3"):
+        config = compose(study, [*given, *search], return_hydra_config=True)
+        sweep_check.CheckSweep().on_multirun_start(config)
+        params = [f"{key}={value}" for key, value in config.hydra.sweeper.params.items()]
+        parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+        jobs = parser.parse_overrides([*params, *config.hydra.overrides.task])
+        [[job, *_]] = BasicSweeper.split_arguments(jobs, None)
+        target = compose(study, [*job, *search]).target
+    assert set(target) == {"_target_", "path", "invert", "threshold"} and target._target_.endswith("Picture")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from inspect import signature
 from typing import Any
 
 from hydra.core.global_hydra import GlobalHydra
@@ -11,6 +13,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from ..errors import InputError
+from ..targets import Picture
 from . import words
 from .vocabulary import Vocabulary
 
@@ -30,7 +33,8 @@ class CheckSweep(Callback):
 
 
 def _take_picture(config: DictConfig) -> None:
-    """With picture=FILE the study no longer varies its target, nor does its table speak of it."""
+    """With picture=FILE the study no longer varies its target, has no settings of another one, nor does its table
+    speak of it."""
     keys = [word.split("=", 1)[0].lstrip("+") for word in config.hydra.overrides.task]
     params = config.hydra.sweeper.params
     if "picture" not in keys:
@@ -39,6 +43,10 @@ def _take_picture(config: DictConfig) -> None:
     with read_write(config), open_dict(config):
         for key in [key for key in params or () if str(key).split(".")[0] == "target"]:
             del params[key]
+        for key, value in (OmegaConf.to_container(config.target, resolve=False) if config.target else {}).items():
+            if key not in ("_target_", *signature(Picture).parameters) and f"target.{key}" not in keys:
+                # With its value, since Hydra's sweeper writes every override as KEY=VALUE.
+                config.hydra.overrides.task.append(f"~target.{key}={json.dumps(value)}")
         for key in ("row", "sample"):
             if "${target." in labels[key] and f"sweep.{key}" not in keys:
                 config.hydra.overrides.task.append(f"sweep.{key}=${{picture}}")

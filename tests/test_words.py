@@ -9,7 +9,6 @@ import pytest
 import torch
 from hydra import compose, initialize_config_module
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 from PIL import Image
@@ -260,9 +259,8 @@ def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypat
     with initialize_config_module("fractal_exp.sweeps", version_base="1.3"):
         config = compose(study, [*given, *search], return_hydra_config=True)
         sweep_check.CheckSweep().on_multirun_start(config)
-        params = [f"{key}={value}" for key, value in config.hydra.sweeper.params.items()]
-        parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
-        jobs = parser.parse_overrides([*params, *config.hydra.overrides.task])
-        [[job, *_]] = BasicSweeper.split_arguments(jobs, None)
+        assert not [key for key in config.hydra.sweeper.params if key.startswith("target")]
+        jobs = OverridesParser.create().parse_overrides(list(config.hydra.overrides.task))
+        [[job]] = BasicSweeper.split_arguments(jobs, None)
         target = compose(study, [*job, *search]).target
     assert set(target) == {"_target_", "path", "invert", "threshold"} and target._target_.endswith("Picture")

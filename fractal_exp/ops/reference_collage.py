@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..checks import check_count, check_number
+from ..checks import check_count, check_number, shown
+from ..errors import InputError
 
 FLOOR = 1e-5                # of a bin's mass under the square root: what is fainter hardly counts
 BETA_1, BETA_2 = 0.9, 0.98  # of Adam
@@ -42,6 +43,8 @@ class Descent:
         for name in ("rate", "weight_rate", "decay", "largest", "smaller", "prior", "identity_weight"):
             check_number(name, getattr(self, name), "a finite number of at least 0", 0)
             object.__setattr__(self, name, float(getattr(self, name)))  # kernels are compiled for one type
+        if not isinstance(self.tied, bool):
+            raise InputError(f"tied must be True or False, got {shown(self.tied)}")
 
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:

@@ -57,7 +57,8 @@ def test_a_measure_has_a_grid_that_can_be_halved(bins, levels):
 
 
 @pytest.mark.parametrize("change", [dict(steps=-1), dict(tied=-10**30), dict(steps=True), dict(steps=10**9),
-                                    dict(rate=float("nan")), dict(identity_radius=0), dict(largest=-1), dict(decay="1")])
+                                    dict(rate=float("nan")), dict(identity_radius=0), dict(largest=-1),
+                                    dict(decay="1")])
 def test_a_descent_is_described_by_finite_numbers(change):
     with pytest.raises(InputError):
         Descent(**{"steps": 1} | change)

@@ -155,10 +155,14 @@ def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
     assert "its process ended without a word" in sweep.jobs.set_index("job")["reason"][job.name]
 
     process = start(killed, *words)
-    wait_for(in_work, "waited for a checkpoint", process)
-    workers = [int(pid) for pid in subprocess.run(["ps", "-o", "pid=", "--ppid", str(process.pid)], text=True,
-                                                  capture_output=True, check=True).stdout.split()]
-    assert len(workers) >= 2
+
+    def children() -> list[int]:
+        """The sweep's processes, once one of them works on the job again."""
+        listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(process.pid)], text=True, capture_output=True).stdout
+        pids = [int(pid) for pid in listed.split()]
+        return pids if int((job / ".lock").read_text() or 0) in pids else []
+
+    workers = wait_for(children, "waited for a worker", process)
     process.send_signal(signal.SIGKILL)
     process.wait()
     deadline = time.monotonic() + 60

@@ -26,6 +26,8 @@ from torch import Tensor
 
 from fractal_exp import attractor, ops, suite, threads
 
+from .environment import environment
+
 SIGMA_PX, SUPERSAMPLE = 2.5, 5
 FOOTPRINT = 217                 # pixels of a splat of sigma 2.5: the disc where its opacity is at least 1/255
 GAME = {"trajectories": 2000, "length": 250, "warmup": 10, "seed": 1}
@@ -191,7 +193,7 @@ def main() -> None:
             row |= twin_figures(case, row["total_ms"], arguments.twin_repeats)
             print(TWIN.format(**row))
     if arguments.json:
-        report = {"threads": count, "bytes_per_second": limits[0], "flops_per_second": limits[1],
+        report = {"environment": environment("cpu"), "threads": count, "bytes_per_second": limits[0], "flops_per_second": limits[1],
                   "cases": [row for _, row in measured]}
         arguments.json.write_text(json.dumps(report, indent=1) + "\n")
 

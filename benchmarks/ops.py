@@ -193,8 +193,8 @@ def main() -> None:
             row |= twin_figures(case, row["total_ms"], arguments.twin_repeats)
             print(TWIN.format(**row))
     if arguments.json:
-        report = {"environment": environment("cpu"), "threads": count, "bytes_per_second": limits[0], "flops_per_second": limits[1],
-                  "cases": [row for _, row in measured]}
+        report = {"environment": environment("cpu"), "threads": count, "bytes_per_second": limits[0],
+                  "flops_per_second": limits[1], "cases": [row for _, row in measured]}
         arguments.json.write_text(json.dumps(report, indent=1) + "\n")
 
 

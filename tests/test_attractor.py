@@ -134,3 +134,10 @@ def test_the_visible_box_is_right_for_maps_that_hardly_contract(slack, seed):
     code = IFS(linear, offset, np.full(4, 0.25))
     expected = box_of_all_words(code)
     np.testing.assert_allclose(visible_box(code), expected, atol=1e-6 * (expected[2:] - expected[:2]).max())
+
+
+def test_the_visible_box_ends_where_the_last_likely_word_sends_the_mean():
+    """x/2 with probability 0.998 and x/2 + 1/2 with 0.002: two steps to the right have the chance 4e-6, three 8e-9."""
+    p = 0.002
+    code = IFS(torch.eye(2).expand(2, 2, 2) / 2, torch.tensor([[0.0, 0], [0.5, 0]]), torch.tensor([1 - p, p]))
+    np.testing.assert_allclose(visible_box(code)[2], 0.75 + p / 4, atol=1e-6)  # p is the mean of the measure

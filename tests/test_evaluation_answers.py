@@ -148,3 +148,9 @@ def test_a_perfect_code_is_not_judged_on_its_own_points():
     square = IFS(torch.eye(2).expand(4, 2, 2) / 2, torch.tensor([[-1.0, -1], [-1, 1], [1, -1], [1, 1]]) / 4)
     table = evaluate(square, square, resolution=32, points_in_view=2000, supersample=2)
     assert table.psnr.max() < 40
+
+
+def test_the_truth_is_framed_whatever_frame_the_result_keeps():
+    truth = codes.known("sierpinski_triangle")  # in the unit square
+    scores = evaluate(attractor.normalize(truth), truth, resolution=64, points_in_view=100_000, align="none")
+    assert scores["f1"].iloc[0] > 0.9

@@ -22,7 +22,7 @@ from .base import Tracker
 from .client import connect
 from .dashboard import NOTE, experiment_tags
 from .outbox import ENDS, Outbox, Upload, read_note, undelivered
-from .store import FIRST_PATIENCE, PARENT, artifact_root, is_written_elsewhere, patiently, process_tags
+from .store import FIRST_PATIENCE, PARENT, artifact_root, changing_hands, is_written_elsewhere, patiently, process_tags
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -181,8 +181,9 @@ def _reopen(client: MlflowClient, uri: str, run_id: str, params: Mapping[str, st
         if (before := run.data.params.get(name, value)) != value:
             raise InputError(f"run {run_id} was started with {name}={before} and cannot go on with {name}={value}; "
                              f"put it back, or start a new run")
-    patiently(uri, client.update_run, run_id, status="RUNNING")
-    patiently(uri, client.log_batch, run_id, tags=[RunTag(*item) for item in tags.items()])
+    with changing_hands(uri):
+        patiently(uri, client.log_batch, run_id, tags=[RunTag(*item) for item in tags.items()])
+        patiently(uri, client.update_run, run_id, status="RUNNING")
     if "error" in run.data.tags:
         patiently(uri, client.delete_tag, run_id, "error")
     return _known(client, uri, run)

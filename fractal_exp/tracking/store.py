@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import hashlib
 import importlib.metadata
 import os
 import platform
@@ -10,10 +12,13 @@ import re
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
+
+from filelock import FileLock
 
 from ..errors import InputError
 from .addresses import database_path, reason, root, shown
@@ -141,18 +146,28 @@ def mark_killed_runs(uri: str) -> list[str]:
     status comes right when it ends.
     """
     client, here = connect(uri), process_tags()
-    experiments = [experiment.experiment_id for experiment in pages(client.search_experiments)]
-    running = list(pages(client.search_runs, experiment_ids=experiments,
-                          filter_string=f"attributes.status = 'RUNNING' and tags.host = '{here['host']}'"))
     killed = []
-    for run in running:
-        tags = run.data.tags
-        if "process_start" in tags and process_start(int(tags["pid"])) != tags["process_start"]:
-            client.set_tag(run.info.run_id, "error", f"killed: process {tags['pid']} on {tags['host']} is gone and "
-                                                     f"had not ended the run")
-            client.set_terminated(run.info.run_id, status="KILLED")
-            killed.append(run.info.run_id)
+    with changing_hands(uri):
+        experiments = [experiment.experiment_id for experiment in pages(client.search_experiments)]
+        running = list(pages(client.search_runs, experiment_ids=experiments,
+                             filter_string=f"attributes.status = 'RUNNING' and tags.host = '{here['host']}'"))
+        for run in running:
+            tags = run.data.tags
+            if "process_start" in tags and process_start(int(tags["pid"])) != tags["process_start"]:
+                client.set_tag(run.info.run_id, "error", f"killed: process {tags['pid']} on {tags['host']} is gone and "
+                                                         f"had not ended the run")
+                client.set_terminated(run.info.run_id, status="KILLED")
+                killed.append(run.info.run_id)
     return killed
+
+
+@contextlib.contextmanager
+def changing_hands(uri: str) -> Iterator[None]:
+    """A lock among this host's processes: a run is not reopened by one while another takes it for dead."""
+    user = os.getuid() if hasattr(os, "getuid") else ""
+    digest = hashlib.sha256(uri.encode()).hexdigest()[:16]
+    with FileLock(Path(tempfile.gettempdir()) / f"fractal-exp-{user}-{digest}.lock"):
+        yield
 
 
 def standard_tags(*, variant: str, method: str, target: str, scale: str, backend: str, device: str,

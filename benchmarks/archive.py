@@ -16,7 +16,7 @@ import numpy as np
 from torch import Tensor
 
 from fractal_exp import codes, suite
-from fractal_exp.ifs import IFS
+from fractal_exp.ifs.code import IFS
 
 from .environment import environment
 

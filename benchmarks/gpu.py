@@ -25,16 +25,18 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from fractal_exp import View, attractor, codes, ops, perceptual, suite
+from fractal_exp import View, codes, ops, suite
 from fractal_exp.evaluation.metrics import f1, inner_crop
-from fractal_exp.evaluation.render import render, render_with_info
-from fractal_exp.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
+from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import Progress
-from fractal_exp.methods.chaotic import Chaotic, Problem
-from fractal_exp.methods.collage import Collage
-from fractal_exp.model import SVD, ForwardModel
-from fractal_exp.optimizers import Alternating
-from fractal_exp.precision import full_precision
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.method import Chaotic, Problem
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel
+from fractal_exp.methods.chaotic.optimizers import Alternating
+from fractal_exp.methods.collage.method import Collage
+from fractal_exp.perceptual import distances as perceptual
+from fractal_exp.rendering.still import render, render_with_info
+from fractal_exp.runtime.precision import full_precision
 from fractal_exp.suite import random_suite
 
 from .environment import ROOT, environment

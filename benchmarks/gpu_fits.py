@@ -17,7 +17,7 @@ from pathlib import Path
 
 from fractal_exp import IFS, suite
 from fractal_exp.methods.base import Method
-from fractal_exp.methods.collage import Collage
+from fractal_exp.methods.collage.method import Collage
 
 from .gpu import QUICK, TOYS, Sizes, paper_method, perceptual_term
 

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import torch
 
-from fractal_exp import threads
-from fractal_exp.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
-from fractal_exp.methods.chaotic import Problem
-from fractal_exp.model import SVD, ForwardModel
-from fractal_exp.optimizers import Alternating
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.method import Problem
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel
+from fractal_exp.methods.chaotic.optimizers import Alternating
+from fractal_exp.runtime import threads
 
 SCALES = {
     "laptop": {"resolution": 256, "trajectories": 1000, "length": 110},

@@ -17,11 +17,11 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
-from fractal_exp import threads
 from fractal_exp.evaluation import evaluate, summarize
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.evaluation.scoring import TRIVIAL
 from fractal_exp.evaluation.summary import describe
+from fractal_exp.runtime import threads
 
 from . import archive
 from .environment import environment

@@ -21,10 +21,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from fractal_exp import threads
-from fractal_exp.losses import DSSIM, MSE, MipMSE, Moments, Perceptual, Regularizer, Term
-from fractal_exp.perceptual import kinds
-from fractal_exp.rendering import Rendering
+from fractal_exp.methods.chaotic.losses import DSSIM, MSE, MipMSE, Moments, Perceptual, Regularizer, Term
+from fractal_exp.methods.chaotic.rendering import Rendering
+from fractal_exp.perceptual.distances import kinds
+from fractal_exp.runtime import threads
 
 Loss = Callable[[Tensor, Tensor], Tensor]
 

@@ -24,7 +24,9 @@ import numba
 import torch
 from torch import Tensor
 
-from fractal_exp import attractor, ops, suite, threads
+from fractal_exp import ops, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.runtime import threads
 
 from .environment import environment
 

@@ -28,10 +28,13 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from fractal_exp import fractal_features, losses, perceptual, threads
+from fractal_exp.methods.chaotic import losses
+from fractal_exp.perceptual import distances as perceptual
+from fractal_exp.perceptual import fractal_features
 from fractal_exp.perceptual_training import held_out
 from fractal_exp.perceptual_training.scores import intervals, spearman
-from fractal_exp.seeds import derive
+from fractal_exp.runtime import threads
+from fractal_exp.runtime.seeds import derive
 
 from .losses import library_lpips, milliseconds, random_features
 

@@ -20,12 +20,14 @@ from pathlib import Path
 import pandas as pd
 import torch
 
-from fractal_exp import View, samples, threads
+from fractal_exp import View
 from fractal_exp.evaluation import metrics
-from fractal_exp.evaluation.pictures import comparison_strip
-from fractal_exp.images import write_image
+from fractal_exp.images import samples
+from fractal_exp.images.reading import write_image
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import Progress
+from fractal_exp.rendering.sheets import comparison_strip
+from fractal_exp.runtime import threads
 from fractal_exp.targets import KnownCode
 
 from .environment import environment

@@ -22,9 +22,11 @@ import numpy as np
 import torch
 from numba import njit
 
-from fractal_exp import IFS, View, attractor, codes, threads
+from fractal_exp import IFS, View, codes
 from fractal_exp.evaluation import evaluate
-from fractal_exp.evaluation.render import render_with_info
+from fractal_exp.ifs import attractor
+from fractal_exp.rendering.still import render_with_info
+from fractal_exp.runtime import threads
 from fractal_exp.suite import random_suite
 
 POINTS, RESOLUTION, SUPERSAMPLE = 50_000_000, 1024, 8

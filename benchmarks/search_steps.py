@@ -21,11 +21,13 @@ from pathlib import Path
 
 import torch
 
-from fractal_exp import IFS, attractor, ops, suite, threads
-from fractal_exp.collage.measure import LEVELS, POINTS_PER_PIXEL, REUSE, SUPERSAMPLE, binned
-from fractal_exp.evaluation.render import render_with_info
+from fractal_exp import IFS, ops, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage.measure import LEVELS, POINTS_PER_PIXEL, REUSE, SUPERSAMPLE, binned
 from fractal_exp.ops.backends import choose
 from fractal_exp.ops.collage import Descent, descend
+from fractal_exp.rendering.still import render_with_info
+from fractal_exp.runtime import threads
 
 from .ops import machine_limits, timed
 

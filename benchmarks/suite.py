@@ -24,11 +24,12 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from fractal_exp import codes, suite, threads
+from fractal_exp import codes, suite
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import Method
-from fractal_exp.methods.chaotic import laptop
-from fractal_exp.methods.collage import Collage
+from fractal_exp.methods.chaotic.method import laptop
+from fractal_exp.methods.collage.method import Collage
+from fractal_exp.runtime import threads
 
 from . import archive, judge
 

@@ -21,13 +21,15 @@ from pathlib import Path
 
 import numpy as np
 
-from fractal_exp import codes, report, suite, threads, tracking
-from fractal_exp.apps.folders import FitFolder
-from fractal_exp.apps.progress import Reporter
-from fractal_exp.apps.tables import write_report
-from fractal_exp.checkpoint import Checkpoint
-from fractal_exp.methods.chaotic import laptop
-from fractal_exp.published import TABLES
+from fractal_exp import codes, suite, tracking
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.progress import Reporter
+from fractal_exp.cli.tables import write_report
+from fractal_exp.methods.chaotic.method import laptop
+from fractal_exp.runtime import threads
+from fractal_exp.runtime.checkpoint import Checkpoint
+from fractal_exp.studies import report
+from fractal_exp.studies.published import TABLES
 from fractal_exp.tracking import NoTracker
 
 CHECKPOINT_EVERY = 100  # iterations: oftener than a fit does

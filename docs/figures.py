@@ -11,10 +11,11 @@ import numpy as np
 import torch
 from PIL import Image
 
-from fractal_exp import View, attractor, render, suite
-from fractal_exp.evaluation.pictures import comparison_strip
+from fractal_exp import View, render, suite
+from fractal_exp.ifs import attractor
 from fractal_exp.images import write_image
-from fractal_exp.methods.collage import Collage
+from fractal_exp.methods.collage.method import Collage
+from fractal_exp.rendering.sheets import comparison_strip
 
 HERE = Path(__file__).parent
 FITS = {"retina": "blood vessels, skimage.data.retina()", "fern": "Barnsley's fern"}

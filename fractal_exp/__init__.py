@@ -9,7 +9,7 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from . import threads
+from .runtime import threads
 
 if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & os.environ.keys():  # else the user has chosen
     threads.keep_idle_threads_quiet()  # before torch is imported, where this package is the first to import it
@@ -18,15 +18,15 @@ from .errors import InputError
 from .ifs import IFS, View
 
 if TYPE_CHECKING:
-    from .evaluation.render import render
-    from .inversion import invert
-    from .perceptual import perceptual_distance
+    from .api import invert
+    from .perceptual.distances import perceptual_distance
+    from .rendering.still import render
 
 __all__ = ["IFS", "InputError", "View", "invert", "perceptual_distance", "render"]
 __version__ = "0.1.0"
 
 # What brings numba or more is imported at its first use.
-_LATER = {"invert": ".inversion", "perceptual_distance": ".perceptual", "render": ".evaluation.render"}
+_LATER = {"invert": ".api", "perceptual_distance": ".perceptual.distances", "render": ".rendering.still"}
 
 
 def __getattr__(name: str) -> Any:

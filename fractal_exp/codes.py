@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from .errors import InputError, did_you_mean
-from .ifs import IFS
+from .ifs.code import IFS
 
 Row = tuple[float, float, float, float, float, float]  # a b c d e f: x' = a x + b y + e, y' = c x + d y + f
 

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from . import attractor
 from .errors import InputError
-from .evaluation.render import points_per_view, render
-from .ifs import IFS
+from .ifs import attractor
+from .ifs.code import IFS
+from .rendering.still import points_per_view, render
 
 TARGET_KINDS = ("grey", "binary")
 TARGET_SUPERSAMPLE = 16

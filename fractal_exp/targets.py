@@ -9,9 +9,11 @@ from typing import Literal
 
 from torch import Tensor
 
-from . import codes, images, samples, suite
+from . import codes, suite
 from .errors import InputError
-from .ifs import IFS
+from .ifs.code import IFS
+from .images import reading as images
+from .images import samples
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from fractal_exp import attractor, codes, suite
+from fractal_exp import codes, suite
+from fractal_exp.ifs import attractor
 
 
 @pytest.fixture(scope="session")

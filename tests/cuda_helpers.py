@@ -10,11 +10,13 @@ from ops_helpers import assert_close, random_code
 from scipy import stats
 from torch import Tensor
 
-from fractal_exp import View, attractor, codes
-from fractal_exp.evaluation.render import _address_tree, _window
-from fractal_exp.ops import chaos_game, cuda_histogram, histogram, splat
-from fractal_exp.ops.cpu_histogram import COUNTED
+from fractal_exp import View, codes
+from fractal_exp.ifs import attractor
+from fractal_exp.ops import chaos_game, histogram, splat
 from fractal_exp.ops.cuda_launch import DEVICE
+from fractal_exp.ops.histogram import cuda as cuda_histogram
+from fractal_exp.ops.histogram.cpu import COUNTED
+from fractal_exp.rendering.still import _address_tree, _window
 
 
 def play(backend: str, dtype: torch.dtype, code: tuple[Tensor, Tensor], game: dict) -> tuple[Tensor, ...]:

@@ -20,9 +20,13 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten, tree_map
 
-from fractal_exp.evaluation import render
-from fractal_exp.methods import chaotic, collage
-from fractal_exp.ops import cpu, cpu_collage, cuda_launch
+from fractal_exp.methods.chaotic import method as chaotic
+from fractal_exp.methods.collage import method as collage
+from fractal_exp.ops import cuda_launch
+from fractal_exp.ops.chaos import cpu as cpu_chaos
+from fractal_exp.ops.collage import cpu as cpu_collage
+from fractal_exp.ops.splatting import cpu as cpu_splatting
+from fractal_exp.rendering import still as render
 
 aten = torch.ops.aten
 GPU, STAND_IN, CPU = torch.device("cuda", 0), torch.device("meta"), torch.device("cpu")
@@ -177,8 +181,9 @@ def _lent(module: ModuleType, *names: str) -> SimpleNamespace:
 @contextmanager
 def pretended() -> Iterator[Counter[str]]:
     """As if there were a GPU, its kernels those of the CPU. Yields how often each operation waited for it."""
-    kernels = {"fractal_exp.ops.cuda": _lent(cpu, "chaos_game", "splat"),
-               "fractal_exp.ops.cuda_collage": _lent(cpu_collage, "pushforward", "descend")}
+    kernels = {"fractal_exp.ops.chaos.cuda": _lent(cpu_chaos, "chaos_game"),
+               "fractal_exp.ops.splatting.cuda": _lent(cpu_splatting, "splat"),
+               "fractal_exp.ops.collage.cuda": _lent(cpu_collage, "pushforward", "descend")}
     computed = _Computed()
     with pytest.MonkeyPatch.context() as patch, _Named(), computed:
         for name, module in kernels.items():

@@ -8,11 +8,14 @@ import torch
 from cuda_helpers import check_chaos_game, check_histogram, check_numbers, check_splat, draw, play, scatter
 from ops_helpers import check_descent, check_pushforward, random_code, tiling_problem
 
-from fractal_exp import IFS, View, attractor, codes
-from fractal_exp.evaluation.render import _address_tree, _window
-from fractal_exp.ops import cuda_histogram, cuda_launch, cuda_splat
+from fractal_exp import IFS, View, codes
+from fractal_exp.ifs import attractor
+from fractal_exp.ops import cuda_launch
 from fractal_exp.ops.collage import Descent, pushforward
-from fractal_exp.ops.cpu_histogram import COUNTED, CUT, LIT
+from fractal_exp.ops.histogram import cuda as cuda_histogram
+from fractal_exp.ops.histogram.cpu import COUNTED, CUT, LIT
+from fractal_exp.ops.splatting import cuda_kernels as cuda_splat
+from fractal_exp.rendering.still import _address_tree, _window
 
 pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from benchmarks import archive, judge, suite
-from fractal_exp import attractor
+from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite
 
 CODE = replace(random_suite(1, 7)[0], meta={})

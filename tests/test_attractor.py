@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from fractal_exp import IFS, InputError
-from fractal_exp.attractor import bounding_disc, normalize, support_function, visible_box
+from fractal_exp.ifs.attractor import bounding_disc, normalize, support_function, visible_box
 from fractal_exp.suite import random_suite
 
 

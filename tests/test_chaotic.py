@@ -3,15 +3,16 @@ import math
 import pytest
 import torch
 
-from fractal_exp import InputError, View, attractor, codes
-from fractal_exp.checkpoint import Checkpoint
-from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
-from fractal_exp.methods import readback
+from fractal_exp import InputError, View, codes
+from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import CodeReconstruction, FitDiverged, Method, check_target
-from fractal_exp.methods.best_states import BestStates
-from fractal_exp.methods.chaotic import Chaotic
-from fractal_exp.model import SVD, ForwardModel, Naive
-from fractal_exp.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
+from fractal_exp.methods.chaotic import readback
+from fractal_exp.methods.chaotic.best_states import BestStates
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.method import Chaotic
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive
+from fractal_exp.methods.chaotic.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
+from fractal_exp.runtime.checkpoint import Checkpoint
 
 OPTIMIZERS = {
     "alternating": lambda: Alternating(every=3, candidates=2), "gradient": GradientDescent,

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from fractal_exp import InputError
-from fractal_exp.checkpoint import Checkpoint, Snapshot
+from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
 
 SNAPSHOT = Snapshot(7, {"raw/x": torch.arange(3.0), "adam/step": torch.tensor(7.0)}, {"losses": [0.1, 1 / 3]})
 

@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, attractor, codes, ops
+from fractal_exp import IFS, InputError, codes, ops
 from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.code_error import code_error, displacements, maps_that_matter, tolerances
+from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite
 
 SIZE = {"resolution": 128, "points_in_view": 400_000}

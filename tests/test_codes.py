@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from fractal_exp import InputError
-from fractal_exp.attractor import normalize, support_function
 from fractal_exp.codes import known, names
+from fractal_exp.ifs.attractor import normalize, support_function
 
 GOLDEN = (1 + math.sqrt(5)) / 2
 ROOT3 = math.sqrt(3)

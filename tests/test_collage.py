@@ -6,19 +6,21 @@ import pytest
 import torch
 from ops_helpers import check_descent, check_pushforward, tiling_problem
 
-from fractal_exp import IFS, InputError, attractor, codes, invert, samples, suite
-from fractal_exp.checkpoint import Checkpoint
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage import stages
-from fractal_exp.collage.measure import LEVELS, binned, desaturated, guess_levels
-from fractal_exp.collage.picture import Drawn
-from fractal_exp.collage.picture_search import PictureSearch
-from fractal_exp.collage.search import Judge, Search, Tiling
-from fractal_exp.collage.stages import Problem, plan
-from fractal_exp.collage.work import Work
+from fractal_exp import IFS, InputError, codes, invert, suite
 from fractal_exp.evaluation import evaluate
-from fractal_exp.methods.collage import Collage
+from fractal_exp.ifs import attractor
+from fractal_exp.images import samples
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage import stages
+from fractal_exp.methods.collage.measure import LEVELS, binned, desaturated, guess_levels
+from fractal_exp.methods.collage.method import Collage
+from fractal_exp.methods.collage.picture import Drawn
+from fractal_exp.methods.collage.picture_search import PictureSearch
+from fractal_exp.methods.collage.search import Judge, Search, Tiling
+from fractal_exp.methods.collage.stages import Problem, plan
+from fractal_exp.methods.collage.work import Work
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from fractal_exp.runtime.checkpoint import Checkpoint
 
 IDENTITY = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]])
 

@@ -6,13 +6,14 @@ import pytest
 import torch
 from ops_helpers import tiling_problem
 
-from fractal_exp import attractor, suite
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage.births import candidates
-from fractal_exp.collage.measure import LEVELS, correction, guess_levels, halve
-from fractal_exp.collage.search import Judge, Search
+from fractal_exp import suite
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.births import candidates
+from fractal_exp.methods.collage.measure import LEVELS, correction, guess_levels, halve
+from fractal_exp.methods.collage.search import Judge, Search
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
-from fractal_exp.ops.reference_collage import displacement_squared
+from fractal_exp.ops.collage.reference import displacement_squared
 
 IDENTITY = torch.tensor([1.0, 0, 0, 1, 0, 0])
 

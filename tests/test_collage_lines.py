@@ -6,12 +6,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp import attractor, codes, suite
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage.jacobian import played
-from fractal_exp.collage.lines import Course, profiled
-from fractal_exp.collage.measure import LEVELS
-from fractal_exp.collage.picture import Picture
+from fractal_exp import codes, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.jacobian import played
+from fractal_exp.methods.collage.lines import Course, profiled
+from fractal_exp.methods.collage.measure import LEVELS
+from fractal_exp.methods.collage.picture import Picture
 
 
 def rotated(maps, degrees):

@@ -5,14 +5,15 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp import attractor, codes, suite
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage.births import flattened, mirrored, turned
-from fractal_exp.collage.measure import LEVELS, binned
-from fractal_exp.collage.picture import Picture, reduced
-from fractal_exp.collage.picture_search import PictureSearch
-from fractal_exp.collage.polish import polished
-from fractal_exp.collage.search import Tiling
+from fractal_exp import codes, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.births import flattened, mirrored, turned
+from fractal_exp.methods.collage.measure import LEVELS, binned
+from fractal_exp.methods.collage.picture import Picture, reduced
+from fractal_exp.methods.collage.picture_search import PictureSearch
+from fractal_exp.methods.collage.polish import polished
+from fractal_exp.methods.collage.search import Tiling
 
 
 def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):

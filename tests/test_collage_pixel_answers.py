@@ -5,15 +5,16 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from fractal_exp import attractor, codes
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage.frame import Frame
-from fractal_exp.collage.jacobian import Played
-from fractal_exp.collage.measure import LEVELS
-from fractal_exp.collage.picture import Picture, stabilize
-from fractal_exp.collage.search import Search, Tiling
-from fractal_exp.collage.simple_maps import NEAR_PX, Spread
-from fractal_exp.collage.superfluous import needed
+from fractal_exp import codes
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.frame import Frame
+from fractal_exp.methods.collage.jacobian import Played
+from fractal_exp.methods.collage.measure import LEVELS
+from fractal_exp.methods.collage.picture import Picture, stabilize
+from fractal_exp.methods.collage.search import Search, Tiling
+from fractal_exp.methods.collage.simple_maps import NEAR_PX, Spread
+from fractal_exp.methods.collage.superfluous import needed
 from fractal_exp.suite import target
 
 

@@ -5,19 +5,20 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp import InputError, attractor, codes, suite
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage.births import turned
-from fractal_exp.collage.frame import Frame
-from fractal_exp.collage.jacobian import Played, Redrawn
-from fractal_exp.collage.measure import LEVELS, binned
-from fractal_exp.collage.memory import MemoryBudget
-from fractal_exp.collage.picture import Picture
-from fractal_exp.collage.picture_search import THIN, PictureSearch
-from fractal_exp.collage.polish import polished
-from fractal_exp.collage.search import Tiling
-from fractal_exp.collage.superfluous import without_superfluous
-from fractal_exp.methods.collage import Collage
+from fractal_exp import InputError, codes, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.births import turned
+from fractal_exp.methods.collage.frame import Frame
+from fractal_exp.methods.collage.jacobian import Played, Redrawn
+from fractal_exp.methods.collage.measure import LEVELS, binned
+from fractal_exp.methods.collage.memory import MemoryBudget
+from fractal_exp.methods.collage.method import Collage
+from fractal_exp.methods.collage.picture import Picture
+from fractal_exp.methods.collage.picture_search import THIN, PictureSearch
+from fractal_exp.methods.collage.polish import polished
+from fractal_exp.methods.collage.search import Tiling
+from fractal_exp.methods.collage.superfluous import without_superfluous
 
 
 @pytest.fixture(scope="module")

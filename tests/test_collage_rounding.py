@@ -6,18 +6,19 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp import attractor, codes, suite
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage import simple_maps
-from fractal_exp.collage.frame import Frame
-from fractal_exp.collage.measure import LEVELS, guess_levels
-from fractal_exp.collage.picture import Picture
-from fractal_exp.collage.polish import polished
-from fractal_exp.collage.rounding import Rounding
-from fractal_exp.collage.search import Tiling
-from fractal_exp.collage.simple_maps import EDGE, Spread, mirrored_offsets, simple_matrices
-from fractal_exp.collage.stages import Problem, plan
-from fractal_exp.collage.work import Work
+from fractal_exp import codes, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage import simple_maps
+from fractal_exp.methods.collage.frame import Frame
+from fractal_exp.methods.collage.measure import LEVELS, guess_levels
+from fractal_exp.methods.collage.picture import Picture
+from fractal_exp.methods.collage.polish import polished
+from fractal_exp.methods.collage.rounding import Rounding
+from fractal_exp.methods.collage.search import Tiling
+from fractal_exp.methods.collage.simple_maps import EDGE, Spread, mirrored_offsets, simple_matrices
+from fractal_exp.methods.collage.stages import Problem, plan
+from fractal_exp.methods.collage.work import Work
 
 
 def pictured(code, side=128):

@@ -6,17 +6,17 @@ from dataclasses import replace
 import pytest
 import torch
 
-from fractal_exp.checkpoint import Checkpoint
-from fractal_exp.collage import births, search, stages
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage.measure import LEVELS
-from fractal_exp.collage.picture import Picture
-from fractal_exp.collage.search import Search, Tiling
-from fractal_exp.collage.stages import Problem, plan
-from fractal_exp.collage.work import Work
-from fractal_exp.methods import collage as methods
-from fractal_exp.methods.collage import Collage
+from fractal_exp.methods.collage import births, search, stages
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage import method as methods
+from fractal_exp.methods.collage.measure import LEVELS
+from fractal_exp.methods.collage.method import Collage
+from fractal_exp.methods.collage.picture import Picture
+from fractal_exp.methods.collage.search import Search, Tiling
+from fractal_exp.methods.collage.stages import Problem, plan
+from fractal_exp.methods.collage.work import Work
 from fractal_exp.ops.collage import Descent
+from fractal_exp.runtime.checkpoint import Checkpoint
 
 TURN = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of a square, say, about its middle
 

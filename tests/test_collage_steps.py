@@ -8,14 +8,14 @@ import pytest
 import torch
 
 from fractal_exp import ops
-from fractal_exp.collage import picture_search
-from fractal_exp.collage.measure import LEVELS
-from fractal_exp.collage.picture import Picture
-from fractal_exp.collage.picture_search import PictureSearch
-from fractal_exp.collage.search import Tiling
 from fractal_exp.errors import InputError
+from fractal_exp.methods.collage import picture_search
+from fractal_exp.methods.collage.measure import LEVELS
+from fractal_exp.methods.collage.picture import Picture
+from fractal_exp.methods.collage.picture_search import PictureSearch
+from fractal_exp.methods.collage.search import Tiling
 from fractal_exp.ops.collage import orbit_bins, pushforward
-from fractal_exp.seeds import generator
+from fractal_exp.runtime.seeds import generator
 
 
 def random_codes(batch: int, maps: int) -> tuple[torch.Tensor, torch.Tensor]:

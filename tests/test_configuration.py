@@ -4,8 +4,8 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
 from fractal_exp import InputError
-from fractal_exp.apps import configuration
-from fractal_exp.checkpoint import compare
+from fractal_exp.cli import configuration
+from fractal_exp.runtime.checkpoint import compare
 
 ABLATIONS = {  # the keys by which each row of the paper's ablation table may differ from the full method
     "naive": {"model.parameterization._target_", "loss.weights.regularizer"},
@@ -83,7 +83,7 @@ def test_scales_have_the_stated_sizes():
 def test_the_librarys_defaults_are_those_of_the_laptop_scale():
     from hydra.utils import instantiate
 
-    from fractal_exp.methods.chaotic import laptop
+    from fractal_exp.methods.chaotic.method import laptop
 
     ours, configured = laptop(), instantiate(configuration.resolve(composed("scale=laptop")).method)
 
@@ -111,7 +111,8 @@ def test_paths_are_absolute(tmp_path, monkeypatch):
     (["optimizer.annealing.spread=x"], "optimizer.annealing.spread: .*got 'x'"),
     (["target.kind=color"], "target.kind: Input should be 'grey' or 'binary', got 'color'"),
     (["+model.layers=3"], "unknown key model.layers; ForwardModel takes parameterization, resolution, maps"),
-    (["model._target_=fractal_exp.model.Nope"], "model._target_: there is no 'fractal_exp.model.Nope'"),
+    (["model._target_=fractal_exp.methods.chaotic.model.Nope"],
+     "model._target_: there is no 'fractal_exp.methods.chaotic.model.Nope'"),
     (["target=image"], "no value was given for target.path; add picture=FILE"),
 ])
 def test_wrong_keys_and_types_are_refused_by_name(overrides, message):

@@ -12,8 +12,8 @@ import pytest
 import torch
 
 from fractal_exp import IFS, InputError
-from fractal_exp.evaluation.render import render
 from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
+from fractal_exp.rendering.still import render
 
 HERE = Path(__file__).parent
 needs_numba_cuda = pytest.mark.skipif(not cuda_launch.INSTALLED, reason="numba-cuda is not installed "
@@ -33,8 +33,10 @@ def kernels():
     """(name, kernel, types of its arguments) of every kernel."""
     from numba import types as t
 
-    from fractal_exp.ops import cuda_chaos_game as game
-    from fractal_exp.ops import cuda_collage, cuda_histogram, cuda_splat
+    from fractal_exp.ops.chaos import cuda_kernels as game
+    from fractal_exp.ops.collage import cuda as cuda_collage
+    from fractal_exp.ops.histogram import cuda as cuda_histogram
+    from fractal_exp.ops.splatting import cuda_kernels as cuda_splat
 
     def array(dtype, dimensions):
         return t.Array(dtype, dimensions, "C")

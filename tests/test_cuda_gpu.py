@@ -6,15 +6,16 @@ from cuda_helpers import check_chaos_game, check_histogram, check_numbers, check
 from ops_helpers import assert_close, check_descent, check_pushforward, random_code, tiling_problem
 from test_ops_splat import AWKWARD
 
-from fractal_exp import View, attractor, codes
-from fractal_exp.evaluation.render import render_with_info
-from fractal_exp.losses import DSSIM, MipMSE, Regularizer, WeightedSum
-from fractal_exp.methods.chaotic import Chaotic, Problem
-from fractal_exp.model import SVD, ForwardModel
+from fractal_exp import View, codes
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.chaotic.cuda_graph import WARM_UP
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.method import Chaotic, Problem
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel
+from fractal_exp.methods.chaotic.optimizers import Alternating, Annealing, GradientDescent
 from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
 from fractal_exp.ops.collage import Descent, descend
-from fractal_exp.optimizers import Alternating, Annealing, GradientDescent
-from fractal_exp.recording import WARM_UP
+from fractal_exp.rendering.still import render_with_info
 
 MISSING = ("torch finds no CUDA device here" if not torch.cuda.is_available() else
            "numba-cuda is not installed (pip install 'fractal-exp[cuda]')" if not cuda_launch.INSTALLED else
@@ -190,7 +191,7 @@ def test_a_cuda_graph_replays_both_passes_with_any_seed():
 
 @pytest.mark.parametrize("view", [View(), View((0.05, -0.1), 4)], ids=["whole", "a frond"])
 def test_histogram_has_the_distribution_of_the_cpus(view, monkeypatch):
-    from fractal_exp.ops import cuda_histogram
+    from fractal_exp.ops.histogram import cuda as cuda_histogram
 
     monkeypatch.setattr(cuda_histogram, "FEWEST", 1)  # independent points, as the test wants them
     monkeypatch.setattr(cuda_histogram, "MOST_THREADS", 1 << 24)

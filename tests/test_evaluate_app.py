@@ -9,10 +9,11 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import IFS, InputError, attractor, codes, tracking
-from fractal_exp.apps import evaluate as app
-from fractal_exp.apps.candidates import gather
+from fractal_exp import IFS, InputError, codes, tracking
+from fractal_exp.cli import evaluate as app
+from fractal_exp.cli.candidates import gather
 from fractal_exp.evaluation import evaluate
+from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite
 
 SMALL = ["--resolution", "64", "--points", "200000"]

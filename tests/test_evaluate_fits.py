@@ -10,12 +10,13 @@ import torch
 from hydra import compose, initialize_config_module
 from PIL import Image
 
-from fractal_exp import IFS, InputError, attractor, codes, tracking
-from fractal_exp.apps import configuration, records
-from fractal_exp.apps import evaluate as app
-from fractal_exp.apps.candidates import gather
-from fractal_exp.apps.folders import FitFolder
-from fractal_exp.apps.train import fit
+from fractal_exp import IFS, InputError, codes, tracking
+from fractal_exp.cli import configuration, records
+from fractal_exp.cli import evaluate as app
+from fractal_exp.cli.candidates import gather
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.train import fit
+from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite, target
 from fractal_exp.targets import KnownCode
 
@@ -166,7 +167,7 @@ def trap(monkeypatch):
                         (configuration, "get_object"), (configuration, "build"), (np, "load"), (torch, "load"),
                         *((omegaconf.OmegaConf, each) for each in ("create", "load", "resolve", "to_container"))):
         monkeypatch.setattr(owner, name, spring)
-    monkeypatch.setattr("fractal_exp.images.read_target", spring)
+    monkeypatch.setattr("fractal_exp.images.reading.read_target", spring)
     monkeypatch.setattr("fractal_exp.targets.Picture.__init__", spring)
     monkeypatch.setattr("os.system", spring)
     return spring

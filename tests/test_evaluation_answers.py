@@ -9,15 +9,17 @@ import torch
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from fractal_exp import IFS, View, attractor, codes
-from fractal_exp.apps import configuration
-from fractal_exp.apps.judging import judge
-from fractal_exp.evaluation import Perceptual, cache, evaluate
-from fractal_exp.evaluation.cache import ImageCache
+from fractal_exp import IFS, View, codes
+from fractal_exp.cli import configuration
+from fractal_exp.cli.judging import judge
+from fractal_exp.evaluation import Perceptual, evaluate
 from fractal_exp.evaluation.code_error import code_error
-from fractal_exp.evaluation.render import RenderInfo
 from fractal_exp.evaluation.summary import summarize
+from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import CodeReconstruction
+from fractal_exp.rendering import cache
+from fractal_exp.rendering.cache import ImageCache
+from fractal_exp.rendering.still import RenderInfo
 from fractal_exp.suite import random_suite, target
 from fractal_exp.targets import SuiteFractal, Target
 

@@ -14,13 +14,14 @@ import torch
 from hydra import compose, initialize_config_module
 from PIL import Image
 
-from fractal_exp import IFS, InputError, View, files
-from fractal_exp.apps import commands, configuration, render, suite
-from fractal_exp.apps.folders import FitFolder
-from fractal_exp.apps.jobs import Outcome
-from fractal_exp.apps.train import fit
+from fractal_exp import IFS, InputError, View
+from fractal_exp.cli import commands, configuration, render, suite
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.jobs import Outcome
+from fractal_exp.cli.train import fit
 from fractal_exp.codes import known
-from fractal_exp.evaluation.cache import ImageCache
+from fractal_exp.rendering.cache import ImageCache
+from fractal_exp.runtime import files
 
 FORK = multiprocessing.get_context("fork")
 TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1", "name=fit",

@@ -9,10 +9,11 @@ import time
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, files
-from fractal_exp.checkpoint import Checkpoint, Snapshot
-from fractal_exp.files import alone_in, read_json, replacing, write_atomically
-from fractal_exp.images import write_image
+from fractal_exp import IFS, InputError
+from fractal_exp.images.reading import write_image
+from fractal_exp.runtime import files
+from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
+from fractal_exp.runtime.files import alone_in, read_json, replacing, write_atomically
 
 FORK = multiprocessing.get_context("fork")  # tensors are small: torch's thread pool does not survive it
 VERSIONS = range(6)

@@ -11,14 +11,16 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from fractal_exp import InputError, fractal_features, perceptual, perceptual_distance
+from fractal_exp import InputError, perceptual_distance
 from fractal_exp.codes import known
 from fractal_exp.evaluation import evaluate, summarize
 from fractal_exp.evaluation.scoring import Perceptual as Measured
-from fractal_exp.feature_distance import unit_distance
-from fractal_exp.losses import Perceptual
+from fractal_exp.methods.chaotic.losses import Perceptual
+from fractal_exp.methods.chaotic.rendering import Rendering
+from fractal_exp.perceptual import distances as perceptual
+from fractal_exp.perceptual import fractal_features
+from fractal_exp.perceptual.feature_distance import unit_distance
 from fractal_exp.perceptual_training.network import Learner
-from fractal_exp.rendering import Rendering
 
 SMALLEST = fractal_features.SMALLEST_PX
 
@@ -167,7 +169,7 @@ def test_it_has_a_column_of_its_own():
 
 
 def test_importing_the_package_does_not_import_the_network():
-    code = "import sys, fractal_exp; print('fractal_exp.perceptual' in sys.modules)"
+    code = "import sys, fractal_exp; print('fractal_exp.perceptual.distances' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
 
 

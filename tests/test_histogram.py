@@ -5,9 +5,11 @@ import pytest
 import torch
 from scipy import stats
 
-from fractal_exp import IFS, View, attractor, codes, ops
-from fractal_exp.evaluation.render import _address_tree, _window, render_with_info
-from fractal_exp.ops import cpu_histogram, histogram
+from fractal_exp import IFS, View, codes, ops
+from fractal_exp.ifs import attractor
+from fractal_exp.ops import histogram
+from fractal_exp.ops.histogram import cpu as cpu_histogram
+from fractal_exp.rendering.still import _address_tree, _window, render_with_info
 from fractal_exp.suite import random_suite
 
 BINS = 16

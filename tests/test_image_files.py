@@ -8,8 +8,9 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import InputError, picture_bands
-from fractal_exp.images import read_target, write_image
+from fractal_exp import InputError
+from fractal_exp.images import bands as picture_bands
+from fractal_exp.images.reading import read_target, write_image
 
 
 def leaf():

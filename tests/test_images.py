@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 
 from fractal_exp import InputError
-from fractal_exp.images import read_target
+from fractal_exp.images.reading import read_target
 
 
 def rectangle(height, width, x0, y0, x1, y1):

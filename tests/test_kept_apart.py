@@ -9,9 +9,9 @@ from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import open_dict
 
-from fractal_exp.apps import configuration, jobs
-from fractal_exp.apps.folders import FitFolder
-from fractal_exp.apps.sweeps import Sweep
+from fractal_exp.cli import configuration, jobs
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.sweeps import Sweep
 from fractal_exp.tracking.outbox import BATCH, Outbox
 
 

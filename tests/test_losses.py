@@ -8,10 +8,10 @@ from omegaconf import OmegaConf
 from scipy import stats
 from skimage.metrics import structural_similarity
 
-from fractal_exp import losses
 from fractal_exp.errors import InputError
-from fractal_exp.losses import DSSIM, MSE, MipMSE, Moments, Regularizer, WeightedSum
-from fractal_exp.rendering import Rendering
+from fractal_exp.methods.chaotic import losses
+from fractal_exp.methods.chaotic.losses import DSSIM, MSE, MipMSE, Moments, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.rendering import Rendering
 
 IMAGE_TERMS = {"mse": MSE, "mip": MipMSE, "mip_stretch": lambda: MipMSE(stretch=True), "dssim": DSSIM,
                "moments": Moments}
@@ -270,12 +270,13 @@ def test_weighted_sum_refuses_what_it_cannot_weigh(weights, terms, message):
 
 def test_weighted_sum_from_configuration():
     config = OmegaConf.create({
-        "_target_": "fractal_exp.losses.WeightedSum",
+        "_target_": "fractal_exp.methods.chaotic.losses.WeightedSum",
         "weights": {"mse": 10.0, "perceptual": 2.0, "regularizer": 0.01},
         "terms": {
-            "mse": {"_target_": "fractal_exp.losses.MipMSE", "stretch": True, "levels": None},
-            "perceptual": {"_target_": "fractal_exp.losses.perceptual_term", "kind": "none", "weights": None},
-            "regularizer": {"_target_": "fractal_exp.losses.Regularizer", "condition_weight": 5.0},
+            "mse": {"_target_": "fractal_exp.methods.chaotic.losses.MipMSE", "stretch": True, "levels": None},
+            "perceptual": {"_target_": "fractal_exp.methods.chaotic.losses.perceptual_term", "kind": "none",
+                           "weights": None},
+            "regularizer": {"_target_": "fractal_exp.methods.chaotic.losses.Regularizer", "condition_weight": 5.0},
         },
     })
     objective = hydra.utils.instantiate(config).prepare(images(32, 32, seed=2))

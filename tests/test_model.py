@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from fractal_exp import InputError
-from fractal_exp.model import SVD, ForwardModel, Naive, frame, gram_schmidt
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive, frame, gram_schmidt
 
 SMALL = {"resolution": 32, "maps": 3, "trajectories": 50, "length": 30}
 PARAMETERIZATIONS = [SVD(), Naive()]

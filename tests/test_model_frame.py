@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from fractal_exp import IFS
-from fractal_exp.model import SVD, ForwardModel, Naive, frame
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive, frame
 
 SMALL = {"resolution": 32, "maps": 3, "trajectories": 50, "length": 40, "warmup": 20}
 

@@ -34,7 +34,7 @@ def output(tmp_path_factory):
              "sweep.count=1", "ablation=no_mip,none", f"output={folder}"]
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        subprocess.run([sys.executable, "-m", "fractal_exp.apps.sweep", *words], check=True)
+        subprocess.run([sys.executable, "-m", "fractal_exp.cli.sweep", *words], check=True)
     return folder
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fractal_exp.ops import jit
+from fractal_exp.runtime import jit
 
 SOURCE = Path(jit.__file__).parents[1]
 

@@ -3,9 +3,16 @@ import math
 import pytest
 import torch
 
-from fractal_exp import InputError, optimizers
-from fractal_exp.model import SVD, Parameterization
-from fractal_exp.optimizers import Alternating, Annealing, AnnealingOnly, GradientDescent, NoisyGradientDescent
+from fractal_exp import InputError
+from fractal_exp.methods.chaotic import optimizers
+from fractal_exp.methods.chaotic.model import SVD, Parameterization
+from fractal_exp.methods.chaotic.optimizers import (
+    Alternating,
+    Annealing,
+    AnnealingOnly,
+    GradientDescent,
+    NoisyGradientDescent,
+)
 
 OPTIMIZERS = [GradientDescent, NoisyGradientDescent, AnnealingOnly,
               lambda: Alternating(every=5, candidates=3)]

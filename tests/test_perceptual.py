@@ -11,11 +11,11 @@ import torch
 from safetensors.torch import save_file
 from torchvision.models import get_model
 
-from fractal_exp import perceptual
 from fractal_exp.errors import InputError
-from fractal_exp.losses import Perceptual, perceptual_term
-from fractal_exp.perceptual import WeightsUnavailable
-from fractal_exp.rendering import Rendering
+from fractal_exp.methods.chaotic.losses import Perceptual, perceptual_term
+from fractal_exp.methods.chaotic.rendering import Rendering
+from fractal_exp.perceptual import distances as perceptual
+from fractal_exp.perceptual.distances import WeightsUnavailable
 
 MODELS = {"lpips_alex": "alexnet", "lpips_squeeze": "squeezenet1_1", "lpips_vgg": "vgg16"}
 SMALLEST_PX = {"lpips_alex": 31, "lpips_squeeze": 17, "lpips_vgg": 16}

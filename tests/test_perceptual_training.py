@@ -9,14 +9,16 @@ import torch
 from hydra import compose, initialize_config_module
 from scipy.stats import spearmanr
 
-from fractal_exp import InputError, fractal_features, perceptual, tracking
-from fractal_exp.apps import perceptual as app
-from fractal_exp.checkpoint import Checkpoint
+from fractal_exp import InputError, tracking
+from fractal_exp.cli import perceptual as app
+from fractal_exp.perceptual import distances as perceptual
+from fractal_exp.perceptual import fractal_features
 from fractal_exp.perceptual_training import held_out, pictures
 from fractal_exp.perceptual_training.network import Learner, ranking_loss, unit
 from fractal_exp.perceptual_training.perturbations import displacement, orbits_of_one_address, similar
 from fractal_exp.perceptual_training.scores import intervals, spearman
 from fractal_exp.perceptual_training.training import Recipe, Source, train
+from fractal_exp.runtime.checkpoint import Checkpoint
 
 SMALLEST = fractal_features.SMALLEST_PX
 TINY = Recipe(steps=3, calibration=2, classes=8, batch=3, copies=2, resolutions=(64,), resolution_chances=(1.0,),

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fractal_exp import picture_bands
-from fractal_exp.images import read_target
+from fractal_exp.images import bands as picture_bands
+from fractal_exp.images.reading import read_target
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 

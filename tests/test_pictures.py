@@ -5,7 +5,7 @@ import pytest
 import torch
 from PIL import ImageFont
 
-from fractal_exp.evaluation import pictures
+from fractal_exp.rendering import sheets as pictures
 
 CAPTION = "suite2025-007-collage-full-laptop-seed0-a1b2c3, zoomed 17.3 times, F1 0.981"
 

@@ -9,11 +9,11 @@ from pretended_gpu import GPU, pretended
 from test_chaotic import OPTIMIZERS, fit
 
 from fractal_exp import codes, suite
-from fractal_exp.methods.chaotic import Problem
-from fractal_exp.methods.collage import Collage
-from fractal_exp.model import SVD, ForwardModel, Naive
+from fractal_exp.methods.chaotic.method import Problem
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive
+from fractal_exp.methods.chaotic.optimizers import GradientDescent
+from fractal_exp.methods.collage.method import Collage
 from fractal_exp.ops import cuda_launch
-from fractal_exp.optimizers import GradientDescent
 
 SHORT = dict(islands=1, moves=1, detail_moves=1, picture_moves=1, rounds=1, proposals=1)
 

@@ -2,9 +2,9 @@
 
 import sys
 
-from fractal_exp.apps import progress
-from fractal_exp.apps.folders import FitFolder
-from fractal_exp.apps.progress import Reporter, TimeLeft, describe
+from fractal_exp.cli import progress
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.progress import Reporter, TimeLeft, describe
 from fractal_exp.methods.base import Progress
 from fractal_exp.tracking import NoTracker
 

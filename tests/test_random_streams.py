@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from fractal_exp.losses import MSE, WeightedSum
-from fractal_exp.methods.chaotic import Chaotic, Problem
-from fractal_exp.model import SVD, ForwardModel, Parameterization
-from fractal_exp.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
+from fractal_exp.methods.chaotic.losses import MSE, WeightedSum
+from fractal_exp.methods.chaotic.method import Chaotic, Problem
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Parameterization
+from fractal_exp.methods.chaotic.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
 
 NUMBERS = 2000
 UNRELATED = 0.12  # correlation of so many numbers: five standard deviations

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from fractal_exp import recording
-from fractal_exp.recording import WARM_UP, Recorded
+from fractal_exp.methods.chaotic import cuda_graph as recording
+from fractal_exp.methods.chaotic.cuda_graph import WARM_UP, Recorded
 
 
 class FakeCuda:

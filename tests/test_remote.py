@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 from test_sweeps import start, wait_for
 
-from fractal_exp import report, tracking
+from fractal_exp import tracking
+from fractal_exp.studies import report
 
 pytestmark = pytest.mark.optional
 POSTGRES = Path(__file__).parent / "postgres.sh"

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, View, attractor, codes, threads
-from fractal_exp.evaluation import render as rendering
-from fractal_exp.evaluation.render import points_per_view, render, render_tiles, render_with_info, tone_map
+from fractal_exp import IFS, InputError, View, codes
+from fractal_exp.ifs import attractor
+from fractal_exp.rendering import still as rendering
+from fractal_exp.rendering.still import points_per_view, render, render_tiles, render_with_info, tone_map
+from fractal_exp.runtime import threads
 from fractal_exp.suite import random_suite
 
 HALF = torch.eye(2).expand(4, 2, 2) / 2

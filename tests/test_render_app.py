@@ -8,10 +8,11 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import IFS, View, attractor, codes, render
-from fractal_exp.apps import render as render_app
-from fractal_exp.apps import suite as suite_app
-from fractal_exp.evaluation import render as rendering
+from fractal_exp import IFS, View, codes, render
+from fractal_exp.cli import render as render_app
+from fractal_exp.cli import suite as suite_app
+from fractal_exp.ifs import attractor
+from fractal_exp.rendering import still as rendering
 from fractal_exp.suite import random_suite, target
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from fractal_exp import InputError, report, report_text, tracking
-from fractal_exp.apps.report import main
-from fractal_exp.published import TABLES
+from fractal_exp import InputError, tracking
+from fractal_exp.cli.report import main
+from fractal_exp.studies import report, report_text
+from fractal_exp.studies.published import TABLES
 
 F1 = {"full": [.6, .8, .7], "naive": [.5, .9, None], "no_ssim": [.6, .8, .7]}  # by fractal; None: that job failed
 

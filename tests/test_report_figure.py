@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fractal_exp import report, report_text, tracking
-from fractal_exp.report_figure import Pair, broken, figure, font_for, layout, line_height
+from fractal_exp import tracking
+from fractal_exp.studies import report, report_text
+from fractal_exp.studies.report_figure import Pair, broken, figure, font_for, layout, line_height
 
 SIDE = 96
 LONG = "no_multisampling_and_no_annealing, sigma 2.5, with a perceptual distance of its own and 20 maps"

@@ -2,10 +2,11 @@
 
 import pytest
 
-from fractal_exp import View, attractor, codes
-from fractal_exp.apps import render as render_app
-from fractal_exp.evaluation.render import render_with_info
-from fractal_exp.evaluation.zoom import _look, _richness, _without_noise, rich_point
+from fractal_exp import View, codes
+from fractal_exp.cli import render as render_app
+from fractal_exp.ifs import attractor
+from fractal_exp.rendering.still import render_with_info
+from fractal_exp.rendering.zoom import _look, _richness, _without_noise, rich_point
 
 DRAGON = attractor.normalize(codes.known("heighway_dragon"))
 

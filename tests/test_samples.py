@@ -6,7 +6,7 @@ import torch
 from skimage import measure
 
 from fractal_exp import InputError
-from fractal_exp.samples import retina_vessels, snowflake
+from fractal_exp.images.samples import retina_vessels, snowflake
 
 
 def test_retina_vessels_are_a_clean_tree():

@@ -7,11 +7,13 @@ import pandas as pd
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, attractor, codes
-from fractal_exp.evaluation import Perceptual, cache, evaluate, score, summarize
+from fractal_exp import IFS, InputError, codes
+from fractal_exp.evaluation import Perceptual, evaluate, score, summarize
 from fractal_exp.evaluation.scoring import TRIVIAL
 from fractal_exp.evaluation.summary import describe
+from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import CodeReconstruction
+from fractal_exp.rendering import cache
 from fractal_exp.suite import random_suite
 
 SMALL = {"resolution": 64, "points_in_view": 300_000, "supersample": 4}
@@ -124,7 +126,7 @@ def test_a_perceptual_distance_stands_under_its_own_name(name, column):
 
 
 def test_lpips_without_weights_is_absent_and_says_why(monkeypatch):
-    from fractal_exp import perceptual
+    from fractal_exp.perceptual import distances as perceptual
 
     def fail(*_):
         raise perceptual.WeightsUnavailable("no weights for lpips_alex here")

@@ -9,10 +9,12 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from safetensors.torch import load_file, save_file
 
-from fractal_exp import InputError, codes, files, fractal_features, tracking
-from fractal_exp.apps import evaluate as app
-from fractal_exp.apps import records
-from fractal_exp.apps.candidates import gather
+from fractal_exp import InputError, codes, tracking
+from fractal_exp.cli import evaluate as app
+from fractal_exp.cli import records
+from fractal_exp.cli.candidates import gather
+from fractal_exp.perceptual import fractal_features
+from fractal_exp.runtime import files
 from fractal_exp.targets import KnownCode
 
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from fractal_exp.errors import InputError
-from fractal_exp.ifs import IFS
+from fractal_exp.ifs.code import IFS
 from fractal_exp.suite import random_suite, target
 
 SUITE_SHA256 = "8f84e1cb576fd0dd1d3d8466e0206f093b4ca4b9a72259fa31e753cf2573c7ac"

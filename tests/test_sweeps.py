@@ -20,11 +20,12 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf, open_dict
 from test_configuration import ABLATIONS
 
-from fractal_exp import IFS, report, tracking
-from fractal_exp.apps import configuration
-from fractal_exp.apps.jobs import job_name
-from fractal_exp.checkpoint import compare
-from fractal_exp.published import TABLES
+from fractal_exp import IFS, tracking
+from fractal_exp.cli import configuration
+from fractal_exp.cli.jobs import job_name
+from fractal_exp.runtime.checkpoint import compare
+from fractal_exp.studies import report
+from fractal_exp.studies.published import TABLES
 from fractal_exp.tracking.store import process_start
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
@@ -90,7 +91,7 @@ def test_names_of_jobs_say_what_varies_and_stay_apart():
 
 def start(output: Path, *words: str, **environment: str) -> subprocess.Popen:
     environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"} | environment
-    command = [sys.executable, "-m", "fractal_exp.apps.sweep", words[0], *TINY, f"output={output}", *words[1:]]
+    command = [sys.executable, "-m", "fractal_exp.cli.sweep", words[0], *TINY, f"output={output}", *words[1:]]
     return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
 
 
@@ -192,7 +193,7 @@ BAD = {
 def test_bad_input_is_refused_in_one_line_before_any_work(name, tmp_path):
     words, message = BAD[name]
     output = [] if any(word.startswith("output=") for word in words) else [f"output={tmp_path / 'out'}"]
-    done = subprocess.run([sys.executable, "-m", "fractal_exp.apps.sweep", *words, *output], text=True,
+    done = subprocess.run([sys.executable, "-m", "fractal_exp.cli.sweep", *words, *output], text=True,
                           capture_output=True, timeout=120)
     assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()

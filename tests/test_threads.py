@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from fractal_exp import InputError, threads
+from fractal_exp import InputError
+from fractal_exp.runtime import threads
 
 
 @pytest.mark.skipif(threads.available() < 2, reason="one core: there is nothing to limit")

@@ -18,8 +18,8 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from fractal_exp import IFS, InputError
-from fractal_exp.apps import configuration, interruption
-from fractal_exp.apps.train import fit
+from fractal_exp.cli import configuration, interruption
+from fractal_exp.cli.train import fit
 from fractal_exp.tracking import read_series, runs_frame
 
 TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1", "name=fit"]
@@ -42,7 +42,7 @@ def train(*overrides: str) -> dict[str, float]:
 
 
 def command(*arguments: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", "fractal_exp.apps.train", *TINY, *arguments], text=True,
+    return subprocess.Popen([sys.executable, "-m", "fractal_exp.cli.train", *TINY, *arguments], text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from fractal_exp import View, attractor, codes, ops
+from fractal_exp import View, codes, ops
 from fractal_exp.errors import InputError
 from fractal_exp.evaluation.views import ZOOM_CLASSES, evaluation_views, views_seed, zoom_class
+from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite
 
 KINDS = ("attractor", "released", "uniform")

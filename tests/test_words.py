@@ -13,9 +13,10 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 from PIL import Image
 
-from fractal_exp import InputError, attractor, codes, invert, render
-from fractal_exp.apps import configuration, perceptual, sweep, sweep_check, train, words
-from fractal_exp.apps.vocabulary import Vocabulary
+from fractal_exp import InputError, codes, invert, render
+from fractal_exp.cli import configuration, perceptual, sweep, sweep_check, train, words
+from fractal_exp.cli.vocabulary import Vocabulary
+from fractal_exp.ifs import attractor
 
 SHOWN = ["--cfg", "job"]
 
@@ -23,7 +24,7 @@ SHOWN = ["--cfg", "job"]
 def said(program, arguments: list[str], monkeypatch, capsys) -> str:
     """The line that a program ends with, which is all that it prints there."""
     monkeypatch.setattr(sys, "argv", ["program", *arguments])
-    monkeypatch.setattr("fractal_exp.apps.interruption.listen", lambda: None)
+    monkeypatch.setattr("fractal_exp.cli.interruption.listen", lambda: None)
     with pytest.raises(SystemExit) as stop:
         program.main()
     error = capsys.readouterr().err
@@ -159,7 +160,7 @@ def test_a_study_of_the_suite_takes_a_picture_instead(tmp_path):
     image = np.full((64, 64), 255, np.uint8)
     image[10:54, 28:36] = image[28:36, 10:54] = 0
     Image.fromarray(image).save(path)
-    done = subprocess.run([sys.executable, "-m", "fractal_exp.apps.sweep", "seeds", f"picture={path}", "scale=smoke",
+    done = subprocess.run([sys.executable, "-m", "fractal_exp.cli.sweep", "seeds", f"picture={path}", "scale=smoke",
                            "seed=0,1", "iterations=2", "resolution=32", "tracking=none", f"output={tmp_path / 'out'}",
                            "threads=1"], capture_output=True, text=True)
     assert done.returncode == 0 and "2 of 2 jobs finished" in done.stdout, done.stdout + done.stderr
@@ -197,7 +198,7 @@ def test_a_wrong_option_of_invert_is_named(options, message):
 
 
 def test_a_defect_inside_a_method_is_not_blamed_on_the_options(monkeypatch):
-    from fractal_exp.methods import collage
+    from fractal_exp.methods.collage import method as collage
 
     def broken(*, resolution: int, seed: int, seconds: float | None = None):
         raise TypeError("of ours")
@@ -236,7 +237,7 @@ def test_what_the_system_refuses_of_a_file_is_one_line_in_every_program(program,
         assert "error: /x: No space left on device; free some space" in said(program, [], monkeypatch, capsys)
         return
     monkeypatch.setattr(sys, "argv", ["program"])
-    monkeypatch.setattr("fractal_exp.apps.interruption.listen", lambda: None)
+    monkeypatch.setattr("fractal_exp.cli.interruption.listen", lambda: None)
     with pytest.raises(SystemExit) as stop:
         program.main()
     assert stop.value.code == 1 and "Traceback" in capsys.readouterr().err

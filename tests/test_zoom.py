@@ -10,12 +10,13 @@ import torch
 from imageio_ffmpeg import get_ffmpeg_exe
 from PIL import Image
 
-from fractal_exp import IFS, InputError, View, attractor, codes
-from fractal_exp.evaluation.pictures import comparison_strip, contact_sheet, difference
-from fractal_exp.evaluation.png import PngWriter
-from fractal_exp.evaluation.render import render_with_info
-from fractal_exp.evaluation.video import frames, write_film
-from fractal_exp.evaluation.zoom import nearest_point, zoom_path
+from fractal_exp import IFS, InputError, View, codes
+from fractal_exp.ifs import attractor
+from fractal_exp.rendering.film import frames, write_film
+from fractal_exp.rendering.png import PngWriter
+from fractal_exp.rendering.sheets import comparison_strip, contact_sheet, difference
+from fractal_exp.rendering.still import render_with_info
+from fractal_exp.rendering.zoom import nearest_point, zoom_path
 from fractal_exp.suite import random_suite
 
 GASKET = IFS(torch.eye(2).expand(3, 2, 2) / 2, torch.tensor([[0.0, 0], [0.5, 0], [0, 0.5]]))

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from .. import attractor, ops
+from .. import ops
 from ..errors import InputError
-from ..ifs import IFS
+from ..ifs import attractor
+from ..ifs.code import IFS
+from ..rendering.still import points_per_view, render_with_info
 from .metrics import f1
-from .render import points_per_view, render_with_info
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import torch
 from torch import Tensor
 
-from .. import attractor, perceptual
 from ..errors import InputError
-from ..ifs import IFS, View
+from ..ifs import attractor
+from ..ifs.code import IFS, View
+from ..perceptual import distances as perceptual
+from ..rendering.cache import ImageCache
+from ..rendering.still import check_resolution, points_per_view
 from . import metrics
-from .cache import ImageCache
-from .render import check_resolution, points_per_view
 from .views import code_of, evaluation_views
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class Perceptual:
 
     @classmethod
     def load(cls, kind: str = "none", weights: str | Path | None = None, input_range: str = "correct") -> Perceptual:
-        """The distance of `fractal_exp.perceptual.load`, or one that is absent for want of weights or of a wish.
+        """The distance of `perceptual.distances.load`, or one that is absent for want of weights or of a wish.
 
         Raises `InputError` on an unknown kind or a file that does not fit.
         """

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import attractor
 from ..errors import InputError
-from ..ifs import IFS, View
+from ..ifs import attractor
+from ..ifs.code import IFS, View
 
 ZOOM_RANGES = ((1.0, 2.0), (2.0, 4.0), (4.0, 8.0))
 VIEWS_PER_RANGE = 2

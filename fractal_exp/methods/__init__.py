@@ -1,4 +1,4 @@
-"""How a code is got from an image: one file per method, one contract (`base.Method`)."""
+"""How a code is got from an image: one folder per method, one contract (`base.Method`)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 KINDS = {"int": "a whole number", "float": "a number", "bool": "True or False", "str": "a text"}  # of options
 METHODS = {  # name -> module.function that builds the method with sensible sizes
-    "collage": "collage.laptop",
-    "chaotic": "chaotic.laptop",
+    "collage": "collage.method.laptop",
+    "chaotic": "chaotic.method.laptop",
 }
 
 
 def load(name: str) -> Callable[..., Method]:
     """The function that builds the method called `name`, imported when it is asked for."""
-    module, function = METHODS[name].split(".")
+    module, _, function = METHODS[name].rpartition(".")
     return getattr(import_module(f"{__package__}.{module}"), function)
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from ..checkpoint import Checkpoint
 from ..errors import InputError
-from ..ifs import IFS, View
+from ..ifs.code import IFS, View
+from ..runtime.checkpoint import Checkpoint
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class CodeReconstruction(Reconstruction):
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:
-        from ..evaluation.render import render
+        from ..rendering.still import render
 
         return render(self.code, view, resolution=resolution, points_in_view=points_in_view, supersample=supersample,
                       seed=seed)

@@ -1,7 +1,7 @@
 """Who computes an operation: the registry of backends and the choice among them.
 
-A backend is a module with `chaos_game` and `splat` in the form of `reference`. It is imported at its first use, so
-that nobody waits for a compiler that is not needed.
+Beside each operation lies a module for each backend, which has the operation in the form of `reference`. It is imported
+at its first use, so that nobody waits for a compiler that is not needed.
 """
 
 from __future__ import annotations
@@ -69,6 +69,6 @@ def _say_that_it_is_slow(device: str) -> None:
                 "takes much memory; an NVIDIA GPU's need numba-cuda (pip install 'fractal-exp[cuda]')", device)
 
 
-def load(name: str) -> ModuleType:
-    """The backend's module."""
-    return import_module(f"{__package__}.{BACKENDS[name].module}")
+def load(operation: str, name: str) -> ModuleType:
+    """The module of a backend for the operation of the package `operation`."""
+    return import_module(f"{operation}.{BACKENDS[name].module}")

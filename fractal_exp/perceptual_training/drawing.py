@@ -1,13 +1,13 @@
-"""Quick pictures of many codes at once, for training alone: `fractal_exp.evaluation.render` draws those that count."""
+"""Quick pictures of many codes at once, for training alone: `fractal_exp.rendering.still` draws those that count."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange, uint64
 
-from ..ops.cpu_chaos_game import GUIDE_BITS, guide_of, next_state, start
-from ..ops.cpu_histogram import box_mean
-from ..ops.jit import kernel
+from ..ops.chaos.cpu_kernels import GUIDE_BITS, guide_of, next_state, start
+from ..ops.histogram.cpu import box_mean
+from ..runtime.jit import kernel
 
 WARMUP = 32
 MAX_MAPS = 10  # rows of the tables below; the rest have no chance

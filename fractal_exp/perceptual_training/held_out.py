@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .. import attractor
-from ..evaluation.render import points_per_view, render
-from ..ifs import IFS
-from ..seeds import derive
+from ..ifs import attractor
+from ..ifs.code import IFS
+from ..rendering.still import points_per_view, render
+from ..runtime.seeds import derive
 from ..suite import TARGET_SUPERSAMPLE, draw_code
 from .perturbations import KINDS, LARGEST_SINGULAR, Maps, displacement, orbits_of_one_address, perturbed
 

@@ -6,9 +6,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from .. import fractal_features
-from ..feature_distance import squared_distance, unit_length
-from ..fractal_features import CHANNELS
+from ..perceptual import fractal_features
+from ..perceptual.feature_distance import squared_distance, unit_length
+from ..perceptual.fractal_features import CHANNELS
 
 EMBEDDING = 64
 FIRST_WEIGHT = 0.0    # of a channel, before softplus

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ..ifs import IFS
-from ..losses import DSSIM, MipMSE, WeightedSum
-from ..model import SVD, ForwardModel
-from ..seeds import derive
+from ..ifs.code import IFS
+from ..methods.chaotic.losses import DSSIM, MipMSE, WeightedSum
+from ..methods.chaotic.model import SVD, ForwardModel
+from ..runtime.seeds import derive
 from .perturbations import Maps, perturbed
 from .pictures import Path, random_code
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..attractor import FRAME_SIDE
+from ..ifs.attractor import FRAME_SIDE
 from .drawing import MAX_MAPS, orbit
 
 Maps = np.ndarray  # (N,6), rows a b c d e f of x' = a x + b y + e, y' = c x + d y + f, float64

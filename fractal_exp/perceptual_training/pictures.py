@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..evaluation.render import points_per_view
+from ..rendering.still import points_per_view
 from ..suite import TARGET_SUPERSAMPLE, draw_code
 from . import drawing
 from .perturbations import (

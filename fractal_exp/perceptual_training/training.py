@@ -13,11 +13,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ..checkpoint import Checkpoint, Snapshot
 from ..errors import InputError
-from ..fractal_features import SMALLEST_PX
 from ..methods.base import OnStep, Progress, check_device
-from ..seeds import derive, generator
+from ..perceptual.fractal_features import SMALLEST_PX
+from ..runtime.checkpoint import Checkpoint, Snapshot
+from ..runtime.seeds import derive, generator
 from .network import Learner, contrastive_loss, ranking_loss, unit
 from .paths import fit_path
 from .perturbations import Maps

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..files import read_file, read_record, write_atomically
+from ..runtime.files import read_file, read_record, write_atomically
 from .addresses import reason, root, shown
 from .store import FIRST_RETRY, LAST_RETRY
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from ..errors import InputError
-from ..files import check_file
+from ..runtime.files import check_file
 from .addresses import database_path, shown
 from .client import connect
 from .store import PARENT, pages, patiently

@@ -22,7 +22,15 @@ from .base import Tracker
 from .client import connect
 from .dashboard import NOTE, experiment_tags
 from .outbox import ENDS, Outbox, Upload, read_note, undelivered
-from .store import FIRST_PATIENCE, PARENT, artifact_root, changing_hands, is_written_elsewhere, patiently, process_tags
+from .store import (
+    FIRST_PATIENCE,
+    PARENT,
+    artifact_root,
+    changing_hands,
+    is_written_elsewhere,
+    patiently,
+    process_tags,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,8 +17,8 @@ import mlflow.store.tracking.sqlalchemy_store  # noqa: F401  before the forks
 from hydra import compose, initialize_config_module
 
 from fractal_exp import IFS, tracking
-from fractal_exp.apps import configuration, interruption
-from fractal_exp.apps.train import fit
+from fractal_exp.cli import configuration, interruption
+from fractal_exp.cli.train import fit
 
 TINY = ["scale=smoke", "resolution=32", "evaluation.resolution=32", "evaluation.points_in_view=20000", "threads=1",
         "resume=true", "name=fit"]

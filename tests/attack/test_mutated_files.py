@@ -20,11 +20,11 @@ import torch
 from PIL import Image
 
 from fractal_exp import IFS, InputError
-from fractal_exp.apps.folders import FitFolder
-from fractal_exp.apps.jobs import Outcome
-from fractal_exp.checkpoint import Checkpoint, Snapshot
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.jobs import Outcome
 from fractal_exp.codes import known
-from fractal_exp.images import read_target
+from fractal_exp.images.reading import read_target
+from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
 
 CPU_SECONDS, SECONDS = 60, 300  # that one reading may take: of the processor's time, and asleep
 MEBIBYTES = 2000  # that readings may add to the process: a changed size may come to the largest picture that is read

@@ -10,7 +10,7 @@ import urllib.request
 import pytest
 
 from fractal_exp import InputError, tracking
-from fractal_exp.apps.runs import _params
+from fractal_exp.cli.runs import _params
 from fractal_exp.tracking import dashboard, store
 
 

@@ -10,7 +10,7 @@ import threading
 import pytest
 
 from fractal_exp import InputError, tracking
-from fractal_exp.apps.folders import FitFolder
+from fractal_exp.cli.folders import FitFolder
 from fractal_exp.tracking import store
 from fractal_exp.tracking.addresses import database_path, shown
 
@@ -70,7 +70,7 @@ def test_nothing_that_is_written_or_printed_holds_a_secret(tmp_path):
     threading.Thread(target=server.serve_forever, daemon=True).start()
     for port in (server.server_port, 9):  # one that answers and refuses, one that nobody serves
         uri = f"http://me:{PASSWORD}@127.0.0.1:{port}/?token={TOKEN}"
-        done = subprocess.run([sys.executable, "-m", "fractal_exp.apps.train", *TRAIN, f"output={tmp_path}"], text=True,
+        done = subprocess.run([sys.executable, "-m", "fractal_exp.cli.train", *TRAIN, f"output={tmp_path}"], text=True,
                               capture_output=True, timeout=300, env={**os.environ, "MLFLOW_TRACKING_URI": uri})
         assert done.returncode != 0
         written = [path for path in tmp_path.rglob("*") if path.is_file()]

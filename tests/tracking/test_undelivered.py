@@ -9,8 +9,8 @@ import pytest
 from tracking_helpers import Between, artifacts
 
 from fractal_exp import InputError, tracking
-from fractal_exp.apps.runs import MlflowRuns
-from fractal_exp.checkpoint import Checkpoint, Snapshot
+from fractal_exp.cli.runs import MlflowRuns
+from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
 from fractal_exp.tracking import outbox
 from fractal_exp.tracking.run import MlflowTracker
 

@@ -1,0 +1,84 @@
+"""What the plain command lines share: naming codes, and errors in one line."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from .. import codes
+from ..errors import InputError, did_you_mean
+from ..ifs.code import IFS
+from ..runtime.files import explain, is_of_file
+from ..suite import SUITE_SEED, random_suite
+
+CODE_HELP = "a code: a JSON file, the name of a classic (fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED"
+
+
+class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
+    """Help that keeps the lines of the description and shows defaults."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        quiet = action.default is None or action.default is False
+        return action.help if quiet else super()._get_help_string(action)
+
+
+def command_parser(program: str, description: str) -> argparse.ArgumentParser:
+    """An argument parser that knows -1.5e-6 for a number, which Python's own takes for an option until 3.14."""
+    parser = argparse.ArgumentParser(program, description=description, formatter_class=Raw)
+    parser._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
+    return parser
+
+
+def read_code(text: str) -> IFS:
+    """The code that a command line names. Raises `InputError` if there is none."""
+    if text.startswith("suite:"):
+        index, seed = suite_address(text)
+        return random_suite(index + 1, seed)[index]
+    path = Path(text)
+    if path.is_dir() and (path / "code.json").is_file():
+        path = path / "code.json"
+    if path.exists() or path.suffix == ".json":
+        return IFS.load(path)
+    if text in codes.names():
+        return codes.known(text)
+    near = did_you_mean(text, codes.names())
+    raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
+
+
+def suite_address(text: str) -> tuple[int, int]:
+    """Index and seed of suite:INDEX or suite:INDEX:SEED."""
+    parts = text.split(":")[1:]
+    if len(parts) not in (1, 2) or not all(part.isdigit() for part in parts):
+        raise InputError(f"a fractal of the suite is named suite:INDEX or suite:INDEX:SEED, got {text!r}")
+    return int(parts[0]), int(parts[1]) if len(parts) == 2 else SUITE_SEED
+
+
+def make_folder(path: str | Path) -> Path:
+    """The absolute folder, made if need be. Raises `InputError` if it cannot be."""
+    folder = Path(path).absolute()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {explain(error, folder)}") from error
+    return folder
+
+
+def command(program: str, work: Callable[[argparse.Namespace], None], parser: argparse.ArgumentParser,
+            arguments: list[str] | None) -> None:
+    """Parse, work, and print what a user can mend as one line (exit status 2), what the disk refuses included."""
+    try:
+        work(parser.parse_args(arguments))
+    except InputError as error:
+        print(f"{program}: error: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except OSError as error:
+        if not is_of_file(error):
+            raise
+        print(f"{program}: error: {explain(error)}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print(f"\n{program}: interrupted", file=sys.stderr)
+        raise SystemExit(130) from None

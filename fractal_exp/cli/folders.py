@@ -1,0 +1,111 @@
+"""The folder of one fit: what lies in it, and whether the fit is finished."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+from ..ifs.code import IFS
+from ..images.reading import write_image
+from ..runtime.checkpoint import compare
+from ..runtime.files import alone_in, check_scores, read_record, write_atomically
+from ..tracking.addresses import shown
+from . import records
+
+WHITE = 65535  # of 16 bits
+
+
+@dataclass(frozen=True)
+class FitFolder:
+    """truth.json or target.png, config.yaml, code.json, per_view.csv, views/, checkpoint.safetensors while the fit
+    runs, finished.json after."""
+
+    path: Path
+
+    @classmethod
+    def open(cls, parent: Path, name: str) -> FitFolder:
+        """Make the folder if need be. Raises `InputError` if it cannot be made or written."""
+        folder = cls(Path(parent).absolute() / name)
+        try:
+            folder.views.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder.path).close()  # of a name of its own, as fits may start together
+        except OSError as error:
+            raise InputError(f"cannot write to the output folder {folder.path}: {error.strerror}; choose another with "
+                             "output=FOLDER, study=STUDY or name=NAME") from error
+        return folder
+
+    def alone(self) -> AbstractContextManager[None]:
+        """Keep other fits out of the folder. Raises `InputError` if one is at work in it."""
+        remedy = "wait until it has ended, or choose another folder with name=NAME or output=FOLDER"
+        return alone_in(self.path, wait=False, remedy=remedy)
+
+    @property
+    def views(self) -> Path:
+        return self.path / "views"
+
+    @property
+    def checkpoint(self) -> Path:
+        return self.path / "checkpoint.safetensors"
+
+    @property
+    def _finished(self) -> Path:
+        return self.path / "finished.json"
+
+    @property
+    def _run(self) -> Path:
+        return self.path / "run.json"
+
+    def finished_scores(self, identity: Mapping[str, Any]) -> dict[str, float] | None:
+        """The scores of a finished fit of this identity, or None. Raises `InputError` if another one finished here."""
+        if not self._finished.exists():
+            return None
+        record = read_record(self._finished, "the record of a finished fit", identity=dict, scores=dict)
+        check_scores(record["scores"], self._finished)
+        differences = compare(record["identity"], json.loads(json.dumps(identity)))
+        if differences:
+            raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "
+                             "another name=NAME, or delete the folder (fractal-evaluate scores a finished code anew)")
+        return record["scores"]
+
+    def finish(self, identity: Mapping[str, Any], scores: Mapping[str, float]) -> None:
+        """Mark the fit as finished; its checkpoint has served."""
+        write_atomically(self._finished, json.dumps({"identity": identity, "scores": scores}, indent=1).encode())
+        self.checkpoint.unlink(missing_ok=True)
+
+    def begin(self, config: str) -> None:
+        """Note the configuration (YAML) of the fit that begins, and forget that an earlier one finished here."""
+        write_atomically(self.path / "config.yaml", config.encode())
+        self._finished.unlink(missing_ok=True)
+
+    def keep_target(self, image: Tensor, truth: IFS | None) -> Path:
+        """Keep what the fit is to find, its path: the code that drew the target in truth.json, or else the picture
+        (R,R) in target.png, of 16 bits, where no lit pixel becomes black."""
+        kept, other = (self.path / name for name in ((records.TRUTH, records.PICTURE) if truth is not None
+                                                     else (records.PICTURE, records.TRUTH)))
+        other.unlink(missing_ok=True)
+        if truth is not None:
+            write_atomically(kept, (json.dumps(truth.to_json(), indent=1) + "\n").encode())
+            return kept
+        levels = torch.maximum((image.double() * WHITE).round(), (image > 0).double()).numpy().astype(np.uint16)
+        return write_image(kept, levels, bits=16)
+
+    def remember_run(self, uri: str, run_id: str | None) -> None:
+        """Keep which MLflow run this fit logs to, so that a resumed fit goes on with it; no password is written."""
+        write_atomically(self._run, json.dumps({"uri": shown(uri), "run_id": run_id}).encode())
+
+    def run_to_resume(self, uri: str) -> str | None:
+        """The run that the interrupted fit logged to in this store, or None."""
+        if not (self._run.exists() and self.checkpoint.exists()):
+            return None
+        record = read_record(self._run, "the record of the MLflow run", uri=str, run_id=(str, type(None)))
+        return record["run_id"] if shown(record["uri"]) == shown(uri) else None

@@ -1,0 +1,123 @@
+"""What a finished fit is worth: scores and pictures, against the truth where it is known, else against the input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+from ..evaluation import Perceptual, metrics, score
+from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
+from ..evaluation.summary import without_empty
+from ..evaluation.views import check_kind
+from ..ifs.code import View
+from ..methods.base import Reconstruction
+from ..rendering.sheets import comparison_strip
+from ..rendering.still import MAX_SUPERSAMPLE, check_device, check_resolution
+from ..runtime.checks import check_count
+from ..targets import Target
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS"}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a fit is worth.
+
+    per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; trivial: the means of an all white
+    and an all black image, as trivial/white_… and trivial/black_…; counts: views/judged, the views that the scores are
+    means of, and views/empty, those that are left out because nothing is on them; pictures by name: the input as
+    `target`, its reconstruction as `result`, `comparison` (target | result | difference of every view), and where the
+    truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most.
+    """
+
+    per_view: pd.DataFrame
+    scores: dict[str, float]
+    trivial: dict[str, float]
+    counts: dict[str, int]
+    pictures: dict[str, Tensor | np.ndarray]
+
+    def describe(self) -> str:
+        """The scores in one line; those without a title under their own name."""
+        found = [key.removeprefix("eval/") for key in self.scores if key.startswith("eval/")]
+        names = [*(name for name in NAMES if name in found), *(name for name in found if name not in NAMES)]
+        shown = [f"{NAMES.get(name, name)} {self.scores[f'eval/{name}']:.3f}" for name in names]
+        whole = f"F1 {self.per_view['f1'].iloc[0]:.3f} on the whole one"
+        judged, empty = self.counts["views/judged"], self.counts["views/empty"]
+        views = f"mean of {judged} views, {whole}" if len(self.per_view) > 1 else "against the input"
+        views += f", {empty} more are empty in both" if empty else ""
+        return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """Raise `InputError` on evaluation options that `judge` could not use."""
+    known = {"resolution", "points_in_view", "supersample", "views", "align", "device"}
+    if odd := sorted(set(options) ^ known):
+        raise InputError(f"the evaluation options are {', '.join(sorted(known))}; {odd[0]!r} is "
+                         f"{'none of them' if odd[0] in options else 'missing'}")
+    check_resolution(options["resolution"], "evaluation.resolution")
+    if options["points_in_view"] is not None:
+        check_count("evaluation.points_in_view", options["points_in_view"])
+    check_count("evaluation.supersample", options["supersample"], most=MAX_SUPERSAMPLE)
+    check_kind(options["views"])
+    if options["align"] not in ALIGNMENTS:
+        raise InputError(f"evaluation.align must be one of {', '.join(ALIGNMENTS)}, got {options['align']!r}")
+    check_device(options["device"])
+
+
+def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], perceptual: Perceptual,
+          seconds: float) -> Judgement:
+    """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance.
+
+    With a known code, on its seven views (see `fractal_exp.evaluation.score`); for a picture, on the whole view at
+    the picture's own resolution.
+    """
+    drawn = reconstruction.render(View(), resolution=target.image.shape[-1], points_in_view=options["points_in_view"],
+                                  supersample=options["supersample"])
+    if target.truth is None:
+        per_view, images, truth = against_input(drawn, target.image, perceptual), drawn[None], target.image[None]
+    else:
+        scored = score(reconstruction, target.truth, **options, perceptual=perceptual)
+        per_view, images, truth = scored.frame, scored.images, scored.truth
+    measured = [name for name in dict.fromkeys((*NAMES, perceptual.column)) if name in per_view]
+    means = per_view[measured].mean().dropna()
+    scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
+    judged = len(without_empty(per_view))
+    counts = {"views/judged": judged, "views/empty": len(per_view) - judged}
+    captions = [f"{row.view}, {f1_in_words(row.f1)}" for row in per_view.itertuples()]
+    pictures = {"target": target.image, "result": drawn, "comparison": comparison_strip(images, truth, captions)}
+    if len(per_view) > 1:
+        lit = [float((image > 0).float().mean()) if zoom > 2 else -1.0
+               for image, zoom in zip(truth, per_view["zoom"], strict=True)]
+        k = lit.index(max(lit))
+        pictures |= {"zoomed_target": truth[k], "zoomed": images[k]}
+    return Judgement(per_view, scores, _trivial(truth), counts, pictures)
+
+
+def f1_in_words(f1: float) -> str:
+    """The F1 of a view for its caption; that of an empty view is NaN."""
+    return "empty" if np.isnan(f1) else f"F1 {f1:.3f}"
+
+
+def _trivial(truth: Tensor) -> dict[str, float]:
+    means = {f"trivial/{name.removeprefix('all ')}_{metric}": float(values.nanmean())
+             for name, picture in TRIVIAL.items()
+             for metric, values in metrics.compare(torch.full_like(truth, picture.value), truth).items()}
+    return {name: mean for name, mean in means.items() if np.isfinite(mean)}
+
+
+def against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:
+    """One row: the scores of a picture (R,R) of the whole view against the picture (R,R) that was the input."""
+    import pandas as pd
+
+    row = {name: float(value) for name, value in metrics.compare(drawn[None], image[None]).items()}
+    row[perceptual.column] = float(perceptual.measure(metrics.inner_crop(drawn[None]), metrics.inner_crop(image[None])))
+    return pd.DataFrame([{"view": "whole", "zoom": 1.0, **row}])

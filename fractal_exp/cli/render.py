@@ -1,0 +1,155 @@
+"""`fractal-render`: stills and zoom films of a code. A plain command line, since there is nothing to compose."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from ..errors import InputError
+from ..ifs import attractor
+from ..ifs.code import IFS, View
+from ..rendering.film import SUFFIXES, check_film, frames, write_film
+from ..rendering.png import PngWriter
+from ..rendering.still import MODES, render, render_tiles, tile_side, tone_map, white_level
+from ..rendering.zoom import nearest_point, rich_point, zoom_path
+from ..runtime import threads
+from .commands import CODE_HELP, command, command_parser, read_code
+
+LARGEST = 16_384
+STILLS = {"bits": 8, "transparent": False}
+FILMS = {"seconds": 12.0, "fps": 30, "start_zoom": 1.0}
+DEFAULTS = STILLS | FILMS | {"supersample": 8, "seed": 0}
+FRAMES = {"canvas": attractor.normalize, "own": lambda code: code}
+
+DESCRIPTION = """Draw a code: a still at any view and any zoom, or a film that zooms into it.
+
+The canvas is [-1,1]², x to the right and y up; a code is brought to it first, its longer side from -0.75 to 0.75
+(--frame own leaves it where it is). A view is a square window about --center of half side 1/zoom.
+
+examples
+  fractal-render fern fern.png                               the whole fern, 1024 pixels
+  fractal-render leaf.json leaf.png --center 0.1 -0.3 --zoom 64
+  fractal-render fern poster.png --size 16384 --bits 16      as large as a wall, in bounded memory
+  fractal-render fern sticker.png --transparent              to lay on anything
+  fractal-render suite:7 dust.png --mode density             how often points come by, not only whether
+  fractal-render heighway_dragon zoom.mp4 --zoom 1e6         a million times closer, in 12 seconds of film
+  fractal-render fern tip.gif --size 360 --center 0.3 0.7    into the point of the fern nearest to (0.3, 0.7)"""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
+    parser = command_parser("fractal-render", DESCRIPTION)
+    parser.add_argument("code", help=CODE_HELP)
+    parser.add_argument("out", help="file to write: .png for a still, .mp4 or .gif for a film")
+    parser.add_argument("--center", type=float, nargs=2, metavar=("X", "Y"),
+                        help="middle of the view (default 0 0); of a film, where it zooms to (default: a point of the "
+                             "attractor with much to see around it, by --seed)")
+    parser.add_argument("--zoom", type=float, help="of the view (default 1); of a film, at its end (default 10000)")
+    parser.add_argument("--size", type=int, help=f"pixels a side, up to {LARGEST} (default 1024; of a film 720)")
+    parser.add_argument("--points", type=float, help="points in the view (default: 50 million at 1024², in proportion)")
+    parser.add_argument("--supersample", type=int, help="parts of a pixel along each axis (default 8; not for density)")
+    parser.add_argument("--mode", choices=MODES, default="occupancy", help="what a pixel shows")
+    parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")
+    parser.add_argument("--seed", type=int, help="of the points of a still, and of a film's target (default 0)")
+    still = parser.add_argument_group("stills")
+    still.add_argument("--bits", type=int, choices=(8, 16), help="of grey levels (default 8)")
+    still.add_argument("--transparent", action="store_true", default=None, help="white on nothing instead of on black")
+    film = parser.add_argument_group("films")
+    film.add_argument("--seconds", type=float, help="length (default 12)")
+    film.add_argument("--fps", type=int, help="frames a second (default 30)")
+    film.add_argument("--start-zoom", type=float, help="zoom of the first frame, about the middle (default 1)")
+    command("fractal-render", draw, parser, arguments)
+
+
+def draw(options: argparse.Namespace) -> None:
+    """Draw what the command line asks for."""
+    threads.use()
+    started = time.perf_counter()
+    film = Path(options.out).suffix.lower() in SUFFIXES
+    _refuse_unused(options, film)
+    for name, value in DEFAULTS.items():
+        if getattr(options, name) is None:
+            setattr(options, name, value)
+    code = FRAMES[options.frame](read_code(options.code))
+    if options.points is not None:
+        if not (math.isfinite(options.points) and options.points >= 1):
+            raise InputError(f"--points must be a number of at least 1, got {options.points}")
+        options.points = int(options.points)
+    path = (draw_film if film else draw_still)(code, options)
+    print(f"{path} ({time.perf_counter() - started:.1f} s)")
+
+
+def _refuse_unused(options: argparse.Namespace, film: bool) -> None:
+    """Raise `InputError` on an option that was given and would change nothing."""
+    unused = {name: f"is for stills; {options.out} is a film" if film else
+              f"is for films (.mp4, .gif); {options.out} is a still" for name in (STILLS if film else FILMS)}
+    if options.mode == "density":
+        unused["supersample"] = "changes nothing with --mode density"
+    if film and options.center:
+        unused["seed"] = "chooses a film's target, which --center names"
+    for name, reason in unused.items():
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')} {reason}; leave it out")
+
+
+def draw_still(code: IFS, options: argparse.Namespace) -> Path:
+    """Draw one view, tile by tile."""
+    size = _size(options, 1024)
+    view = View(tuple(options.center or (0.0, 0.0)), 1.0 if options.zoom is None else options.zoom)
+    with PngWriter(options.out, size, size, bits=options.bits, transparent=options.transparent) as file:
+        for band in _bands(code, view, size, options):
+            file.write(band)
+    return file.path
+
+
+def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iterator[np.ndarray]:
+    """The image as bands of whole rows, each as high as a tile."""
+    drawing = {"points_in_view": options.points, "supersample": options.supersample, "seed": options.seed,
+               "mode": options.mode}
+    # One white level for all tiles, from a small picture of the whole view.
+    small = render(code, view, resolution=min(size, 512), mode="density") if options.mode == "density" else None
+    white = None if small is None else white_level(small)
+    side = tile_side(size, options.supersample)
+    across = math.ceil(size / side)
+    band = np.empty((side, across * side), np.float32)
+    tiles = render_tiles(code, view, resolution=size, **drawing)
+    for tile in tqdm(tiles, "drawing", across * across, unit="tile", disable=across == 1):
+        band[:, tile.column:tile.column + side] = tile.pixels
+        if tile.column + side >= size:
+            rows = band[:size - tile.row, :size]
+            yield rows if white is None else tone_map(torch.from_numpy(rows), white).numpy()
+
+
+def draw_film(code: IFS, options: argparse.Namespace) -> Path:
+    """Zoom into a point of the attractor, frame by frame."""
+    size = _size(options, 720)
+    path = check_film(options.out, size, options.fps)
+    if not (math.isfinite(options.seconds) and options.seconds * options.fps >= 2):
+        raise InputError(f"a film has at least 2 frames, got {options.seconds} s at {options.fps} frames a second")
+    start = View(zoom=options.start_zoom)
+    end_zoom = 1e4 if options.zoom is None else View(zoom=options.zoom).zoom
+    target = (nearest_point(code, tuple(options.center)) if options.center
+              else rich_point(code, options.seed, end_zoom=end_zoom))
+    views = zoom_path(target, round(options.seconds * options.fps), start=start, end_zoom=end_zoom)
+    pictures = frames(code, views, resolution=size, points_in_view=options.points, supersample=options.supersample,
+                      mode=options.mode)
+    print(f"zooming to ({target[0]!r}, {target[1]!r}), {len(views)} frames")
+    return write_film(path, tqdm(pictures, "drawing", len(views), unit="frame"), fps=options.fps)
+
+
+def _size(options: argparse.Namespace, default: int) -> int:
+    size = default if options.size is None else options.size
+    if not 1 <= size <= LARGEST:
+        raise InputError(f"--size must be from 1 to {LARGEST} pixels a side, got {size}")
+    return size
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+"""`fractal-train`: one fit from configuration to scores; with `-m`, one after another."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import hydra
+from omegaconf import DictConfig, OmegaConf
+
+from ..evaluation import Perceptual
+from ..images.reading import write_image
+from ..methods.base import CodeReconstruction, Method
+from ..runtime import threads
+from ..runtime.checkpoint import Checkpoint
+from ..runtime.files import write_atomically
+from ..targets import Target
+from ..tracking import Tracker
+from . import configuration, interruption, words
+from .folders import FitFolder
+from .judging import Judgement, check_options, judge
+from .progress import Reporter
+from .runs import Runs
+
+# The target and the method hold what `picture` and `seconds` say.
+NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", "tracking", "threads",
+                     "checkpoint_every", "evaluation", "sweep")
+
+
+METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
+                 "collage-chaotic": "the paper's method, begun with collage search"}
+
+
+def fit(config: DictConfig) -> dict[str, float]:
+    """Run one fit as configured and return its scores; everything it makes lies in its folder and its MLflow run.
+
+    Raises `InputError` on anything a user can mend, before any work.
+    """
+    with ExitStack() as held:  # the lock of the fit's folder
+        return _fit(config, held)
+
+
+def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
+    config = configuration.resolve(config)
+    check_options(config.evaluation)
+    threads.use(config.threads)
+    settings = OmegaConf.to_container(config)
+    source = configuration.build(config.target)
+    method: Method = configuration.build(config.method)
+    runs: Runs = configuration.build(config.tracking)
+    perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
+    target = source.load(config.resolution)
+    method.check(target.image)
+    if target.truth is None:  # judged at its own resolution
+        perceptual.check(target.image.shape[-1])
+    else:
+        perceptual.check(config.evaluation.resolution, "evaluation.resolution")
+    identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
+    identity["target_image"] = _digest(target.image.numpy().tobytes())
+
+    folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label, identity))
+    held.enter_context(folder.alone())
+    scores = folder.finished_scores(identity | {"evaluation": settings["evaluation"]})
+    if config.resume and scores:
+        runs.check_kept(folder, settings)
+        print(f"{folder.path} holds this fit, finished; resume=false fits it again")
+        return scores
+    checkpoint = Checkpoint(folder.checkpoint, config.checkpoint_every, identity, config.resume)
+    checkpoint.load()
+    if aside := checkpoint.set_aside():
+        print(f"an unfinished fit was there; its checkpoint is kept as {aside}")
+    _announce(config, source.label, target)
+
+    with runs.start(folder, settings, identity, source.label) as run:
+        folder.begin(OmegaConf.to_yaml(config))
+        kept = folder.keep_target(target.image, target.truth)
+        run.artifact(kept.name, kept)
+        start = time.perf_counter()
+        with Reporter(run, folder) as reporter:
+            reconstruction = method.reconstruct(target.image, on_step=reporter,
+                                                checkpoint=replace(checkpoint, first=run.secure))
+        seconds = time.perf_counter() - start
+        if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
+            run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
+        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds)
+        _keep(folder, run, judgement)
+    # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
+    folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
+    print(f"  {judgement.describe()}")
+    print(f"  code       {folder.path / 'code.json'}")
+    print(f"  pictures   {folder.views}")
+    if where := runs.where(settings):
+        print(f"  dashboard  {where}")
+    return judgement.scores
+
+
+def _name(config: DictConfig, label: str, identity: Mapping[str, Any]) -> str:
+    """What a reader looks for, and a digest of all the rest, so that no fit lands in another one's folder."""
+    method = configuration.method_name(config.method)
+    digest = _digest(json.dumps(identity, sort_keys=True).encode())[:6]
+    return f"{label}-{method}-{config.variant}-{config.scale}-seed{config.seed}-{digest}"
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]
+
+
+def _announce(config: DictConfig, label: str, target: Target) -> None:
+    method = METHOD_TITLES.get(configuration.method_name(config.method), configuration.method_name(config.method))
+    print(f"{label}: {method}, {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.notes)}")
+    if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
+        print("  no perceptual term in this objective (perceptual=none); perceptual=fractal adds one")
+
+
+def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
+    """Put pictures and scores into the folder and into the run."""
+    for name, image in judgement.pictures.items():
+        write_image(folder.views / f"{name}.png", image)
+        run.image(name, image)
+    write_atomically(folder.path / "per_view.csv", judgement.per_view.to_csv(index=False))
+    run.table("per_view.json", judgement.per_view)
+    run.log(judgement.scores | judgement.trivial | judgement.counts)
+
+
+@hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="train")
+def _hydra_main(config: DictConfig) -> dict[str, float]:
+    try:
+        with words.one_line("fractal-train"):
+            return fit(config)
+    except KeyboardInterrupt:
+        print("\nfractal-train: interrupted; the same command with resume=true goes on", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+def main() -> None:
+    """The command line: Hydra composes, `fit` works, errors are one line."""
+    interruption.listen()
+    configuration.register()
+    words.run("fractal-train", _hydra_main, sys.argv[1:], "train", ["method=collage"])
+
+
+if __name__ == "__main__":
+    main()

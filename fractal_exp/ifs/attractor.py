@@ -1,0 +1,144 @@
+"""Where an attractor lies: a disc and half planes that are certain, the box that is seen, the frame that follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from .address_tree import farthest_word, lowered, raised
+from .code import IFS
+
+FRAME_SIDE = 1.5          # the longer side of a normalised attractor: 25% padding of the canvas [-1,1]²
+BOX_TOLERANCE = 1e-7      # of the box's longer side
+DIRECTIONS = 1024         # of the support function's table
+MAX_SWEEPS = 5_000        # of the support function's fixed-point iteration
+MAX_LETTERS = 20_000      # of words whose reach is bounded by their length too
+VISIBLE_CHANCE = 1e-6     # of a word that is seen
+LETTERS = 2000            # of a random address
+
+
+def bounding_disc(code: IFS) -> tuple[np.ndarray, float]:
+    """A disc (center (2,), radius) that is certain to hold the attractor: every map sends it into itself.
+
+    With |f_i(c) - c| = d_i and largest singular value s_i, any radius r >= d_i / (1 - s_i) will do (Hutchinson 1981).
+    Raises `InputError` if the code is not contractive.
+    """
+    code.check_contractive()
+    linear, offset = _float64(code)
+    fixed = np.linalg.solve(np.eye(2) - linear, offset[..., None])[..., 0]
+    scale = np.linalg.norm(linear, ord=2, axis=(1, 2))
+    center = np.average(fixed, axis=0, weights=1 / (1 - scale))
+    moved = np.linalg.norm(np.einsum("nij,j->ni", linear, center) + offset - center, axis=1)
+    return center, float((moved / (1 - scale)).max())
+
+
+def support_function(code: IFS) -> np.ndarray:
+    """Certain upper bounds (K,) of max over the attractor of u_k·x, at K = 1024 directions of angle 2 pi k / K.
+
+    The half planes u_k·x <= h_k hold the attractor. A support function obeys h(u) = max_i h(M_i^T u) + b_i·u and is
+    sublinear, so interpolating between two directions never underestimates; iterating from the disc's values keeps
+    every bound certain while they contract. Raises `InputError` if the code is not contractive.
+    """
+    linear, offset = _float64(code)
+    center, radius = bounding_disc(code)
+    table = _unit_vectors() @ center + radius
+    first, weights, shift = _one_letter(linear, offset)
+    slack = 1 - np.linalg.norm(linear, ord=2, axis=(1, 2)).max()
+    return lowered(table, first, weights, shift, 1e-7 * slack * radius, MAX_SWEEPS)
+
+
+def visible_box(code: IFS) -> np.ndarray:
+    """The box (x_min, y_min, x_max, y_max), float64, of the words that a million points would visit.
+
+    It holds f_w(c) for every word w of chance p_w >= 1e-6, c the mean of the invariant measure. This is the kind of
+    box that the paper normalises by, that of many sampled points, without their luck: it depends neither on a seed nor
+    on the order of the maps. The attractor's own box may be far larger: a map with a singular value near 1
+    stretches the attractor into tails of chance 1e-8 that no picture ever shows (over the random suite the two differ
+    by more than 1% of the side for a quarter of the codes). Raises `InputError` if the code is not contractive.
+    """
+    (right, _), (top, _), (left, _), (bottom, _) = visible_tips(code)
+    return np.array([-left, -bottom, right, top])
+
+
+def visible_tips(code: IFS) -> list[tuple[float, np.ndarray]]:
+    """How far the `visible_box` reaches to the right, the top, the left and the bottom, and the words that reach there,
+    each an array (L,) of maps, the outermost first. Raises `InputError` if the code is not contractive."""
+    code.check_contractive()
+    linear, offset = _float64(code)
+    chance = code.sampling_probabilities().cpu().double().numpy()
+    mean = np.linalg.solve(np.eye(2) - np.einsum("n,nij->ij", chance, linear), chance @ offset)
+    table = _reach_of_visible_words(code, linear, offset, chance, mean)
+    tolerance = BOX_TOLERANCE * max(table[0] + table[DIRECTIONS // 2], table[DIRECTIONS // 4] + table[-DIRECTIONS // 4])
+    return [farthest_word(u, linear, offset, chance, mean, table, VISIBLE_CHANCE, tolerance)
+            for u in _unit_vectors()[:: DIRECTIONS // 4]]
+
+
+def _reach_of_visible_words(code: IFS, linear: np.ndarray, offset: np.ndarray, chance: np.ndarray,
+                            mean: np.ndarray) -> np.ndarray:
+    """Certain upper bounds (K,) of u_k·f_w(mean) over all words w of chance 1e-6 or more.
+
+    Such words lie in the attractor's half planes, and they have few letters. Where a map hardly contracts, the first
+    bound is useless and the second is tight: half planes a million times too far away would let a search end early.
+    """
+    table = support_function(code)
+    likeliest = chance.max()
+    letters = math.log(VISIBLE_CHANCE) / math.log(likeliest) if likeliest < 1 else math.inf
+    if letters > MAX_LETTERS:
+        return table
+    return np.minimum(table, raised(_unit_vectors() @ mean, *_one_letter(linear, offset), math.floor(letters) + 1))
+
+
+def normalize(code: IFS) -> IFS:
+    """The similar code whose visible box is centred on the canvas with its longer side spanning [-0.75, 0.75].
+
+    An attractor that is a single point is only centred. Raises `InputError` if the code is not contractive.
+    """
+    x0, y0, x1, y1 = (float(side) for side in visible_box(code))
+    side = max(x1 - x0, y1 - y0)
+    scale = FRAME_SIDE / side if side > 1e-5 else 1.0
+    return code.similar(scale, (-scale * (x0 + x1) / 2, -scale * (y0 + y1) / 2))
+
+
+def random_point(code: IFS, seed: int | Sequence[int] = 0) -> tuple[float, float]:
+    """A point (x, y) of the attractor, drawn by the invariant measure, to double precision.
+
+    The maps of a random address of 2000 letters are applied to a point of the attractor. Raises `InputError` if the
+    code is not contractive.
+    """
+    code.check_contractive()
+    linear, offset = _float64(code)
+    p = code.sampling_probabilities().cpu().double().numpy()
+    # A fixed point is on the attractor, and so are all its images.
+    x, y = np.linalg.solve(np.eye(2) - linear[p.argmax()], offset[p.argmax()]).tolist()
+    letters = np.random.Generator(np.random.PCG64(seed)).choice(len(p), LETTERS, p=p / p.sum())
+    for a, b, c, d, e, f in np.hstack([linear.reshape(-1, 4), offset])[letters].tolist():
+        x, y = a * x + b * y + e, c * x + d * y + f
+    return x, y
+
+
+def _float64(code: IFS) -> tuple[np.ndarray, np.ndarray]:
+    return code.linear.cpu().double().numpy(), code.offset.cpu().double().numpy()
+
+
+def _one_letter(linear: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How u_k·f_i(x) follows from the table of u·x: see `lowered`."""
+    units = _unit_vectors()
+    return *_interpolation(np.einsum("nij,ki->nkj", linear, units)), offset @ units.T
+
+
+def _unit_vectors() -> np.ndarray:
+    angle = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _interpolation(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Write each row (…,2) as alpha u_k + beta u_k+1 with alpha, beta >= 0: k (…) and the pair (…,2)."""
+    delta = 2 * np.pi / DIRECTIONS
+    angle = np.mod(np.arctan2(rows[..., 1], rows[..., 0]), 2 * np.pi)
+    first = np.minimum((angle / delta).astype(np.int64), DIRECTIONS - 1)
+    phi = angle - first * delta
+    length = np.linalg.norm(rows, axis=-1)[..., None]
+    weights = length * np.stack([np.sin(delta - phi), np.sin(phi)], -1) / np.sin(delta)
+    return first, np.maximum(weights, 0)

@@ -1,0 +1,263 @@
+"""IFS and View: frozen values, their algebra and their JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import reprlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+from ..runtime.checks import check_dense
+from ..runtime.files import read_json, write_atomically
+
+FORMAT = "fractal-exp/ifs"
+VERSION = 1
+LARGEST = torch.finfo(torch.float32).max
+PROBABILITY_FLOOR = 0.01  # keeps flat maps in play: p_i is proportional to |det M_i| + floor
+
+
+@dataclass(frozen=True)
+class View:
+    """A square window on the canvas: `center` (x, y), half-side 1/`zoom`; the default is the whole canvas [-1,1]².
+
+    Raises `InputError` unless the centre is two finite numbers and the zoom is finite and positive.
+    """
+
+    center: tuple[float, float] = (0.0, 0.0)
+    zoom: float = 1.0
+
+    def __post_init__(self) -> None:
+        try:
+            x, y = (float(c) for c in self.center)
+            zoom = float(self.zoom)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"a view needs center=(x, y) and a zoom, got {self.center!r} and {self.zoom!r}") from error
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise InputError(f"a view's center must be finite, got ({x}, {y})")
+        if not (math.isfinite(zoom) and zoom > 0):
+            raise InputError(f"a view's zoom must be a finite number above 0 (1 is the whole canvas), got {zoom}")
+        object.__setattr__(self, "center", (x, y))
+        object.__setattr__(self, "zoom", zoom)
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """The window's (x_min, y_min, x_max, y_max)."""
+        (x, y), half = self.center, 1.0 / self.zoom
+        return x - half, y - half, x + half, y + half
+
+
+@dataclass(frozen=True, eq=False)
+class IFS:
+    """An iterated function system of N affine maps f_i(x) = `linear`[i] x + `offset`[i].
+
+    linear (N,2,2) and offset (N,2), finite, kept as float32 tensors; probabilities (N,) of the chaos game, at least 0
+    and summing to 1, or None for p_i proportional to |det M_i| + 0.01; meta holds free JSON notes (name, source).
+    Raises `InputError` on other shapes, N < 1, non-finite numbers or probabilities that are none. Contractivity is
+    not asked for here but by `check_contractive`, where it is needed.
+    """
+
+    linear: Tensor
+    offset: Tensor
+    probabilities: Tensor | None = None
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        linear, offset = _floats("linear", self.linear), _floats("offset", self.offset)
+        if linear.ndim != 3 or linear.shape[1:] != (2, 2) or linear.shape[0] < 1:
+            raise InputError(f"linear must have shape (N, 2, 2) with N >= 1, got {tuple(linear.shape)}")
+        if offset.shape != (linear.shape[0], 2):
+            raise InputError(f"offset must have shape ({linear.shape[0]}, 2) as there are {linear.shape[0]} matrices, "
+                             f"got {tuple(offset.shape)}")
+        object.__setattr__(self, "linear", linear)
+        object.__setattr__(self, "offset", offset)
+        if self.probabilities is not None:
+            object.__setattr__(self, "probabilities", _probabilities(self.probabilities, linear.shape[0]))
+        if not isinstance(self.meta, Mapping):
+            raise InputError(f"meta holds free notes by name (a mapping), got {type(self.meta).__name__}")
+
+    def __len__(self) -> int:
+        """The number of maps N."""
+        return self.linear.shape[0]
+
+    def to(self, device: torch.device | str) -> IFS:
+        """The same code on another device."""
+        p = None if self.probabilities is None else self.probabilities.to(device)
+        return replace(self, linear=self.linear.to(device), offset=self.offset.to(device), probabilities=p)
+
+    def singular_values(self) -> Tensor:
+        """Singular values of every map, (N,2), the larger first."""
+        return torch.linalg.svdvals(self.linear)
+
+    def sampling_probabilities(self) -> Tensor:
+        """Probabilities (N,) of the chaos game: the code's own, or |det M_i| + 0.01 normalised (Anderson and
+        Farrell 2022)."""
+        if self.probabilities is not None:
+            return self.probabilities
+        return sampling_probabilities(self.linear)
+
+    def check_contractive(self) -> IFS:
+        """Return self, or raise `InputError` naming the first map whose larger singular value is not below 1."""
+        largest = self.singular_values()[:, 0]
+        if bool((largest >= 1).any()):
+            i = int((largest >= 1).nonzero()[0])
+            raise InputError(
+                f"every map must be contractive (singular values below 1), but map {i} has singular value "
+                f"{float(largest[i]):.6g}; shrink its matrix or drop the map"
+            )
+        return self
+
+    def similar(self, scale: float, shift: tuple[float, float]) -> IFS:
+        """The code whose attractor is scale · A + shift: matrices stay, offsets change by conjugation.
+
+        Computed in float64, since float32 would blur deep zooms.
+        """
+        t = torch.tensor(shift, dtype=torch.float64, device=self.offset.device)
+        offset = scale * self.offset.double() + t - self.linear.double() @ t
+        return replace(self, offset=offset.float())
+
+    def to_json(self) -> dict[str, Any]:
+        """The code as the plain data of this package's JSON format."""
+        p = self.probabilities
+        return {
+            "format": FORMAT, "version": VERSION,
+            "linear": _exact(self.linear), "offset": _exact(self.offset),
+            "probabilities": None if p is None else _exact(p), "meta": dict(self.meta),
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write the code as JSON, whole or not at all, and return the absolute path.
+
+        Raises `InputError` where the file cannot be written, or where `meta` holds what JSON cannot.
+        """
+        path = Path(path).absolute()
+        try:
+            text = json.dumps(self.to_json(), indent=1) + "\n"
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"meta must hold nothing but JSON (text, numbers, lists, mappings): {error}") from error
+        write_atomically(path, text)
+        return path
+
+    @classmethod
+    def from_json(cls, data: Any) -> IFS:
+        """A contractive code from plain data in this package's format or one of the two public spellings.
+
+        Those are a mapping with `ifs_m` (N,2,2) or (N,4), `ifs_t` (N,2) and optionally `ifs_p` (N,), and a list of
+        rows `a b c d e f [p]` meaning x' = a x + b y + e, y' = c x + d y + f. Raises `InputError` on anything else.
+        """
+        if isinstance(data, list):
+            code = _from_rows(data)
+        elif isinstance(data, Mapping) and "ifs_m" in data:
+            code = _from_lists(data)
+        elif isinstance(data, Mapping):
+            code = _from_own(data)
+        else:
+            raise InputError(f"a code is a JSON object or a list of rows of six numbers, got {type(data).__name__}")
+        return code.check_contractive()
+
+    @classmethod
+    def load(cls, path: str | Path) -> IFS:
+        """Read a code from a JSON file (see `from_json`). Raises `InputError` naming the file."""
+        data = read_json(path, "the code")
+        try:
+            return cls.from_json(data)
+        except InputError as error:
+            raise InputError(f"{Path(path).absolute()}: {error}") from error
+
+
+def sampling_probabilities(linear: Tensor) -> Tensor:
+    """|det M_i| + 0.01, normalised over the maps: (…,N,2,2) -> (…,N)."""
+    p = torch.linalg.det(linear.double()).abs() + PROBABILITY_FLOOR
+    return (p / p.sum(-1, keepdim=True)).to(linear.dtype)
+
+
+def _floats(name: str, value: Any) -> Tensor:
+    try:
+        given = torch.as_tensor(value)
+    except (TypeError, ValueError, RuntimeError, OverflowError) as error:
+        raise InputError(f"{name} must be a regular array of numbers: {error}") from error
+    check_dense(name, given)
+    if given.dtype == torch.bool or given.is_complex():
+        raise InputError(f"{name} must be real numbers, got {given.dtype}")
+    tensor = given.detach().to(torch.float32)
+    if not bool(torch.isfinite(tensor).all()):
+        raise InputError(f"{name} must be finite, got NaN or infinity")
+    return tensor.clone()
+
+
+def _probabilities(value: Any, count: int) -> Tensor:
+    p = _floats("probabilities", value)
+    if p.shape != (count,):
+        raise InputError(f"probabilities must have shape ({count},), one per map, got {tuple(p.shape)}")
+    if bool((p < 0).any()):
+        raise InputError(f"probabilities must not be negative, got {float(p.min()):.6g}")
+    if abs(float(p.double().sum()) - 1) > 1e-3:
+        raise InputError(f"probabilities must sum to 1, got {float(p.sum()):.6g}; divide them by their sum")
+    return p
+
+
+def _exact(tensor: Tensor) -> list:
+    """Nested lists of the shortest decimals that read back as the same float32."""
+    values = tensor.cpu().numpy()
+    return [_exact(row) for row in tensor] if tensor.ndim > 1 else [float(str(v)) for v in values]
+
+
+def _only_keys(data: Mapping, allowed: set[str]) -> None:
+    unknown = sorted(map(str, set(data) - allowed))
+    if unknown:
+        raise InputError(f"unknown keys {reprlib.repr(unknown)}; a code has {sorted(allowed)}, free notes go into "
+                         "'meta'")
+
+
+def _numbers(name: str, value: Any) -> Any:
+    """Plain nested lists, checked to hold nothing but numbers that float32 can hold: no text, no true or false."""
+    rest = [value]
+    while rest:
+        item = rest.pop()
+        if isinstance(item, list | tuple):
+            rest.extend(item)
+        elif isinstance(item, bool) or not isinstance(item, int | float):
+            raise InputError(f"{name} must hold numbers only, got {reprlib.repr(item)}")
+        elif not abs(item) <= LARGEST:
+            raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {reprlib.repr(item)}")
+    return value
+
+
+def _from_own(data: Mapping) -> IFS:
+    _only_keys(data, {"format", "version", "linear", "offset", "probabilities", "meta"})
+    version = data.get("version")
+    if data.get("format") != FORMAT or type(version) is not int or version != VERSION:
+        found = f"{reprlib.repr(data.get('format'))} version {reprlib.repr(version)}"
+        raise InputError(f"expected format {FORMAT!r} version {VERSION}, got {found}; no other version is read")
+    missing = [key for key in ("linear", "offset") if key not in data]
+    if missing:
+        raise InputError(f"the code has no {' and no '.join(missing)}")
+    given, meta = data.get("probabilities"), data.get("meta")
+    return IFS(_numbers("linear", data["linear"]), _numbers("offset", data["offset"]),
+               None if given is None else _numbers("probabilities", given), {} if meta is None else meta)
+
+
+def _from_lists(data: Mapping) -> IFS:
+    _only_keys(data, {"ifs_m", "ifs_t", "ifs_p"})
+    if "ifs_t" not in data:
+        raise InputError("ifs_m needs ifs_t beside it: one offset (x, y) per matrix")
+    linear = _floats("ifs_m", _numbers("ifs_m", data["ifs_m"]))
+    if linear.ndim == 2 and linear.shape[1] == 4:
+        linear = linear.reshape(-1, 2, 2)
+    given = data.get("ifs_p")
+    return IFS(linear, _numbers("ifs_t", data["ifs_t"]), None if given is None else _numbers("ifs_p", given))
+
+
+def _from_rows(rows: list) -> IFS:
+    table = _floats("rows", _numbers("rows", rows))
+    if table.ndim != 2 or table.shape[1] not in (6, 7):
+        raise InputError(f"a list of rows needs six numbers each, a b c d e f, or seven with the probability; "
+                         f"got shape {tuple(table.shape)}")
+    p = table[:, 6] if table.shape[1] == 7 else None
+    return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:6], p)

@@ -1,0 +1,169 @@
+"""Pictures as bands of whole rows, so that what is computed of them takes little memory beside them; opening files."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageOps, UnidentifiedImageError
+
+from ..errors import InputError
+from ..runtime.files import check_file
+
+# Those that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
+FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM")
+LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds it whole, in 1 to 4 bytes a pixel, and some decoders twice
+BAND_PIXELS = 2**20
+MOST_LEVELS = 65535
+EXIF_ORIENTATION = 0x0112
+
+
+@dataclass(frozen=True)
+class Bands:
+    """A picture of `height` × `width` pixels: `rows(first, last)` gives some of its rows, `channels` 1, 3 or 4."""
+
+    height: int
+    width: int
+    channels: int
+    rows: Callable[[int, int], np.ndarray]
+
+    @classmethod
+    def of_array(cls, pixels: np.ndarray) -> Bands:
+        """The bands of an array (H,W), (H,W,3) or (H,W,4)."""
+        channels = pixels.shape[2] if pixels.ndim == 3 else 1
+        return cls(pixels.shape[0], pixels.shape[1], channels, lambda first, last: pixels[first:last])
+
+    def map(self, function: Callable[[np.ndarray], np.ndarray]) -> Bands:
+        """The same picture with every band changed when it is read, to one of a single channel."""
+        return Bands(self.height, self.width, 1, lambda first, last: function(self.rows(first, last)))
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """All rows from the top, about a million pixels at a time."""
+        some = max(1, BAND_PIXELS // self.width)
+        for first in range(0, self.height, some):
+            yield self.rows(first, min(first + some, self.height))
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The lowest and the highest level of every row (2,H) and every column (2,W) of a grey picture, and the levels
+    of its border."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    border: np.ndarray
+
+    @classmethod
+    def of(cls, grey: Bands) -> Profile:
+        """Read the picture once."""
+        rows, columns, left, right, first, last = [], None, [], [], None, None
+        for band in grey:
+            rows.append(np.stack([band.min(1), band.max(1)]))
+            here = np.stack([band.min(0), band.max(0)])
+            columns = here if columns is None else np.stack([np.minimum(columns[0], here[0]),
+                                                             np.maximum(columns[1], here[1])])
+            left.append(band[:, 0].copy())
+            right.append(band[:, -1].copy())
+            first, last = band[0].copy() if first is None else first, band[-1].copy()
+        sides = [np.concatenate(side)[1:-1] for side in (left, right)]
+        return cls(np.concatenate(rows, 1), columns, np.concatenate([first, last, *sides]))
+
+    @property
+    def low(self) -> np.float32:
+        return self.rows[0].min()
+
+    @property
+    def high(self) -> np.float32:
+        return self.rows[1].max()
+
+    def inverted(self) -> Profile:
+        """That of 1 - picture."""
+        return Profile(1 - self.rows[::-1], 1 - self.columns[::-1], 1 - self.border)
+
+    def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> Profile:
+        """That of the picture whose levels a function that never falls has changed."""
+        return Profile(rising(self.rows), rising(self.columns), rising(self.border))
+
+
+def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str], np.ndarray]) -> Bands:
+    """The upright picture of a file, as bands of uint8, uint16 or float32, each passed through `check(band, name)`.
+
+    Adds to `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
+    """
+    path = path.absolute()
+    check_file(path, "the picture")
+    with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
+        picture.load()
+        frames = getattr(picture, "n_frames", 1)
+        if frames > 1:
+            notes.append(f"the file holds {frames} pictures: the first was taken")
+        picture.load()  # counting them may have left it
+        if picture.getexif().get(EXIF_ORIENTATION, 1) != 1:
+            picture = ImageOps.exif_transpose(picture)
+            notes.append("turned upright by its EXIF orientation")
+        mode = _mode(picture)
+        picture.crop((0, 0, 1, 1)).convert(mode)  # raises where Pillow cannot
+
+    def rows(first: int, last: int) -> np.ndarray:
+        band = picture.crop((0, first, picture.width, last))
+        pixels = np.asarray(band if band.mode == mode else band.convert(mode))
+        return check(_sixteen_bits(pixels, path) if mode.startswith("I") else pixels, f"the picture {path}")
+
+    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows)
+
+
+def _formats() -> list[str]:
+    Image.init()
+    return [name for name in FORMATS if name in Image.OPEN]  # a Pillow may be built without some
+
+
+def _mode(picture: Image.Image) -> str:
+    """The mode that a picture is read in."""
+    if picture.mode == "F" or picture.mode.startswith("I"):
+        return picture.mode
+    return "RGBA" if picture.has_transparency_data else "L" if picture.mode in ("L", "1") else "RGB"
+
+
+def _sixteen_bits(levels: np.ndarray, path: Path) -> np.ndarray:
+    """16 bits, which Pillow keeps as such or in 32 bits."""
+    if levels.min() < 0 or levels.max() > MOST_LEVELS:
+        raise InputError(f"{path} holds integers from {levels.min()} to {levels.max()}; save it with 8 or 16 bits")
+    return levels.astype(np.uint16)
+
+
+_guard = threading.Lock()
+
+
+@contextlib.contextmanager
+def _pillow_reads(pixels: int) -> Iterator[None]:
+    """Let Pillow read pictures up to so many pixels: its own bound is one for the whole process, and lower."""
+    with _guard, warnings.catch_warnings():
+        warnings.simplefilter("error", Image.DecompressionBombWarning)
+        before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, pixels
+        try:
+            yield
+        finally:
+            Image.MAX_IMAGE_PIXELS = before
+
+
+@contextlib.contextmanager
+def _one_line(path: Path) -> Iterator[None]:
+    """Turn whatever Pillow raises into an `InputError`."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
+        raise InputError(f"{path} has more than {LARGEST_PIXELS} pixels, which is the most that is read; shrink the "
+                         "picture first") from error
+    except UnidentifiedImageError as error:
+        raise InputError(f"{path} is no picture of the kinds that are read ({', '.join(FORMATS)}); convert it to PNG"
+                         ) from error
+    except Exception as error:  # on a damaged file Pillow's readers raise almost anything
+        reason = getattr(error, "strerror", None) or f"the file is damaged or cut short ({error})"
+        raise InputError(f"cannot read the picture {path}: {reason}") from error

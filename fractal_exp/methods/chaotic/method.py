@@ -1,0 +1,254 @@
+"""The paper's method: chaos game, splatting and a hybrid optimiser, in one explicit loop."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NoReturn
+
+import torch
+from torch import Tensor
+
+from ...errors import InputError
+from ...runtime.checkpoint import Checkpoint, Snapshot
+from ...runtime.precision import full_precision
+from ...runtime.seeds import derive, generator
+from ..base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_device, check_target
+from .best_states import BestStates
+from .losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
+from .model import SVD, ForwardModel, Parameterization, Parameters
+from .optimizers import Alternating, Annealing, Optimizer
+from .readback import Numbers, Pending, steps_at_a_time
+
+
+class Chaotic(Method):
+    """Learning Image Fractals Using Chaotic Differentiable Point Splatting (Eurographics 2025).
+
+    model draws, objective judges, optimizer moves; `iterations` of it (15 000 in the paper), the temperature falling
+    linearly from 1 to 0. With `seconds`, time may end the run first; the schedule then follows whichever of iterations
+    and time is further on (and a run can no longer be repeated bit for bit).
+
+    init: a method whose code, of however many maps, the run begins with instead of random parameters; it is handed the
+    same target, and there is one start. The model plays all maps alike, whatever the code's own chances.
+
+    starts: with more than one, each start is first followed for `scouting` iterations (without phases of
+    annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most
+    single starts end in a poor local minimum, and a hundred iterations show which.
+
+    The result is the best state by total loss: the best `kept` contractive states seen are drawn again with
+    `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well.
+
+    match_target: compare with the target as the model itself would draw it (`ForwardModel.match`), which the paper
+    does not. radii: of the splats, in units of the model's, each for an equal part of the run; with some above 1 a fit
+    goes from coarse to fine, and its best state is one of the last part. previews: how many preview images a run
+    reports. device: where tensors live; on a GPU the numbers of up to 32 steps are fetched together, and so are they
+    told to `on_step`. Raises `InputError` on values out of range.
+    """
+
+    def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
+                 seconds: float | None = None, seed: int = 0, starts: int = 1, scouting: int = 100, kept: int = 8,
+                 rescoring_draws: int = 4, match_target: bool = False, previews: int = 20, device: str = "cpu",
+                 init: Method | None = None, radii: Sequence[float] = (1.0,)):
+        counts = {"iterations": iterations, "starts": starts, "scouting": scouting, "kept": kept,
+                  "rescoring_draws": rescoring_draws}
+        for name, value in counts.items():
+            if value < 1:
+                raise InputError(f"{name} must be at least 1, got {value}")
+        if init is not None and starts > 1:
+            raise InputError(f"a fit that begins with the code of another method has one start, got starts={starts}")
+        if not radii or not all(radius > 0 for radius in radii):
+            raise InputError(f"radii must be one or more numbers above 0, got {list(radii)}")
+        if previews < 0:
+            raise InputError(f"previews must be at least 0, got {previews}")
+        if seconds is not None and not seconds > 0:
+            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        self.model, self.objective, self.optimizer = model, objective, optimizer
+        self.iterations, self.seconds, self.seed = iterations, seconds, seed
+        self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting
+        self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
+        self.match_target, self.device, self.init = match_target, check_device(device), init
+        self.radii = tuple(radii)
+
+    @full_precision()
+    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
+                    checkpoint: Checkpoint | None = None) -> CodeReconstruction:
+        image = check_target(target, self.model.resolution).to(self.device)
+        total = self.scouted + self.iterations
+        best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
+        start_time = time.monotonic()
+        first = self._start(best, checkpoint, image)
+        preview_every = math.ceil(total / self.previews) if self.previews else None
+
+        iteration, fraction = first, first / total
+        radius = self._radius(fraction * total)
+        problem = self._problem(image, radius)
+        at_a_time, pending = steps_at_a_time(self.device), Pending()
+        while fraction < 1:
+            if 0 < iteration <= self.scouted and iteration % self.scouting == 0:
+                scouted = iteration == self.scouted
+                self.optimizer.start(self._some(best.states)[0] if scouted else self._initial(iteration), self.seed)
+            if radius != self._radius(fraction * total):  # losses with another are no measure of this one's
+                radius = self._radius(fraction * total)
+                problem = self._problem(image, radius)
+                best.clear()
+            if not pending:
+                good = Snapshot(iteration, self._tensors(best), {"losses": best.losses, "iterations": best.iterations})
+            if checkpoint and iteration > first and iteration % checkpoint.every == 0:
+                checkpoint.save(good)
+            scouting = iteration < self.scouted
+            temperature = (self.optimizer.scouting_temperature if scouting
+                           else (1 - fraction) * total / self.iterations)
+            try:
+                step = self.optimizer.step(problem, iteration, temperature)
+                iteration += 1
+                elapsed = (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0
+                fraction = min(1.0, max(iteration / total, elapsed))
+                pending.add(step, iteration - 1, fraction, temperature)
+                wanted = on_step and preview_every and (iteration % preview_every == 0 or fraction == 1)
+                if (len(pending) >= at_a_time or wanted or fraction == 1 or radius != self._radius(fraction * total)
+                        or (checkpoint and iteration % checkpoint.every == 0)
+                        or (iteration <= self.scouted and iteration % self.scouting == 0)):
+                    draw = partial(problem.draw, self.optimizer.raw, self.seed) if wanted else None
+                    self._settle(pending, best, good, checkpoint, on_step, draw)
+            except KeyboardInterrupt:
+                if checkpoint:
+                    checkpoint.save(good)
+                raise
+
+        self._some(best.states)
+        raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
+                          self.rescoring_draws)
+        return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive())
+
+    def _radius(self, iteration: float) -> float:
+        """Of the splats at this iteration, or where time has come as far as that."""
+        part = max(0.0, iteration - self.scouted) / self.iterations
+        return self.radii[min(int(part * len(self.radii)), len(self.radii) - 1)]
+
+    def _problem(self, image: Tensor, radius: float) -> Problem:
+        model = self.model.with_splats(radius)
+        target = model.match(image, derive(self.seed, "match")) if self.match_target else image
+        return Problem(model, self.objective, target)
+
+    def check(self, target: Tensor) -> None:
+        self.objective.prepare(check_target(target, self.model.resolution).to(self.device))
+        if self.init is not None:
+            self.init.check(target)
+
+    @staticmethod
+    def _some(states: list[dict[str, Tensor]]) -> list[dict[str, Tensor]]:
+        if not states:
+            raise FitDiverged("no contractive state was met, so there is no attractor to return; raise the weight of "
+                              "the regulariser, or take the SVD parameterisation")
+        return states
+
+    def _start(self, best: BestStates, checkpoint: Checkpoint | None, image: Tensor) -> int:
+        """Put the optimiser at its first or its saved state and return the iteration to go on with."""
+        saved = checkpoint.load() if checkpoint else None
+        if saved is None:
+            self.optimizer.start(self._initial(0) if self.init is None else self._handed_on(image), self.seed)
+            return 0
+        tensors = {name: tensor.to(self.device) for name, tensor in saved.tensors.items()}
+        self.optimizer.start(_under("raw/", tensors), self.seed)
+        self.optimizer.load_state(_under("optimizer/", tensors))
+        for i, (loss, iteration) in enumerate(zip(saved.numbers["losses"], saved.numbers["iterations"], strict=True)):
+            best.offer(loss, iteration, _under(f"best/{i}/", tensors))
+        return saved.iteration
+
+    def _initial(self, iteration: int) -> dict[str, Tensor]:
+        """Random parameters for the start that begins at this iteration."""
+        raw = self.model.parameterization.initial(self.model.maps, generator(self.seed, "initial", iteration))
+        return {name: value.to(self.device) for name, value in raw.items()}
+
+    def _handed_on(self, image: Tensor) -> dict[str, Tensor]:
+        """Parameters of the code that the method `init` finds."""
+        raw = self.model.encode(self.init.reconstruct(image).code)
+        return {name: value.to(self.device) for name, value in raw.items()}
+
+    def _tensors(self, best: BestStates) -> dict[str, Tensor]:
+        tensors = {f"raw/{name}": value.detach().clone() for name, value in self.optimizer.raw.items()}
+        tensors |= {f"optimizer/{name}": value for name, value in self.optimizer.state().items()}
+        for i, state in enumerate(best.states):
+            tensors |= {f"best/{i}/{name}": value for name, value in state.items()}
+        return tensors
+
+    def _settle(self, pending: Pending, best: BestStates, good: Snapshot, checkpoint: Checkpoint | None,
+                on_step: OnStep | None, draw: Callable[[], Tensor] | None) -> None:
+        """Judge the steps that are pending, in their order, and tell of them; what is drawn is the last one's preview.
+        """
+        numbers = pending.fetch(self.model, self.optimizer.raw)
+        for each in numbers:
+            if not each.finite:
+                self._break_off(each, good, checkpoint)
+            if each.contractive:
+                best.offer(each.loss, each.iteration, each.step.raw)
+            if on_step:
+                preview = draw() if draw and each is numbers[-1] else None
+                on_step(Progress(each.iteration + 1, each.fraction, each.scalars(), preview))
+
+    @staticmethod
+    def _break_off(failed: Numbers, good: Snapshot, checkpoint: Checkpoint | None) -> NoReturn:
+        where = "no checkpoint was asked for"
+        if checkpoint:
+            checkpoint.save(good)
+            where = f"the state before {'it' if good.iteration == failed.iteration else f'iteration {good.iteration}'}"
+            where += f" is in {checkpoint.path}"
+        terms = ", ".join(f"{name} {value:.4g}" for name, value in failed.terms.items())
+        raise FitDiverged(f"iteration {failed.iteration} met a NaN or an infinity (loss {failed.loss:.4g}: {terms});"
+                          f" {where}. Try a smaller learning rate or a larger weight of the regulariser")
+
+
+def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, starts: int = 10, scouting: int = 120,
+           trajectories: int = 1000, length: int = 110, match_target: bool = True, perceptual: str | None = None,
+           perceptual_weights: str | None = None, seed: int = 0, seconds: float | None = None,
+           init: Method | None = None, radii: Sequence[float] = (1.0,)) -> Chaotic:
+    """The method at the sizes of the configuration scale=laptop: two cores finish in minutes. With `init` there is one
+    start."""
+    model = ForwardModel(SVD(), resolution=resolution, maps=maps, trajectories=trajectories, length=length)
+    objective = WeightedSum(
+        {"mse": 10.0, "ssim": 1.0, "perceptual": 2.0, "regularizer": 0.01},
+        {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": perceptual_term(perceptual or "none", perceptual_weights),
+         "regularizer": Regularizer()})
+    optimizer = Alternating(every=100, annealing=Annealing(sharpness=1000.0))
+    return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed,
+                   starts=1 if init else starts, scouting=scouting, match_target=match_target, init=init,
+                   radii=radii)
+
+
+class Problem:
+    """The model and the objective on one target, as the optimiser sees them."""
+
+    def __init__(self, model: ForwardModel, objective: WeightedSum, target: Tensor):
+        self.model, self.target = model, target
+        self.objective = objective.prepare(target)
+
+    @property
+    def parameterization(self) -> Parameterization:
+        return self.model.parameterization
+
+    @property
+    def waits(self) -> bool:
+        return self.model.waits(self.target)
+
+    def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        return self.objective(self.model(raw, seed))
+
+    @torch.no_grad()
+    def loss_value(self, raw: Parameters, seed: int) -> float:
+        return float(self.loss(raw, seed)[0])
+
+    @torch.no_grad()
+    def energy(self, raw: Parameters, seed: int | Tensor) -> Tensor:
+        return (self.model(raw, seed).image - self.target).square().mean((-2, -1))
+
+    @torch.no_grad()
+    def draw(self, raw: Parameters, seed: int) -> Tensor:
+        return self.model(raw, seed).image.cpu()
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+

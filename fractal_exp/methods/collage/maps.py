@@ -1,0 +1,120 @@
+"""Affine maps as rows a b c d e f of tensors (…,6), (x, y) -> (a x + b y + e, c x + d y + f): their algebra."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ...ifs.code import IFS, PROBABILITY_FLOOR
+from ...ops.collage import BinnedMeasure
+
+SINGULAR = 1e-6  # a determinant that counts as none
+
+
+def from_code(code: IFS) -> Tensor:
+    """(N,6)."""
+    return torch.cat([code.linear.flatten(1), code.offset], 1)
+
+
+def to_code(maps: Tensor, weights: Tensor | None = None) -> IFS:
+    """The code of maps (N,6), with the chances `weights` / sum, or those of |det| + 0.01."""
+    chances = None if weights is None else normalized(weights)
+    return IFS(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], chances)
+
+
+def normalized(weights: Tensor) -> Tensor:
+    """Weights (N,) over their sum; what is normalised stays as it is, bit for bit."""
+    total = weights.sum()
+    return weights if abs(float(total) - 1) < 1e-5 else weights / total
+
+
+def volumes(maps: Tensor) -> Tensor:
+    """|det| + 0.01, (…): to which the chance of a map is in proportion."""
+    return (maps[..., 0] * maps[..., 3] - maps[..., 1] * maps[..., 2]).abs() + PROBABILITY_FLOOR
+
+
+def largest_singular(maps: Tensor) -> Tensor:
+    """(…)."""
+    a, b, c, d = maps[..., :4].unbind(-1)
+    return torch.hypot((a + d) / 2, (c - b) / 2) + torch.hypot((a - d) / 2, (c + b) / 2)
+
+
+def smaller_singular(maps: Tensor) -> Tensor:
+    """(…)."""
+    a, b, c, d = maps[..., :4].unbind(-1)
+    return (torch.hypot((a + d) / 2, (c - b) / 2) - torch.hypot((a - d) / 2, (c + b) / 2)).abs()
+
+
+def rotations(count: int, generator: torch.Generator) -> Tensor:
+    """Orthogonal matrices (count,2,2): uniform angles, half of them reflections."""
+    angle = torch.rand(count, generator=generator) * 2 * math.pi
+    flip = (torch.rand(count, generator=generator) < 0.5) * -2.0 + 1
+    cos, sin = angle.cos(), angle.sin()
+    return torch.stack([cos, -sin * flip, sin, cos * flip], -1).view(-1, 2, 2)
+
+
+def random_matrices(count: int, smallest: float, largest: float, generator: torch.Generator) -> Tensor:
+    """Matrices (count,2,2) = U diag(s1, s2) V: s1 log-uniform in [smallest, largest], s2/s1 uniform in [0.05, 1]."""
+    s1 = (torch.rand(count, generator=generator) * math.log(largest / smallest)).exp() * smallest
+    s2 = s1 * (0.05 + 0.95 * torch.rand(count, generator=generator))
+    return (rotations(count, generator) * torch.stack([s1, s2], -1)[:, None]) @ rotations(count, generator)
+
+
+def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
+    """Maps (…,6) of these matrices (…,2,2) that send the point source (…,2) to image (…,2)."""
+    offset = image - (matrices @ source[..., None])[..., 0]
+    return torch.cat([matrices.flatten(-2), offset], -1)
+
+
+def root(one: Tensor, order: int) -> Tensor | None:
+    """The map (6,) that does, `order` times in a row, what this one (6,) does; None if it is not real or not
+    contractive."""
+    from scipy.linalg import fractional_matrix_power
+
+    matrix = torch.eye(3, dtype=torch.float64)
+    matrix[:2, :2], matrix[:2, 2] = one[:4].view(2, 2).cpu(), one[4:].cpu()
+    found = torch.from_numpy(np.asarray(fractional_matrix_power(matrix.numpy(), 1 / order), dtype=np.complex128))
+    if not bool(found.isfinite().all()) or float(found.imag.abs().max()) > 1e-6:
+        return None
+    real = torch.cat([found.real[:2, :2].flatten(), found.real[:2, 2]]).to(one)
+    return real if float(largest_singular(real)) < 1 else None
+
+
+def preceded(one: Tensor, others: Tensor) -> Tensor:
+    """What maps (n,6) do, undone by one (6,): g such that one∘g is each of them; those that are contractive, and none
+    where one is singular."""
+    if float(volumes(one)) - PROBABILITY_FLOOR < SINGULAR:
+        return others[:0]
+    inverse = torch.linalg.inv(one[:4].view(2, 2).double())
+    linear = inverse @ others[:, :4].unflatten(1, (2, 2)).double()
+    offset = (others[:, 4:].double() - one[4:].double()) @ inverse.T
+    found = torch.cat([linear.flatten(1), offset], 1).to(others)
+    return found[largest_singular(found) < 1]
+
+
+def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
+    """Root mean square over the measure of |f(x) - g(x)|, canvas units: maps (n,6) and (m,6) -> (n,m)."""
+    difference = a[:, None] - b[None]
+    linear = difference[..., :4].unflatten(-1, (2, 2))
+    shift = linear @ measure.mean + difference[..., 4:]
+    return (((linear @ measure.covariance) * linear).sum((-2, -1)) + shift.square().sum(-1)).sqrt()
+
+
+def thinness(one: Tensor, measure: BinnedMeasure) -> float:
+    """The width of a map's (6,) image of the measure over its length, both standard deviations."""
+    width, length = _extents(one, measure)
+    return width / max(length, 1e-6)
+
+
+def width(one: Tensor, measure: BinnedMeasure) -> float:
+    """The standard deviation of a map's (6,) image of the measure across its length, canvas units."""
+    return _extents(one, measure)[0]
+
+
+def _extents(one: Tensor, measure: BinnedMeasure) -> tuple[float, float]:
+    linear = one[:4].view(2, 2).double()
+    spread = torch.linalg.eigvalsh(linear @ measure.covariance.double() @ linear.T)
+    return tuple(spread.clamp_min(0).sqrt().tolist())

@@ -1,0 +1,192 @@
+"""The operations of collage search: a measure pushed through maps, and maps moved until they tile the measure.
+
+By the collage theorem (Barnsley 1985) a code whose maps send a measure mu to nearly itself, sum_i w_i f_i#mu ~ mu, has
+nearly mu as its attractor's measure. No chaos game is needed to see how nearly, so that a batch of codes is improved
+in microseconds a step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+
+import torch
+from torch import Tensor
+
+from ... import ops
+from ...errors import InputError
+from ...runtime.checks import check_alike, check_count, check_dense, check_memory, check_tensor, shown
+from .. import backends
+from . import reference
+from .reference import Descent
+
+LARGEST = 32_768  # cells a side: a cell's number is kept in 32 bits
+LARGEST_COUNT = 2**31 - 1  # of trajectories, and of their points
+
+__all__ = ["BinnedMeasure", "Descent", "collage_error", "descend", "orbit_bins", "pushforward"]
+
+
+@dataclass(frozen=True)
+class BinnedMeasure:
+    """A measure of mass 1 on the canvas [-1,1]² as the collage operations take it.
+
+    samples (K,3): x, y, mass; bins (G,G): the same masses shared out bilinearly on a grid of G cells a side, row 0 at
+    the top; levels: how many grids of G, G/2, G/4 … a side are compared. float32, on one device. Raises `InputError`
+    on other shapes, tensors that differ in dtype or device, or a side that cannot be halved so often.
+    """
+
+    samples: Tensor
+    bins: Tensor
+    levels: int = 3
+
+    def __post_init__(self) -> None:
+        check_tensor("samples", self.samples)
+        check_tensor("bins", self.bins)
+        check_alike("bins", self.bins, "samples", self.samples)
+        check_count("levels", self.levels)
+        _check_samples(self.samples)
+        size = self.size
+        if self.bins.shape != (size, size) or self.levels > size.bit_length() or size % 2 ** (self.levels - 1):
+            raise InputError(f"the bins must be square with a side that can be halved {shown(self.levels - 1)} times, "
+                             f"got {tuple(self.bins.shape)}")
+        _check_size(size)
+        points, mass = self.samples[:, :2], self.samples[:, 2:]
+        mean = (points * mass).sum(0)
+        off = points - mean
+        object.__setattr__(self, "mean", mean)                                    # (2,)
+        object.__setattr__(self, "covariance", (off * mass).T @ off)              # (2,2)
+        grids = [self.bins]
+        for _ in range(self.levels - 1):
+            grids.append(torch.nn.functional.avg_pool2d(grids[-1][None, None], 2)[0, 0] * 4)
+        roots = torch.cat([(grid + reference.FLOOR).sqrt().flatten() for grid in grids])
+        object.__setattr__(self, "roots", roots)
+
+    @property
+    def size(self) -> int:
+        """G, the cells a side."""
+        return self.bins.shape[0]
+
+
+def _check_size(size: int) -> None:
+    """Raise `InputError` unless `size` cells a side can be used: a sample is shared by two at least."""
+    check_count("size", size, 2, LARGEST)
+
+
+def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, backend: str = "auto") -> Tensor:
+    """The measures sum_i w_i f_i#mu in bilinear bins: (B,N,6), (B,N) and samples (K,3) of x, y, mass -> (B,G,G).
+
+    A map is a row a b c d e f, (x, y) -> (a x + b y + e, c x + d y + f); one whose weight is not above 0 is absent.
+    What falls beyond the canvas is counted in its edge cells. Numbers that are not finite spoil their own code alone.
+    Raises `InputError` on other shapes, tensors that differ in dtype or device, a size outside 2 … 32768, or one that
+    takes more memory than there is.
+    """
+    _check(maps, weights)
+    check_tensor("samples", samples)
+    check_alike("samples", samples, "maps", maps)
+    _check_samples(samples)
+    _check_size(size)
+    check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
+    return _backend(backend, maps).pushforward(maps, weights, samples, int(size))
+
+
+def orbit_bins(maps: Tensor, probabilities: Tensor, size: int, *, trajectories: int, length: int, warmup: int,
+               seed: int, backend: str = "auto") -> Tensor:
+    """The measures of the orbits of codes in bilinear bins: maps (B,N,6), probabilities (N,) of all -> (B,G,G).
+
+    The points are those of `ops.chaos_game`, of equal mass, with the same random numbers for all codes. The CPU backend
+    keeps none of them, and gives each thread codes of its own. Raises `InputError` on other shapes, a size outside
+    2 … 32768 or one that takes more memory than there is, and on what `ops.chaos_game` refuses.
+    """
+    check_tensor("maps", maps)
+    if maps.ndim != 3 or maps.shape[-1] != 6:
+        raise InputError(f"maps must have shape (B, N, 6), got {tuple(maps.shape)}")
+    for name, value in (("trajectories", trajectories), ("length", length)):
+        check_count(name, value, most=LARGEST_COUNT)
+    check_count("warmup", warmup, 0, length - 1)
+    check_count("seed", seed, -2**63, 2**63 - 1)
+    _check_size(size)
+    check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
+    if backends.choose(backend, maps) == "cpu":
+        thresholds = ops._thresholds(probabilities, (), maps.shape[1], maps.device)[0]
+        return _backend("cpu", maps).orbit_bins(maps, thresholds, seed, size, trajectories, length, warmup)
+    identity, bins = maps.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), []
+    for each in maps:  # one after another, for the sake of memory
+        points = ops.chaos_game(each[:, :4].unflatten(-1, (2, 2)), each[:, 4:], trajectories=trajectories,
+                                length=length, warmup=warmup, probabilities=probabilities, seed=seed, backend=backend)
+        samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], -1)
+        bins.append(pushforward(identity, maps.new_ones(1, 1), samples, size, backend=backend)[0])
+    return torch.stack(bins)
+
+
+def collage_error(bins: Tensor, measure: BinnedMeasure) -> Tensor:
+    """How far bins (B,G,G) are from the measure, (B,): squared Hellinger distance sum (sqrt(q) - sqrt(m))², the mean
+    over the measure's grids. 0 where they agree; the square root makes counting noise equal everywhere. Raises
+    `InputError` if the bins have another shape, dtype or device than the measure's."""
+    _check_measure(measure)
+    check_dense("bins", bins)
+    if bins.ndim != 3 or bins.shape[1:] != measure.bins.shape:
+        raise InputError(f"bins must have shape (B, {measure.size}, {measure.size}), got {tuple(bins.shape)}")
+    check_alike("bins", bins, "measure.bins", measure.bins)
+    return reference.collage_error(bins, measure.roots, measure.levels)
+
+
+def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent, *, backgrounds: Tensor | None = None,
+            chosen: Tensor | None = None, backend: str = "auto") -> tuple[Tensor, Tensor, Tensor]:
+    """Move maps (B,N,6) and weights (B,N) towards the least collage error: the new ones and their error (B,).
+
+    Every code of the batch goes its own way, by Adam as `how` says; numbers that are not finite spoil their own code
+    alone. backgrounds (C,G,G) is a measure that is there already, chosen (B,) int64 says which one of them, 0 … C - 1,
+    for each code: the first if None. Raises `InputError` on other shapes, tensors that differ in dtype or device, or a
+    number in `chosen` outside its range; on a GPU the last is not looked at, since that would wait for the device.
+    """
+    _check(maps, weights)
+    _check_measure(measure)
+    if not isinstance(how, Descent):
+        raise InputError(f"how must be a Descent, got {shown(how)}")
+    check_alike("measure.bins", measure.bins, "maps", maps)
+    if backgrounds is None:
+        backgrounds = torch.zeros(1, measure.size, measure.size, dtype=maps.dtype, device=maps.device)
+    if chosen is None:
+        chosen = torch.zeros(len(maps), dtype=torch.int64, device=maps.device)
+    check_tensor("backgrounds", backgrounds)
+    check_dense("chosen", chosen)
+    check_alike("backgrounds", backgrounds, "maps", maps)
+    if backgrounds.ndim != 3 or backgrounds.shape[1:] != measure.bins.shape or chosen.shape != (len(maps),):
+        raise InputError(f"backgrounds must have shape (C, {measure.size}, {measure.size}) and chosen ({len(maps)},), "
+                         f"got {tuple(backgrounds.shape)} and {tuple(chosen.shape)}")
+    _check_chosen(chosen, len(backgrounds), maps)
+    return _backend(backend, maps).descend(maps, weights, measure.samples, measure.roots, measure.mean,
+                                           measure.covariance, backgrounds.flatten(1), chosen, measure.size,
+                                           measure.levels, how)
+
+
+def _backend(name: str, tensor: Tensor) -> ModuleType:
+    return backends.load(__name__, backends.choose(name, tensor))
+
+
+def _check(maps: Tensor, weights: Tensor) -> None:
+    check_dense("maps", maps)
+    check_dense("weights", weights)
+    if maps.ndim != 3 or maps.shape[-1] != 6 or weights.shape != maps.shape[:2]:
+        raise InputError(f"maps must have shape (B, N, 6) and weights (B, N), got {tuple(maps.shape)} and "
+                         f"{tuple(weights.shape)}")
+    check_alike("weights", weights, "maps", maps)
+
+
+def _check_samples(samples: Tensor) -> None:
+    if samples.ndim != 2 or samples.shape[1] != 3:
+        raise InputError(f"samples must have shape (K, 3) with K >= 1, got {tuple(samples.shape)}")
+
+
+def _check_measure(measure: BinnedMeasure) -> None:
+    if not isinstance(measure, BinnedMeasure):
+        raise InputError(f"measure must be a BinnedMeasure, got {shown(measure)}")
+
+
+def _check_chosen(chosen: Tensor, count: int, maps: Tensor) -> None:
+    if chosen.dtype != torch.int64 or chosen.device != maps.device:
+        raise InputError(f"chosen must be int64 on {maps.device}, got {chosen.dtype} on {chosen.device}; convert it "
+                         f"with chosen.long().to(maps.device)")
+    if chosen.device.type == "cpu" and len(chosen) and not 0 <= int(chosen.min()) <= int(chosen.max()) < count:
+        raise InputError(f"chosen must hold numbers from 0 to {count - 1}, one of the {count} backgrounds for each "
+                         f"code, got {int(chosen.min())} to {int(chosen.max())}")

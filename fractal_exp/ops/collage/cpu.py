@@ -1,0 +1,332 @@
+"""numba kernels of the collage operations: one code after another, threads share out the codes of a batch."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numba import float32, int32, intp, njit, prange, uint64
+from torch import Tensor
+
+from ...runtime.jit import FUSED, kernel
+from ..chaos.cpu_kernels import GUIDE_BITS, guide_of, hold, next_state, start
+from .reference import BETA_1, BETA_2, FLOOR, Descent
+
+EDGE = float32(1.001)
+
+# A division that may raise, as Python's does, keeps LLVM from taking several cells at once.
+vectorized = njit(fastmath=FUSED, error_model="numpy")
+
+
+def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
+    """See `reference.pushforward`."""
+    bins = torch.zeros(len(maps), size * size)
+    _pushforward(*_arrays(maps, weights, samples.T), size, bins.numpy())
+    return bins.view(-1, size, size)
+
+
+def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean: Tensor, covariance: Tensor,
+            backgrounds: Tensor, chosen: Tensor, size: int, levels: int, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
+    """See `reference.descend`."""
+    moved, masses = (given.detach().clone(memory_format=torch.contiguous_format) for given in (maps, weights))
+    errors = torch.empty(len(maps))
+    _descend(*_arrays(moved, masses, samples.T, roots, mean, covariance, backgrounds, chosen), size, levels,
+             errors.numpy(), how.steps, how.rate, how.weight_rate, how.decay, how.largest, how.smaller,
+             how.prior, how.identity_radius, how.identity_weight, how.tied)
+    return moved, masses, errors
+
+
+def orbit_bins(maps: Tensor, thresholds: Tensor, seed: int, size: int, trajectories: int, length: int, warmup: int
+               ) -> Tensor:
+    """See `collage.orbit_bins`; thresholds (N,) int64 are the cumulative probabilities in units of 2^-32."""
+    bins = torch.zeros(len(maps), size * size)
+    cumulative = thresholds.numpy()
+    _orbit_bins(*_arrays(maps), cumulative, guide_of(cumulative[None])[0], np.int64(seed), trajectories, length, warmup,
+                size, bins.numpy())
+    return bins.view(-1, size, size)
+
+
+def _arrays(*tensors: Tensor) -> list[np.ndarray]:
+    return [tensor.detach().contiguous().numpy() for tensor in tensors]
+
+
+@vectorized
+def _locate(m, samples, size, corner, right, down):
+    """Of samples (3,K), the lower left of the four bins that share each when it is mapped, and the shares of the next
+    ones to the right and down, into (K,) each."""
+    half, last, side = float32(0.5 * size), float32(size) - EDGE, int32(size)
+    a, b, e = m[0] * half, m[1] * half, (m[4] + float32(1)) * half - float32(0.5)
+    c, d, f = -m[2] * half, -m[3] * half, (float32(1) - m[5]) * half - float32(0.5)
+    x, y = samples[0], samples[1]
+    for k in range(corner.shape[0]):
+        u = min(last, max(float32(0), a * x[k] + b * y[k] + e))  # in this order, which makes 0 of NaN
+        v = min(last, max(float32(0), c * x[k] + d * y[k] + f))
+        column, row = int32(u), int32(v)
+        corner[k] = row * side + column
+        right[k] = u - float32(column)
+        down[k] = v - float32(row)
+
+
+@vectorized
+def _add(weight, mass, corner, right, down, size, bins):
+    """Share out the masses (K,) of located samples."""
+    for k in range(corner.shape[0]):
+        o = intp(corner[k])
+        whole = weight * mass[k]
+        lower = whole * down[k]
+        upper = whole - lower
+        beside = upper * right[k]
+        bins[o] += upper - beside
+        bins[o + 1] += beside
+        beside = lower * right[k]
+        bins[o + size] += lower - beside
+        bins[o + size + 1] += beside
+
+
+@kernel(parallel=True, fastmath=FUSED)
+def _pushforward(maps, weights, samples, size, bins):
+    count = samples.shape[1]
+    for b in prange(maps.shape[0]):
+        corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
+        for n in range(maps.shape[1]):
+            if weights[b, n] > 0:
+                _locate(maps[b, n], samples, size, corner, right, down)
+                _add(weights[b, n], samples[2], corner, right, down, size, bins[b])
+
+
+@kernel(parallel=True, fastmath=FUSED)
+def _orbit_bins(maps, thresholds, guide, seed, trajectories, length, warmup, size, bins):
+    count = length - warmup
+    identity = np.array([1, 0, 0, 1, 0, 0], np.float32)
+    for b in prange(maps.shape[0]):
+        corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
+        points = np.empty((2, count), np.float32)
+        mass = np.full(count, float32(1 / (trajectories * count)))
+        for trajectory in range(trajectories):
+            state, x, y = start(seed, trajectory)
+            for k in range(length):
+                state = next_state(state)
+                variate = np.int64(state >> uint64(32))
+                i = guide[variate >> (32 - GUIDE_BITS)]
+                while variate >= thresholds[i]:
+                    i += 1
+                m = maps[b, i]  # in the order that LLVM gives the sums of the chaos game, for the same points to a bit
+                x, y = hold(m[1] * y + (m[0] * x + m[4])), hold(m[3] * y + (m[2] * x + m[5]))
+                if k >= warmup:
+                    points[0, k - warmup] = x
+                    points[1, k - warmup] = y
+            _locate(identity, points, size, corner, right, down)
+            _add(float32(1), mass, corner, right, down, size, bins[b])
+
+
+@vectorized
+def _pull(weight, samples, corner, right, down, size, slope, gradient):
+    """The gradient of the error by a map's six numbers into gradient[0:6], by its weight into gradient[6]."""
+    ga = gb = gc = gd = ge = gf = gw = float32(0)
+    for k in range(corner.shape[0]):
+        x, y, mass = samples[0, k], samples[1, k], samples[2, k]
+        o, fu, fv = intp(corner[k]), right[k], down[k]
+        upper, lower = slope[o], slope[o + size]
+        across, below = slope[o + 1] - upper, slope[o + size + 1] - lower
+        upper += across * fu
+        lower += below * fu
+        gw += mass * (upper + (lower - upper) * fv)
+        du = mass * (across + (below - across) * fv)
+        dv = mass * (upper - lower)
+        ga += du * x
+        gb += du * y
+        ge += du
+        gc += dv * x
+        gd += dv * y
+        gf += dv
+    scale = weight * float32(0.5 * size)
+    gradient[0], gradient[1], gradient[2], gradient[3] = ga * scale, gb * scale, gc * scale, gd * scale
+    gradient[4], gradient[5], gradient[6] = ge * scale, gf * scale, gw
+
+
+@vectorized
+def _halve(fine, coarse):
+    """The sums of 2 × 2 cells."""
+    for r in range(coarse.shape[0]):
+        upper, lower, sums = fine[2 * r], fine[2 * r + 1], coarse[r]
+        for c in range(sums.shape[0]):
+            sums[c] = upper[2 * c] + upper[2 * c + 1] + lower[2 * c] + lower[2 * c + 1]
+
+
+@vectorized
+def _hand_down(coarse, fine):
+    """Add to 2 × 2 cells what the cell that they make up has."""
+    for r in range(coarse.shape[0]):
+        upper, lower, shared = fine[2 * r], fine[2 * r + 1], coarse[r]
+        for c in range(shared.shape[0]):
+            upper[2 * c] += shared[c]
+            upper[2 * c + 1] += shared[c]
+            lower[2 * c] += shared[c]
+            lower[2 * c + 1] += shared[c]
+
+
+@njit
+def _grid(flat, size, level):
+    """The cells of a level, of `size` >> level a side, among those of all levels, the finest first."""
+    start, side = 0, size
+    for _ in range(level):
+        start, side = start + side * side, side // 2
+    return flat[start:start + side * side].reshape(side, side)
+
+
+@njit
+def _tile(maps, weights, samples, background, size, levels, bins, corner, right, down):
+    """The measure that the maps make up on all levels; corner, right and down are (N,K), see `_locate`."""
+    for i in range(size * size):  # a slice takes two seconds longer to compile, for the message of an error
+        bins[i] = background[i]
+    for n in range(maps.shape[0]):
+        if weights[n] > 0:
+            _locate(maps[n], samples, size, corner[n], right[n], down[n])
+            _add(weights[n], samples[2], corner[n], right[n], down[n], size, bins)
+    for level in range(1, levels):
+        _halve(_grid(bins, size, level - 1), _grid(bins, size, level))
+
+
+@vectorized
+def _slopes(bins, roots, size, levels, slope):
+    """The derivative of the collage error by each finest bin, in slope[:size²]."""
+    share = float32(1 / levels)
+    for i in range(roots.shape[0]):
+        root = np.sqrt(bins[i] + float32(FLOOR))
+        slope[i] = share * (root - roots[i]) / root
+    for level in range(levels - 1, 0, -1):
+        _hand_down(_grid(slope, size, level), _grid(slope, size, level - 1))
+
+
+@vectorized
+def _error(bins, roots, levels):
+    """The collage error."""
+    total = float32(0)
+    for i in range(roots.shape[0]):
+        difference = np.sqrt(bins[i] + float32(FLOOR)) - roots[i]
+        total += difference * difference
+    return total * float32(1 / levels)
+
+
+@njit(inline="always")
+def _volume(m):
+    return abs(m[0] * m[3] - m[1] * m[2]) + 0.01
+
+
+@njit
+def _push_off_identity(m, weight, mean, covariance, radius, strength, gradient):
+    """Add the gradient of strength · weight · max(0, 1 - D²/radius²)², D the rms displacement of the measure."""
+    a, b, c, d = m[0] - 1, m[1], m[2], m[3] - 1
+    dx, dy = a * mean[0] + b * mean[1] + m[4], c * mean[0] + d * mean[1] + m[5]
+    ga, gb = a * covariance[0, 0] + b * covariance[1, 0], a * covariance[0, 1] + b * covariance[1, 1]
+    gc, gd = c * covariance[0, 0] + d * covariance[1, 0], c * covariance[0, 1] + d * covariance[1, 1]
+    near = 1 - (a * ga + b * gb + c * gc + d * gd + dx * dx + dy * dy) / (radius * radius)
+    if near > 0:
+        g = -4 * near * strength * weight / (radius * radius)
+        gradient[0] += g * (ga + dx * mean[0])
+        gradient[1] += g * (gb + dx * mean[1])
+        gradient[2] += g * (gc + dy * mean[0])
+        gradient[3] += g * (gd + dy * mean[1])
+        gradient[4] += g * dx
+        gradient[5] += g * dy
+
+
+@njit
+def _contract(m, largest, smaller):
+    """Clip the singular values, by the closed form of the 2 × 2 decomposition."""
+    e, f, g, h = (m[0] + m[3]) / 2, (m[0] - m[3]) / 2, (m[2] + m[1]) / 2, (m[2] - m[1]) / 2
+    q, r = math.hypot(e, h), math.hypot(f, g)
+    smaller = min(smaller, largest)
+    if q + r <= largest and abs(q - r) <= smaller:
+        return
+    s1, s2 = min(q + r, largest), min(max(q - r, -smaller), smaller)
+    q_scale = (s1 + s2) / 2 / max(q, 1e-12)
+    r_scale = (s1 - s2) / 2 / max(r, 1e-12)
+    m[0], m[3] = e * q_scale + f * r_scale, e * q_scale - f * r_scale
+    m[2], m[1] = g * r_scale + h * q_scale, g * r_scale - h * q_scale
+
+
+@njit(fastmath=FUSED)
+def _total_volume(maps, weights):
+    total = 0.0
+    for n in range(maps.shape[0]):
+        if weights[n] > 0:
+            total += _volume(maps[n])
+    return total
+
+
+@njit(fastmath=FUSED)
+def _tie(maps, weights, total):
+    """Weights in proportion to the volumes, of the same total."""
+    volume = _total_volume(maps, weights)
+    for n in range(maps.shape[0]):
+        if weights[n] > 0:
+            weights[n] = total * _volume(maps[n]) / volume
+
+
+@njit(fastmath=FUSED)
+def _pass_on(m, g, by_volume):
+    """Turn the gradient by a tied weight, times the weight's slope by the volume, into one by the map's matrix."""
+    if m[0] * m[3] < m[1] * m[2]:
+        by_volume = -by_volume
+    g[0] += by_volume * m[3]
+    g[3] += by_volume * m[0]
+    g[1] -= by_volume * m[2]
+    g[2] -= by_volume * m[1]
+    g[6] = 0
+
+
+@njit(fastmath=FUSED)
+def _adam(g, first, second, k):
+    """The moments after step k, and what Adam makes of the gradient, which it replaces."""
+    for j in range(7):
+        first[j] = BETA_1 * first[j] + (1 - BETA_1) * g[j]
+        second[j] = BETA_2 * second[j] + (1 - BETA_2) * g[j] * g[j]
+        g[j] = first[j] / (1 - BETA_1**k) / (math.sqrt(second[j] / (1 - BETA_2**k)) + 1e-7)
+
+
+@kernel(parallel=True, fastmath=FUSED, error_model="numpy")  # weights that sum to 0 spoil their own code alone
+def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, errors, steps, rate,
+             weight_rate, decay, largest, smaller, prior, radius, strength, tied):
+    count = maps.shape[1]
+    for b in prange(maps.shape[0]):
+        m, w, background = maps[b], weights[b], backgrounds[chosen[b]]
+        bins, slope = np.empty_like(roots), np.empty_like(roots)
+        located = count, samples.shape[1]
+        corner, right, down = np.empty(located, np.int32), np.empty(located, np.float32), np.empty(located, np.float32)
+        gradient = np.zeros((count, 7), np.float32)
+        first, second = np.zeros((count, 7), np.float32), np.zeros((count, 7), np.float32)
+        total = w.sum()
+        for k in range(1, steps + 1):
+            if tied:
+                _tie(m, w, total)
+            volume = _total_volume(m, w)
+            _tile(m, w, samples, background, size, levels, bins, corner, right, down)
+            _slopes(bins, roots, size, levels, slope)
+            pull = 0.0
+            for n in range(count):
+                if w[n] > 0:
+                    _pull(w[n], samples, corner[n], right[n], down[n], size, slope, gradient[n])
+                    pull += gradient[n, 6] * w[n] / total
+            falling = decay ** (k / steps)
+            for n in range(count):
+                if w[n] <= 0:
+                    continue
+                g = gradient[n]
+                if tied:
+                    _pass_on(m[n], g, (g[6] - pull) * total / volume)
+                else:
+                    g[6] *= w[n]
+                    g[6] += prior * w[n] * math.log(w[n] * volume / (total * _volume(m[n])))
+                _push_off_identity(m[n], w[n], mean, covariance, radius, strength, g)
+                _adam(g, first[n], second[n], k)
+                for j in range(6):
+                    m[n, j] -= rate * falling * g[j]
+                if not tied:
+                    w[n] *= math.exp(-weight_rate * falling * g[6])
+                _contract(m[n], largest, smaller)
+        if tied:
+            _tie(m, w, total)
+        _tile(m, w, samples, background, size, levels, bins, corner, right, down)
+        errors[b] = _error(bins, roots, levels)

@@ -1,0 +1,127 @@
+"""Points of an attractor sorted into the pixels of a window, at any zoom: numba, multi-threaded, float64.
+
+Throw a Poisson number of points of the invariant measure, T on average. Those under the word w = w1 w2 … of the
+address tree are a Poisson number with mean T p_w, independent of those under every other word of a cut of the tree,
+and are images under f_w = f_w1 ∘ f_w2 ∘ … of points of the invariant measure (Hutchinson 1981). So the expected number
+is handed down the tree and words that miss the window are dropped. A word that lies in the window, or under which few
+points are left to expect, gets its random number of points, and those beside the window are rejected. What lands in
+the window is distributed exactly as the chaos game's points that land there, however rare those are, and however many
+words there are: those of few points are never looked into.
+
+The points of the invariant measure come from a few chaos games for each share of the work, some hundreds to thousands
+at a time, and are taken in an order in which neighbours of an orbit do not follow each other. Where a map is slow these
+are alike, and a small word's points would clump.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import get_num_threads
+from torch import Tensor
+
+from . import cpu as kernels
+from .cpu import DRY, GUIDE_BITS, LIT
+
+TASKS = 64   # shares of the work, each with its own random stream: no result depends on the number of threads
+FEWER = 16   # of them for a tree that reuses points, since each comes by its own; more threads than that stay idle
+
+
+class Window(NamedTuple):
+    """The square of `size` × `size` pixels whose upper left corner is at (left, top), `scale` pixels to a unit."""
+
+    left: float
+    top: float
+    scale: float
+    size: int
+
+
+class Tally(NamedTuple):
+    """Points `kept` in the window, points `thrown` at it, words `visited`; `finished` unless the budget ran out."""
+
+    kept: int
+    thrown: int
+    visited: int
+    finished: bool
+
+
+@dataclass(frozen=True)
+class AddressTree:
+    """A contractive code made ready for sampling: `maps` (N,6) rows a b c d e f about `center`, and a rectangle with
+    half sides `hull` (2,2, as columns) about `center` that holds the attractor for certain. A point x of the
+    invariant measure is put under up to `reuse` words, f_v(x), f_w(x), …: with 8 a drawing takes half the time of one
+    with 1, and is no noisier pixel by pixel, but the brightness of large parts may vary up to twice as much."""
+
+    maps: np.ndarray
+    mass: np.ndarray
+    thresholds: np.ndarray
+    guide: np.ndarray
+    hull: np.ndarray
+    center: np.ndarray
+    reuse: int = 1
+
+    @classmethod
+    def of(cls, linear: Tensor, offset: Tensor, probabilities: Tensor, center: np.ndarray, hull: np.ndarray,
+           reuse: int = 1) -> AddressTree:
+        """From linear (N,2,2), offset (N,2), probabilities (N,), and the rectangle's center (2,) and hull (2,2)."""
+        matrix, shift = linear.cpu().double().numpy(), offset.cpu().double().numpy()
+        shift = matrix @ center + shift - center
+        p = probabilities.cpu().double().numpy()
+        cumulative = np.cumsum(p) / p.sum()
+        thresholds = np.round(cumulative * 2**32).astype(np.uint64)
+        thresholds[np.flatnonzero(p)[-1]:] = 2**32
+        guide = np.searchsorted(thresholds, np.arange(1 << GUIDE_BITS, dtype=np.uint64) << np.uint64(32 - GUIDE_BITS),
+                                side="right")
+        return cls(np.column_stack([matrix.reshape(-1, 4), shift]), p / p.sum(), thresholds, guide.astype(np.uint16),
+                   hull, center, reuse)
+
+    def within(self, window: Window) -> bool:
+        """Whether the whole attractor lies in the window for certain."""
+        root = self._root(window)
+        return kernels.place(*root, self.hull, float(window.size))[0] == 1
+
+    def scatter(self, window: Window, thrown: float, *, seed: tuple[int, ...], canvas: np.ndarray | None = None,
+                mode: int = DRY, tasks: int | None = None, budget: float = math.inf) -> Tally:
+        """Sort a Poisson number of points, `thrown` on average, into the pixels of `canvas`.
+
+        `canvas` is (1,S,S) uint8 for the mode LIT, (threads,S,S) uint32 for COUNTED (one plane for each of numba's
+        threads, to be added up) and not needed for DRY. The points depend on `seed` alone, not on the threads. The
+        work stops, unfinished and with a part of the points only, where words and points would exceed `budget`.
+        """
+        if canvas is None:
+            canvas = np.empty((1, 1, 1), np.uint8)
+        reuse = 1 if mode == DRY else self.reuse  # what is weighed is weighed by independent points
+        tasks = tasks or (TASKS if self.reuse == 1 else FEWER)
+        seeds = np.random.SeedSequence(seed).generate_state(tasks, np.uint64)
+        tally = np.zeros((tasks, 4), np.int64)
+        each = min(budget / tasks, float(sys.maxsize // 2))
+        size = float(window.size)
+        jobs = self.cut(window, thrown, 8 * tasks, whole=reuse > 1)
+        kernels.scatter(self.maps, self.mass, self.thresholds, self.guide, self.hull, size, jobs, each, seeds, canvas,
+                        mode, reuse, tally)
+        kept, drawn, visited, cut_short = (int(total) for total in tally.sum(0))
+        return Tally(kept, drawn, visited, cut_short == 0)
+
+    def cut(self, window: Window, thrown: float, pieces: int, *, whole: bool = False) -> np.ndarray:
+        """Words (J,8) that share out the points of the window when `thrown` are thrown at the attractor, and among
+        them all that lie in it: a map to pixels a b c d x y, the depth, the number of points to expect. Large words
+        that are to be drawn whole come in parts, so that there are at least about `pieces`; those that are to stay
+        `whole` are split instead, like all others."""
+        return kernels.cut(self.maps, self.mass, self.hull, float(window.size), self._root(window), float(thrown),
+                           pieces, whole)
+
+    def _root(self, window: Window) -> np.ndarray:
+        """The empty word, as a map from points about `center` to pixels (column, row)."""
+        s, (x, y) = window.scale, self.center
+        return np.array([s, 0.0, 0.0, -s, (x - window.left) * s, (window.top - y) * s])
+
+
+def planes(size: int, mode: int) -> np.ndarray:
+    """An empty canvas for `AddressTree.scatter`."""
+    if mode == LIT:
+        return np.zeros((1, size, size), np.uint8)
+    return np.zeros((get_num_threads(), size, size), np.uint32)

@@ -1,0 +1,301 @@
+"""The numba kernels of `histogram`: random points of an invariant measure under the words of its address tree, float64,
+multi-threaded."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import get_thread_id, njit, prange, uint64
+
+from ...runtime.jit import kernel
+
+ORBITS = 16          # chaos games that a task keeps going, to hide the latency of a step
+BURN_IN = 256        # steps that lead from a fixed point to the invariant measure
+LEAST_POOL, LARGEST_POOL = 256, 1 << 14  # points of the invariant measure that a task keeps, powers of two
+REFILLS = 8          # how often a task comes by new ones, at most, before the largest pool is too small for that
+SHARES = 8           # a word is split until its points are so small a part of those kept: none lies twice under it
+LEVELS = 512         # but no deeper below the word that the task began with
+GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
+FEW = 64.0           # expected points under a word, below which throwing them is cheaper than a look at its children
+SMALL = 1 / 8        # of the window's side: words that reach no further are drawn and tested, not split
+CUT = 4096           # words are split until each holds at most this fraction of the window's points
+MAX_DEPTH = 20_000   # of a word; deeper ones likewise
+GUIDE_BITS = 12      # the guide table inverts the cumulative probabilities to within one of its 4096 steps
+
+DRY, LIT, COUNTED = 0, 1, 2  # what becomes of a point: nothing, a 1 in its pixel, one more in its pixel
+
+GOLDEN = uint64(0x9E3779B97F4A7C15)
+MIX_1 = uint64(0xBF58476D1CE4E5B9)
+MIX_2 = uint64(0x94D049BB133111EB)
+
+
+@kernel(parallel=True)
+def box_mean(canvas, factor, out):
+    """The mean of each factor × factor block of canvas (S,S) uint8 of 0 and 1 into out (S // factor, S // factor)
+    float32; factor at most 255."""
+    scale = 1.0 / (factor * factor)
+    for row in prange(out.shape[0]):
+        sums = np.zeros(canvas.shape[1], np.uint8)  # of bytes, so that many are added at once
+        for i in range(factor):
+            line = canvas[row * factor + i]
+            for k in range(len(line)):
+                sums[k] += line[k]
+        for column in range(out.shape[1]):
+            total = 0
+            for j in range(factor):
+                total += sums[column * factor + j]
+            out[row, column] = total * scale
+
+
+@njit(inline="always")
+def _random(state):
+    """The next state and 64 random bits: SplitMix64 (Steele, Lea and Flood 2014)."""
+    state = state + GOLDEN
+    z = (state ^ (state >> uint64(30))) * MIX_1
+    z = (z ^ (z >> uint64(27))) * MIX_2
+    return state, z ^ (z >> uint64(31))
+
+
+@njit(inline="always")
+def _pick(bits, thresholds, guide):
+    """The map that 32 random bits stand for."""
+    i = int(guide[bits >> uint64(64 - GUIDE_BITS)])
+    while bits >> uint64(32) >= thresholds[i]:
+        i += 1
+    return i
+
+
+@njit(inline="always")
+def _step(maps, i, x, y):
+    return maps[i, 0] * x + (maps[i, 1] * y + maps[i, 4]), maps[i, 2] * x + (maps[i, 3] * y + maps[i, 5])
+
+
+@njit
+def poisson(mean, state):
+    """A Poisson variate: by a product of uniforms below 12, else by transformed rejection (PTRS, Hörmann 1993)."""
+    unit = 2.0**-53
+    if mean < 12.0:
+        limit, count, product = math.exp(-mean), -1, 1.0
+        while count < 0 or product > limit:
+            state, bits = _random(state)
+            product *= (float(bits >> uint64(11)) + 0.5) * unit
+            count += 1
+        return state, count
+    root, log_mean = math.sqrt(mean), math.log(mean)
+    b = 0.931 + 2.53 * root
+    a = -0.059 + 0.02483 * b
+    inverse_alpha = 1.1239 + 1.1328 / (b - 3.4)
+    certain = 0.9277 - 3.6224 / (b - 2)
+    while True:
+        state, bits = _random(state)
+        u = (float(bits >> uint64(11)) + 0.5) * unit - 0.5
+        state, bits = _random(state)
+        v = (float(bits >> uint64(11)) + 0.5) * unit
+        edge = 0.5 - abs(u)
+        k = math.floor((2 * a / edge + b) * u + mean + 0.43)
+        if edge >= 0.07 and v <= certain:
+            return state, int(k)
+        if k < 0 or (edge < 0.013 and v > edge):
+            continue
+        if math.log(v * inverse_alpha / (a / (edge * edge) + b)) <= k * log_mean - mean - math.lgamma(k + 1):
+            return state, int(k)
+
+
+@njit
+def place(a, b, c, d, x, y, hull, size):
+    """Where a word's parallelogram lies, -1 beside the window [0,size]², 1 within it, 0 across its edge, and how far
+    it reaches from its centre: separating axes are those of the window and of the parallelogram."""
+    p0, q0 = a * hull[0, 0] + b * hull[1, 0], c * hull[0, 0] + d * hull[1, 0]
+    p1, q1 = a * hull[0, 1] + b * hull[1, 1], c * hull[0, 1] + d * hull[1, 1]
+    reach_x, reach_y = abs(p0) + abs(p1), abs(q0) + abs(q1)
+    reach = max(reach_x, reach_y)
+    half = 0.5 * size
+    dx, dy = x - half, y - half
+    if abs(dx) > half + reach_x or abs(dy) > half + reach_y:
+        return -1, reach
+    if abs(dx) + reach_x < half and abs(dy) + reach_y < half:
+        return 1, reach
+    area = abs(p0 * q1 - p1 * q0)
+    if abs(p0 * dy - q0 * dx) > area + half * (abs(p0) + abs(q0)):
+        return -1, reach
+    if abs(p1 * dy - q1 * dx) > area + half * (abs(p1) + abs(q1)):
+        return -1, reach
+    return 0, reach
+
+
+@njit
+def _warm_up(maps, thresholds, guide, state):
+    """ORBITS points (ORBITS,2) of the invariant measure."""
+    orbits = np.zeros((ORBITS, 2))
+    for j in range(ORBITS):
+        x = y = 0.0
+        for _ in range(BURN_IN):
+            state, bits = _random(state)
+            x, y = _step(maps, _pick(bits, thresholds, guide), x, y)
+        orbits[j, 0], orbits[j, 1] = x, y
+    return state, orbits
+
+
+@njit
+def _new_pool(expected):
+    """Room for points (P,2) of the invariant measure, for a task of which so many are expected."""
+    size = LEAST_POOL
+    while size < LARGEST_POOL and REFILLS * size <= expected:
+        size *= 2
+    return np.empty((size, 2))
+
+
+@njit
+def _fill(pool, maps, thresholds, guide, state, orbits):
+    """The next points of the orbits into the pool (P,2); the next random state. Those that follow each other in an
+    orbit are alike where a map is slow, and would make a word's points clump: they are put .38 P from each other."""
+    size = len(pool)
+    length, stride = size // ORBITS, int(GOLDEN_RATIO * size) | 1
+    for k in range(size):
+        j = k & (ORBITS - 1)
+        state, bits = _random(state)
+        x, y = _step(maps, _pick(bits, thresholds, guide), orbits[j, 0], orbits[j, 1])
+        orbits[j, 0], orbits[j, 1] = x, y
+        shuffled = (j * length + k // ORBITS) * stride & (size - 1)
+        pool[shuffled, 0], pool[shuffled, 1] = x, y
+    return state
+
+
+@njit
+def _throw(pool, begin, end, word, size, canvas, plane, mode):
+    """Put so much of the pool (P,2) under a word; how many points fell into the window."""
+    a, b, c, d, x, y = word[0], word[1], word[2], word[3], word[4], word[5]
+    kept = 0
+    for k in range(begin, end):
+        px, py = pool[k, 0], pool[k, 1]
+        column, row = a * px + (b * py + x), c * px + (d * py + y)
+        if 0 <= column < size and 0 <= row < size:
+            kept += 1
+            if mode == LIT:
+                canvas[plane, int(row), int(column)] = 1
+            elif mode == COUNTED:
+                canvas[plane, int(row), int(column)] += 1
+    return kept
+
+
+@njit
+def _is_leaf(word, hull, size):
+    """Where a word lies (see `place`), and whether its points are to be drawn: all of them lie in the window, most
+    of them do, or they are too few for a search among its children to pay."""
+    where, reach = place(word[0], word[1], word[2], word[3], word[4], word[5], hull, size)
+    return where, where == 1 or reach <= SMALL * size or word[7] < FEW or word[6] >= MAX_DEPTH
+
+
+@njit
+def _compose(word, maps, i, points, child):
+    """The word's child i with `points` under it."""
+    a, b, c, d = word[0], word[1], word[2], word[3]
+    child[0], child[1] = a * maps[i, 0] + b * maps[i, 2], a * maps[i, 1] + b * maps[i, 3]
+    child[2], child[3] = c * maps[i, 0] + d * maps[i, 2], c * maps[i, 1] + d * maps[i, 3]
+    child[4] = a * maps[i, 4] + (b * maps[i, 5] + word[4])
+    child[5] = c * maps[i, 4] + (d * maps[i, 5] + word[5])
+    child[6], child[7] = word[6] + 1, points
+
+
+@njit
+def _copy(source, target):
+    """Into the first of a longer target (K,). An array assigned to a slice takes a second or two to compile, for the
+    message of an error that its shape might raise."""
+    for k in range(len(source)):
+        target[k] = source[k]
+
+
+@kernel()
+def cut(maps, mass, hull, size, root, thrown, pieces, whole):
+    """A cut of the tree: words (J,8) that share out the points of the window, none with much more than its share. A
+    word is its map to pixels a b c d x y, its depth, and the number of points to expect under it."""
+    n = len(maps)
+    words = np.zeros((1, 8))
+    _copy(root, words[0])
+    words[0, 7] = thrown
+    visited, split = 0, True
+    while split and visited < 64 * CUT:
+        share = words[:, 7].sum() / (pieces if whole else CUT)
+        below, top, split = np.empty((n * len(words), 8)), 0, False
+        for word in words:
+            visited += 1
+            where, leaf = _is_leaf(word, hull, size)
+            if where >= 0 and (word[7] <= share or leaf and not whole):
+                _copy(word, below[top])
+                top += 1
+            elif where >= 0:
+                split = True
+                for i in range(n):
+                    if mass[i] > 0:
+                        _compose(word, maps, i, word[7] * mass[i], below[top])
+                        top += 1
+        words = below[:top]
+    if whole:
+        return words
+    piece = words[:, 7].sum() / pieces
+    jobs, top = np.empty((len(words) + pieces, 8)), 0
+    for word in words:
+        _, leaf = _is_leaf(word, hull, size)
+        parts = int(word[7] / piece) + 1 if leaf else 1
+        for _ in range(parts):
+            _copy(word, jobs[top])
+            jobs[top, 7] = word[7] / parts
+            top += 1
+    return jobs[:top]
+
+
+@njit
+def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canvas, plane, mode, reuse, done):
+    """Work off a task's words, depth first; `done` (4,) receives its tally."""
+    n = len(maps)
+    state, orbits = _warm_up(maps, thresholds, guide, state)
+    pool, uses = _new_pool(jobs[:, 7].sum()), reuse
+    at, deepest = len(pool), 0.0
+    word, stack, top, job = np.empty(8), np.empty((64 * n, 8)), 0, 0
+    while top > 0 or job < len(jobs):
+        if top == 0:
+            _copy(jobs[job], word)
+            deepest = word[6] + LEVELS
+            job += 1
+        else:
+            top -= 1
+            _copy(stack[top], word)
+        done[2] += 1
+        where, leaf = _is_leaf(word, hull, size)
+        if done[1] + done[2] + (word[7] if leaf else 0.0) > budget:
+            done[3] = 1
+            return
+        if where < 0:
+            continue
+        if leaf and (SHARES * word[7] <= len(pool) or word[6] >= deepest):
+            state, count = poisson(word[7], state)
+            done[1] += count
+            while count > 0:
+                if at == len(pool):
+                    at, uses = 0, uses + 1
+                    if uses >= reuse:
+                        state, uses = _fill(pool, maps, thresholds, guide, state, orbits), 0
+                taken = min(count, len(pool) - at)
+                done[0] += _throw(pool, at, at + taken, word, size, canvas, plane, mode)
+                at, count = at + taken, count - taken
+            continue
+        if top + n > len(stack):
+            taller = np.empty((2 * len(stack), 8))
+            for k in range(top):
+                _copy(stack[k], taller[k])
+            stack = taller
+        for i in range(n):
+            if mass[i] > 0:
+                _compose(word, maps, i, word[7] * mass[i], stack[top])
+                top += 1
+
+
+@kernel(parallel=True)
+def scatter(maps, mass, thresholds, guide, hull, size, jobs, budget, seeds, canvas, mode, reuse, tally):
+    """Work off the words (J,8) of `cut` by as many tasks as there are seeds; tally (tasks,4) receives what they did."""
+    tasks = len(seeds)
+    for task in prange(tasks):
+        plane = get_thread_id() if mode == COUNTED else 0
+        _sample(jobs[task::tasks], maps, mass, thresholds, guide, hull, size, budget, seeds[task], canvas, plane,
+                mode, reuse, tally[task])

@@ -1,0 +1,62 @@
+"""The splatting of points: an image of Gaussians, differentiable."""
+
+from __future__ import annotations
+
+import math
+
+from torch import Tensor
+
+from ...errors import InputError
+from ...runtime.checks import check_count, check_memory, check_number, check_tensor, shown
+from ...runtime.threads import available
+from .. import backends
+from .reference import cutoff_radius
+
+LEAST_SIGMA = 1e-3     # pixels: a splat so small is drawn in one pixel or none, and below 1e-19 it overflows
+
+
+def splat(
+    points: Tensor,                        # (…, P, 2)
+    resolution: int,
+    *,
+    sigma_px: float = 2.5,
+    supersample: int = 5,
+    backend: str = "auto",
+) -> Tensor:                               # (…, R, R)
+    """Draw points as isotropic Gaussians, white on black: images in [0,1] of the canvas [-1,1]², the y axis up.
+
+    On a grid of `supersample` · R pixels a side, point k at distance r (in pixels of that grid) has the opacity
+    alpha_k = min(0.99, exp(-r² / 2 sigma_px²)), nothing where that is under 1/255, and a pixel is 1 - prod (1 -
+    alpha_k) (Kerbl et al. 2023 with one colour; Section 4.2 of the paper); the mean of supersample² pixels is a pixel
+    of the image. The gradient does not stop where alpha meets 0.99: it is that of the unclamped Gaussian. Points
+    beyond the canvas are drawn as far as they reach into it; infinite and NaN points are not, with zero gradient.
+
+    The `cpu` backend repeats bit for bit whatever the number of threads, and so does `cuda` on GPUs of one kind, since
+    it has no atomics; `torch` on a GPU adds with atomics and need not.
+
+    Raises `InputError` on wrong shapes or dtypes, resolution or supersample below 1, sigma_px that is not a finite
+    number from 0.001 on, sizes that take more memory than there is, or a backend that cannot take the tensor.
+    """
+    check_tensor("points", points)
+    if points.ndim < 2 or points.shape[-1] != 2 or points.shape[-2] < 1:
+        raise InputError(f"points must have shape (…, P, 2) with P >= 1, got {tuple(points.shape)}")
+    for name, value in (("resolution", resolution), ("supersample", supersample)):
+        check_count(name, value)
+    check_number("sigma_px", sigma_px, f"a finite number of supersampled pixels from {LEAST_SIGMA} on", LEAST_SIGMA)
+    batch, count = points.shape[:-2], points.shape[-2]
+    check_memory(f"splatting at {shown(resolution)}² pixels, supersample {shown(supersample)} and sigma_px "
+                 f"{shown(sigma_px)}", math.prod(batch) * _splat_bytes(points, resolution, supersample, sigma_px),
+                 points.device, "lower them, or draw fewer images at a time")
+    run = backends.load(__name__, backends.choose(backend, points)).splat
+    images = run(points.reshape(math.prod(batch), count, 2), int(resolution), sigma_px=float(sigma_px),
+                 supersample=int(supersample))
+    return images.view(*batch, resolution, resolution)
+
+
+def _splat_bytes(points: Tensor, resolution: int, supersample: int, sigma_px: float) -> float:
+    """About what one image takes: itself, with gradients the transmittance of every supersampled pixel, and on a CPU a
+    buffer for each thread that holds three by two footprints."""
+    footprint = 2 * cutoff_radius(float(sigma_px)) + 1
+    buffers = 24 * available() * footprint * footprint if points.device.type == "cpu" else 0
+    side = float(resolution) * float(supersample)
+    return 4 * float(resolution) ** 2 + (4 * points.requires_grad + 0.01) * side * side + buffers

@@ -1,0 +1,1 @@
+"""Any view of a code at any zoom: stills, tiles, sheets, films."""

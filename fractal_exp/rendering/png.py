@@ -1,0 +1,89 @@
+"""A PNG written band by band, so that a picture may be larger than the memory.
+
+No library at hand writes a PNG piecewise, nor grey with alpha at 16 bits; the format itself is small (ISO 15948).
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from ..errors import InputError
+from ..runtime.files import replacing
+
+GREY, GREY_ALPHA = 0, 4   # colour types
+FILTER_UP = 2             # a row is stored as its difference to the row above
+LEVEL = 6                 # of compression
+ROWS = 32                 # that are packed at once
+
+
+class PngWriter:
+    """Write a grey image of `width` × `height` pixels in bands of whole rows, from the top.
+
+    bits: 8 or 16. transparent: the image becomes the opacity of pure white, so that it can be laid on anything. As a
+    context manager: the file appears when all rows are written and the block ends without an error. Raises
+    `InputError` on another suffix than .png or other bits, and where the file cannot be written.
+    """
+
+    def __init__(self, path: str | Path, width: int, height: int, *, bits: int = 8, transparent: bool = False):
+        self.path = Path(path).absolute()
+        if self.path.suffix.lower() != ".png":
+            raise InputError(f"images are written as PNG, got {self.path.name!r}; end the name in .png")
+        if bits not in (8, 16):
+            raise InputError(f"a PNG has 8 or 16 bits a sample, got {bits}")
+        self.width, self.height, self.bits, self.transparent = width, height, bits, transparent
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            self._file = stack.enter_context(open(stack.enter_context(replacing(self.path)), "wb"))
+            self._stack = stack.pop_all()
+        self._rows, self._deflate = 0, zlib.compressobj(LEVEL)
+        samples = 2 if self.transparent else 1
+        self._above = np.zeros(self.width * samples * self.bits // 8, np.uint8)
+        self._file.write(b"\x89PNG\r\n\x1a\n")
+        self._chunk(b"IHDR", struct.pack(">IIBBBBB", self.width, self.height, self.bits,
+                                         GREY_ALPHA if self.transparent else GREY, 0, 0, 0))
+        return self
+
+    def write(self, band: np.ndarray) -> None:
+        """Append rows (H,width) of floats in [0,1]."""
+        if band.ndim != 2 or band.shape[1] != self.width or self._rows + len(band) > self.height:
+            raise ValueError(f"rows of {self.width} pixels up to {self.height} in all, got {band.shape} after "
+                             f"{self._rows}")
+        for start in range(0, len(band), ROWS):
+            self._write_few(band[start:start + ROWS])
+        self._rows += len(band)
+
+    def _write_few(self, band: np.ndarray) -> None:
+        white = 2**self.bits - 1
+        levels = np.rint(band * white)
+        if self.transparent:
+            levels = np.stack([np.full_like(levels, white), levels], -1)
+        stored = levels.astype(f">u{self.bits // 8}", order="C")
+        rows = np.vstack([self._above, stored.view(np.uint8).reshape(len(band), -1)])
+        filtered = np.empty((len(band), 1 + rows.shape[1]), np.uint8)
+        filtered[:, 0] = FILTER_UP
+        filtered[:, 1:] = rows[1:] - rows[:-1]
+        self._above = rows[-1].copy()
+        self._chunk(b"IDAT", self._deflate.compress(filtered.tobytes()))
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> None:
+        with self._stack:  # closes the file, then puts it into its place or removes it
+            if error is not None:
+                raise error
+            self._finish()
+
+    def _finish(self) -> None:
+        if self._rows < self.height:
+            raise ValueError(f"{self.path} has {self._rows} of {self.height} rows")
+        self._chunk(b"IDAT", self._deflate.flush())
+        self._chunk(b"IEND", b"")
+
+    def _chunk(self, kind: bytes, data: bytes) -> None:
+        if data or kind == b"IEND":
+            self._file.write(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)))

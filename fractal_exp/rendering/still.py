@@ -1,0 +1,308 @@
+"""Any view of an attractor, at any zoom."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from numbers import Integral
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .. import codes
+from ..errors import InputError
+from ..ifs import attractor
+from ..ifs.code import IFS, View
+from ..ops import cuda_launch, histogram
+from ..ops.histogram import AddressTree, Window
+from ..ops.histogram.cpu import COUNTED, LIT, box_mean
+from ..runtime.checks import check_count, check_memory, shown
+
+log = logging.getLogger(__name__)
+
+POINTS_AT_1024 = 50_000_000  # the paper's points per view at 1024²; other resolutions keep the points per pixel
+MAX_ZOOM = 1e12              # beyond, a pixel is no longer large against the rounding of a double
+MAX_SUPERSAMPLE = 64
+TILE = 8192                  # supersampled pixels a side that are drawn at once
+MODES = {"occupancy": LIT, "density": COUNTED}
+
+PILOT_POINTS = 65_536        # points wanted to weigh a view: 0.4% accuracy
+WORD = 4                     # work of looking at a word, in points thrown
+SEARCH_WORK = 30_000_000     # points thrown, before a view counts as empty: about a tenth of a second
+WORK, WORK_PER_POINT = 1_000_000_000, 25  # and for a view: about ten seconds at 50 million points
+
+
+@dataclass(frozen=True)
+class RenderInfo:
+    """What a rendering did: points in the view `requested` and `drawn` (a Poisson number, within 1% of each other for
+    large ones), the `mass` of the invariant measure in the view, and the `reason` if it holds fewer or no points."""
+
+    requested: int
+    drawn: int
+    mass: float
+    reason: str | None = None
+
+    @property
+    def empty(self) -> bool:
+        """Whether no point of the attractor was found in the view."""
+        return self.drawn == 0
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """How many points to throw at the whole attractor so that the view gets its own."""
+
+    tree: AddressTree
+    thrown: float
+    mass: float
+    reason: str | None = None
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A square piece of an image: `pixels` (T,T) float32, its upper left pixel at (`row`, `column`)."""
+
+    row: int
+    column: int
+    pixels: np.ndarray
+    drawn: int
+
+
+def points_per_view(resolution: int) -> int:
+    """The paper's density of points at any resolution: 50 million at 1024², 3.1 million at 256²."""
+    return max(1, round(POINTS_AT_1024 * (resolution / 1024) ** 2))
+
+
+def render(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
+           supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Tensor:
+    """Draw a view (default: the whole canvas) of a code's attractor: an image (resolution, resolution), float32.
+
+    `points_in_view` points of the chaos game land in the window (None: 50 million · (resolution / 1024)²); how rare
+    they are on the attractor does not matter, see `fractal_exp.ops.histogram`. Modes:
+    - `occupancy`: a pixel is the share, in [0,1], of its supersample² parts that any point has hit;
+    - `density`: the points in a pixel over the mean of the window, so the invariant measure's density relative to a
+      uniform one, in [0, resolution²]. `tone_map` makes a picture of it. `supersample` has no say.
+    device: "cpu", or "cuda" to throw the points on an NVIDIA GPU, other ones of the same distribution; views that
+    have to be searched for points are drawn by the CPU all the same. The image is on the CPU.
+    The same seed gives the same image on any number of threads. Tensors that require gradients are drawn by their
+    values: the image carries no gradient (`fractal_exp.ops` draws differentiably). A view that holds no point of the
+    attractor is black, and one whose points cannot be had with reasonable work holds fewer: both are logged as
+    warnings, and `render_with_info` returns them as data.
+
+    Raises `InputError` if what is given is no IFS, the code is not contractive, the zoom exceeds 1e12, a size is below
+    1 or too large for this machine's memory, or the device is none that can draw.
+    """
+    image, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view,
+                                   supersample=supersample, seed=seed, mode=mode, device=device)
+    if info.reason is not None:
+        log.warning(info.reason)
+    return image
+
+
+def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
+                     supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
+                     reuse: int = 1) -> tuple[Tensor, RenderInfo]:
+    """`render`, and what it did instead of a warning; `reuse` (CPU only) as in `AddressTree`, for quicker drawings."""
+    check_resolution(resolution)
+    check_device(device)
+    code, view = _drawable(code), _checked(view)
+    wanted = points_per_view(resolution) if points_in_view is None else points_in_view
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse)
+    image, drawn = np.zeros((resolution, resolution), np.float32), 0
+    for tile in _tiles(plan, view, resolution, wanted, supersample, seed, mode, device):
+        target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
+        target[:] = tile.pixels[:target.shape[0], :target.shape[1]]
+        drawn += tile.drawn
+    return torch.from_numpy(image), RenderInfo(wanted, drawn, plan.mass, plan.reason)
+
+
+def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points_in_view: int | None = None,
+                 supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Iterator[Tile]:
+    """`render` in square tiles, row by row from the top, in memory that does not grow with the resolution.
+
+    Tiles overhang the right and the lower edge. Arguments and errors are those of `render`; the points are drawn
+    anew for each tile, at one density, so no seam shows.
+    """
+    check_device(device)
+    code, view = _drawable(code), _checked(view)
+    wanted = points_per_view(resolution) if points_in_view is None else points_in_view
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode)
+    if plan.reason is not None:
+        log.warning(plan.reason)
+    return _tiles(plan, view, resolution, wanted, supersample, seed, mode, device)
+
+
+def tile_side(resolution: int, supersample: int) -> int:
+    """The side in pixels of the tiles that `render_tiles` yields: at most 8192 supersampled pixels, evenly cut."""
+    return math.ceil(resolution / math.ceil(resolution * supersample / TILE))
+
+
+def white_level(density: Tensor) -> float:
+    """The density that becomes white in a picture: the 99.9th percentile of the pixels that are not empty."""
+    lit = density[density > 0]
+    return float(np.quantile(lit.numpy(), 0.999)) if len(lit) else 1.0
+
+
+def tone_map(density: Tensor, white: float | None = None) -> Tensor:
+    """A picture in [0,1] of a density image: log(1 + density) over log(1 + white), cut at 1.
+
+    `white` is the density that becomes white (default: `white_level`); give it to keep the frames of a film alike.
+    """
+    white = white_level(density) if white is None else white
+    return (torch.log1p(density) / math.log1p(white)).clamp(max=1.0)
+
+
+def _drawable(code: IFS) -> IFS:
+    """The code without gradients. Raises `InputError`, with the way to a code, on anything else."""
+    if isinstance(code, str | os.PathLike):
+        known = str(code) in codes.names()
+        remedy = f"fractal_exp.codes.known({str(code)!r})" if known else f"IFS.load({str(code)!r})"
+        raise InputError(f"a code must be an IFS, got {str(code)!r}; {remedy} reads it")
+    if not isinstance(code, IFS):
+        raise InputError(f"a code must be an IFS, got {type(code).__name__}; IFS(linear, offset) makes one")
+    own = code.probabilities
+    return replace(code, linear=code.linear.detach(), offset=code.offset.detach(),
+                   probabilities=None if own is None else own.detach())
+
+
+def _checked(view: View | None) -> View:
+    if view is not None and not isinstance(view, View):
+        raise InputError(f"view must be a View, got {shown(view)}; View(center, zoom) makes one")
+    return View() if view is None else view
+
+
+def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
+          reuse: int = 1) -> _Plan:
+    for name, value in (("resolution", resolution), ("points_in_view", points), ("reuse", reuse)):
+        check_count(name, value)
+    check_count("supersample", supersample, most=MAX_SUPERSAMPLE)
+    if not isinstance(seed, Integral) or seed < 0:
+        raise InputError(f"seed must be an integer of at least 0, got {seed!r}")
+    if mode not in MODES:
+        raise InputError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
+    if view.zoom > MAX_ZOOM:
+        raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
+    tree = _address_tree(code, reuse)
+    return _weigh(tree, _window(view, resolution), points, seed)
+
+
+def _address_tree(code: IFS, reuse: int = 1) -> AddressTree:
+    """The code with the smallest rectangle that is certain to hold its attractor."""
+    h = attractor.support_function(code)
+    quarter = len(h) // 4
+    # The widths and the middles along direction k and across it.
+    along, across = h[:quarter] + h[2 * quarter:3 * quarter], h[quarter:2 * quarter] + h[3 * quarter:]
+    k = int((along * across).argmin())
+    angle = 2 * math.pi * k / len(h)
+    axes = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    center = axes @ np.array([h[k] - h[k + 2 * quarter], h[k + quarter] - h[k + 3 * quarter]]) / 2
+    slack = 1 + 1e-9  # covers the rounding of all this
+    hull = axes * np.array([along[k], across[k]]) / 2 * slack
+    return AddressTree.of(code.linear, code.offset, code.sampling_probabilities(), center, hull, reuse)
+
+
+def _window(view: View, size: int) -> Window:
+    left, _, _, top = view.box
+    return Window(left, top, size * view.zoom / 2, size)
+
+
+def _weigh(tree: AddressTree, window: Window, points: int, seed: int) -> _Plan:
+    """Find how much of the invariant measure lies in the window, by dry throws of growing number."""
+    if tree.within(window):
+        return _Plan(tree, float(points), 1.0)
+    # With endless points under every word the tree is searched, not sampled, and the budget ends it at the first leaf.
+    if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK / 32).finished:
+        return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is black")
+    allowed = WORK + WORK_PER_POINT * points
+    thrown, attempt = 4096.0, 0
+    while True:
+        attempt += 1
+        tally = tree.scatter(window, thrown, seed=(seed, 1, attempt))
+        work = tally.thrown + WORD * tally.visited + 1
+        # Words are shared, so that work grows less than in proportion to the points: what follows is a bound.
+        work_per_point = work / max(tally.kept, 1)
+        if tally.kept >= PILOT_POINTS and work_per_point * points <= allowed:
+            break
+        wanted = 1.5 * PILOT_POINTS / tally.kept if 0 < tally.kept < PILOT_POINTS else 1000.0
+        growth = min(1000.0, wanted, (allowed / 8 if tally.kept else SEARCH_WORK) / work)
+        if growth < 1.5 or thrown > 1e250:
+            break
+        thrown *= growth
+    if tally.kept == 0:
+        return _Plan(tree, 0.0, 0.0, f"no point of the attractor was found in the view, trying {tally.visited} words "
+                                     f"of its address tree and {tally.thrown} points: the image is black")
+    mass, fewer = min(1.0, tally.kept / thrown), int(allowed / work_per_point)
+    if fewer >= points:
+        return _Plan(tree, points / mass, mass)
+    return _Plan(tree, fewer / mass, mass, f"the code's maps overlap so much that a point of this view takes up to "
+                                           f"{work_per_point:.0f} throws: drew about {fewer} of {points} points")
+
+
+def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
+           device: str) -> Iterator[Tile]:
+    whole, side = _window(view, resolution), tile_side(resolution, supersample)
+    factor = supersample if MODES[mode] == LIT else 1
+    scatter = SCATTER[torch.device(device).type]
+    for number, (row, column) in enumerate((r, c) for r in range(0, resolution, side)
+                                           for c in range(0, resolution, side)):
+        pixels, drawn = np.zeros((side, side), np.float32), 0
+        if plan.thrown > 0:
+            window = Window(whole.left + column / whole.scale, whole.top - row / whole.scale, whole.scale * factor,
+                            side * factor)
+            pixels, drawn = scatter(plan, window, factor, (seed, 0, number), MODES[mode], device)
+            if MODES[mode] == COUNTED:
+                pixels = (pixels * (resolution**2 / (plan.thrown * plan.mass))).astype(np.float32)
+        yield Tile(row, column, pixels, drawn)
+
+
+def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
+                    ) -> tuple[np.ndarray, int]:
+    """The points' share of the factor² parts of each pixel for LIT, their number for COUNTED, and how many there are
+    in the window."""
+    canvas = histogram.planes(window.size, mode)
+    drawn = plan.tree.scatter(window, plan.thrown, seed=seed, canvas=canvas, mode=mode).kept
+    if mode == COUNTED:
+        return canvas.sum(0), drawn
+    pixels = np.empty((window.size // factor, window.size // factor), np.float32)
+    box_mean(canvas[0], factor, pixels)
+    return pixels, drawn
+
+
+def _scatter_on_cuda(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
+                     ) -> tuple[np.ndarray, int]:
+    from ..ops.histogram import cuda as cuda_histogram
+
+    done = cuda_histogram.scatter(plan.tree, window, plan.thrown, seed=seed, mode=mode, device=device,
+                                  wanted=plan.thrown * plan.mass)
+    if done is None:
+        return _scatter_on_cpu(plan, window, factor, seed, mode, device)
+    canvas, drawn = done
+    image = canvas if mode == COUNTED else cuda_histogram.box_mean(canvas, factor)
+    return image.cpu().numpy(), drawn
+
+
+SCATTER = {"cpu": _scatter_on_cpu, "cuda": _scatter_on_cuda}
+
+
+def check_device(device: str) -> None:
+    """Raise `InputError` unless images can be drawn on this device here."""
+    try:
+        kind = torch.device(device).type
+    except RuntimeError:
+        kind = None
+    if kind not in SCATTER:
+        raise InputError(f"images are drawn on {' or '.join(SCATTER)}, got device={device!r}")
+    if kind == "cuda" and not (torch.cuda.is_available() and cuda_launch.INSTALLED):
+        raise InputError(f"device={device!r} needs an NVIDIA GPU with its driver, and numba-cuda (pip install "
+                         "'fractal-exp[cuda]'); take device='cpu'")
+
+
+def check_resolution(resolution: int, name: str = "resolution") -> None:
+    """Raise `InputError` unless an image of this resolution, which the message calls `name`, can be drawn here."""
+    check_count(name, resolution)
+    check_memory(f"an image of {resolution}² pixels", 8 * int(resolution)**2,  # the image and a copy
+                 torch.device("cpu"), f"lower {name}, or draw it in tiles (render_tiles)")

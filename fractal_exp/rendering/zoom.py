@@ -1,0 +1,137 @@
+"""The camera of an endless zoom: a point of the attractor, and the views on the way to it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch.nn.functional import avg_pool2d, max_pool2d
+
+from ..errors import InputError
+from ..ifs import attractor
+from ..ifs.code import IFS, View
+from ..runtime.seeds import derive
+from .still import MAX_ZOOM, render_with_info
+
+LOOK, LOOK_POINTS = 64, 20_000  # pixels and points of a look about
+CANDIDATES, DEPTHS = 4, 4  # points of each kind that are tried for a film, and views of each
+CLOSER = 4            # from one look to the next, on the way to a film's target
+EASE = 0.15           # of the time is spent on gathering speed, and as much on braking
+CENTERED = 0.4        # of the time after which the target is in the middle of the picture
+
+
+def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[float, float]:
+    """A point (x, y) of the attractor with much to see around it at every zoom up to `end_zoom`.
+
+    A random point often lies in an evenly filled region, or where a view holds nothing but parallel lines. Of
+    `CANDIDATES` random points and as many that lie where about half of each view is lit (`_half_lit_point`), this is
+    the one whose dullest of `DEPTHS` views, evenly spread over the zoom's logarithm, is the richest. The same seed
+    gives the same point; it takes about seventy drawings of 64². Raises `InputError` if the code is not contractive.
+    """
+    points = [find(code, derive(seed, "target", number), end_zoom) for number in range(CANDIDATES)
+              for find in (_half_lit_point, lambda code, seed, _: attractor.random_point(code, seed))]
+    zooms = np.geomspace(2, max(end_zoom, 2), DEPTHS)
+    return max(points, key=lambda point: min(_richness(_look(code, point, float(zoom))) for zoom in zooms))
+
+
+def _look(code: IFS, center: tuple[float, float], zoom: float) -> torch.Tensor:
+    """Which pixels of a small picture are lit."""
+    return render_with_info(code, View(center, zoom), resolution=LOOK, points_in_view=LOOK_POINTS,
+                            supersample=1)[0] > 0
+
+
+def _richness(lit: torch.Tensor) -> float:
+    """How much brightness changes along the direction in which it changes least: the smaller eigenvalue of the mean
+    structure tensor (Förstner and Gülch 1987). It is 0 for a view that is empty, full or of parallel lines."""
+    smooth = avg_pool2d(_without_noise(lit), 3, 1)[0]
+    across, down = (smooth[1:, 1:] - smooth[1:, :-1]).flatten(), (smooth[1:, 1:] - smooth[:-1, 1:]).flatten()
+    return float(torch.linalg.eigvalsh(torch.stack([across, down]) @ torch.stack([across, down], 1))[0])
+
+
+def _without_noise(lit: torch.Tensor) -> torch.Tensor:
+    """Gaps of a pixel filled (1,R,R): they come from the points thrown, and are no content."""
+    return max_pool2d(lit.float()[None], 3, 1, 1)
+
+
+def _half_lit_point(code: IFS, seed: int, end_zoom: float) -> tuple[float, float]:
+    """A point found from the whole inwards: in a small picture of a view, each lit pixel is judged by the window that
+    the next view, `CLOSER` times closer, will show about it, and so on down to a 64th of the last view."""
+    rng = np.random.default_rng(seed)
+    center, radius = attractor.bounding_disc(code)
+    zoom, near = 1 / max(radius, 1e-6), 1.0
+    while zoom < min(LOOK * end_zoom, MAX_ZOOM):
+        lit = _look(code, center, zoom)
+        if not lit.any():
+            break
+        row, column = _rich_pixel(lit, near, rng)
+        center = (center[0] + ((2 * column + 1) / LOOK - 1) / zoom, center[1] + (1 - (2 * row + 1) / LOOK) / zoom)
+        zoom, near = zoom * CLOSER, 0.5
+    return float(center[0]), float(center[1])
+
+
+def _rich_pixel(lit: torch.Tensor, near: float, rng: np.random.Generator) -> tuple[int, int]:
+    """A lit pixel in the middle part `near` of a picture (R,R) about which the lit share is close to 1/2, drawn from
+    the best tenth."""
+    share = avg_pool2d(_without_noise(lit), LOOK // CLOSER + 1, 1, LOOK // CLOSER // 2, count_include_pad=False)[0]
+    place = (torch.arange(LOOK) - (LOOK - 1) / 2).abs() <= near * LOOK / 2
+    candidates = (lit & place[:, None] & place).nonzero()
+    if not len(candidates):
+        candidates = lit.nonzero()
+    richness = -(share[candidates[:, 0], candidates[:, 1]] - 0.5).abs()
+    best = richness.argsort(descending=True, stable=True)[:max(1, len(candidates) // 10)]
+    row, column = candidates[best[int(rng.integers(len(best)))]].tolist()
+    return row, column
+
+
+def nearest_point(code: IFS, to: tuple[float, float]) -> tuple[float, float]:
+    """The point (x, y) of the attractor nearest to `to`, found by looking: a small picture of the whole, then of a few
+    pixels about the lit one that is nearest, and so on down to 1e-12 of the canvas.
+
+    Nearest up to a pixel of each picture. Raises `InputError` if the code is not contractive.
+    """
+    middle, radius = attractor.bounding_disc(code)
+    center, zoom = to, 1 / (math.dist(middle, to) + max(radius, 1e-6))
+    while zoom < MAX_ZOOM:
+        image, info = render_with_info(code, View(center, zoom), resolution=LOOK, points_in_view=LOOK_POINTS,
+                                       supersample=1)
+        if info.empty:
+            break
+        row, column = (axis.double() for axis in image.nonzero(as_tuple=True))
+        x = center[0] + ((2 * column + 1) / LOOK - 1) / zoom
+        y = center[1] + (1 - (2 * row + 1) / LOOK) / zoom
+        nearest = int(torch.hypot(x - to[0], y - to[1]).argmin())
+        center, zoom = (float(x[nearest]), float(y[nearest])), zoom * LOOK / 4
+    return center
+
+
+def zoom_path(target: tuple[float, float], frames: int, *, start: View | None = None, end_zoom: float = 1e6
+              ) -> list[View]:
+    """The views of a zoom into `target` (x, y), from `start` (default: the whole canvas) to `end_zoom`.
+
+    The zoom grows exponentially, at a rate that rises at the beginning and falls at the end; meanwhile the target
+    glides to the middle of the picture and stays there. Raises `InputError` unless frames >= 2 and the end zoom is
+    above the start's and at most 1e12.
+    """
+    start = start or View()
+    if frames < 2:
+        raise InputError(f"a zoom needs at least 2 frames, got {frames}")
+    if not start.zoom < end_zoom <= MAX_ZOOM:
+        raise InputError(f"the zoom must end above the start's {start.zoom:g} and at most at {MAX_ZOOM:g}, got "
+                         f"{end_zoom:g}")
+    on_screen = [(t - c) * start.zoom for t, c in zip(target, start.center, strict=True)]
+    views = []
+    for t in np.linspace(0, 1, frames):
+        zoom = start.zoom * math.exp(math.log(end_zoom / start.zoom) * _eased(t))
+        gone = min(1.0, t / CENTERED)
+        left = 1 - gone * gone * (3 - 2 * gone)
+        views.append(View((target[0] - on_screen[0] * left / zoom, target[1] - on_screen[1] * left / zoom), zoom))
+    return views
+
+
+def _eased(t: float) -> float:
+    """The way made after the time t, both in [0,1]: constant acceleration, constant speed, constant braking."""
+    if t > 0.5:
+        return 1 - _eased(1 - t)
+    speed = 1 / (1 - EASE)
+    return speed * (t * t / (2 * EASE) if t < EASE else t - EASE / 2)

@@ -1,0 +1,149 @@
+"""Everything a fit needs to go on, as tensors and JSON in one safetensors file."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from ..errors import InputError
+from .files import check_file, write_atomically
+
+FORMAT = "fractal-exp/checkpoint/2"
+EARLIER = b"fractal-exp/checkpoint/1"
+DIGEST = b'"sha256":"%s"'  # stands once in a file: quotes inside the notes are escaped
+BLANK = b"0" * 64          # in the digest's place while it is computed
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The state before `iteration`: named tensors and JSON numbers."""
+
+    iteration: int
+    tensors: Mapping[str, Tensor]
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where and how often a fit saves itself.
+
+    path: the file; every: iterations between two saves; identity: the resolved configuration as plain data, which a
+    file must share to be resumed; resume: whether to go on from the file, if there is one; first: called at every save
+    before the file counts, so that nothing else is behind it if the process is killed.
+    """
+
+    path: Path
+    every: int = 500
+    identity: Mapping[str, Any] = field(default_factory=dict)
+    resume: bool = False
+    first: Callable[[], object] = lambda: None
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise InputError(f"a checkpoint is saved every so many iterations, at least 1, got {self.every}")
+
+    def save(self, snapshot: Snapshot) -> None:
+        """Write atomically: at any moment the file on disk is a whole one, the old or the new.
+
+        Raises `InputError` where it cannot be written, as on a full disk; the file before stays.
+        """
+        from safetensors.torch import save
+
+        notes = {"iteration": snapshot.iteration, "numbers": dict(snapshot.numbers),
+                 "identity": dict(self.identity)}
+        # Clones, as the file format takes no two tensors that share memory.
+        tensors = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in snapshot.tensors.items()}
+        self.first()
+        blank = save(tensors, metadata={"format": FORMAT, "sha256": BLANK.decode(), "notes": json.dumps(notes)})
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            write_atomically(self.path, blank.replace(DIGEST % BLANK, DIGEST % _digest(blank), 1))
+        except InputError as error:
+            raise InputError(f"{error}; what was saved before stays, and resume=true goes on from it") from error
+
+    def load(self) -> Snapshot | None:
+        """The saved snapshot, or None where nothing is to be resumed.
+
+        Raises `InputError` if the file is damaged or was made by another configuration, naming what differs.
+        """
+        if not self.resume or not self.path.exists():
+            return None
+        snapshot, identity = read(self.path)
+        differences = compare(identity, json.loads(json.dumps(dict(self.identity))))
+        if differences:
+            raise InputError(f"{self.path} was made by another configuration: {'; '.join(differences[:4])}"
+                             f"{' …' if len(differences) > 4 else ''}. Use the same settings, or start afresh with "
+                             "resume=false")
+        return snapshot
+
+    def set_aside(self) -> Path | None:
+        """Rename an unfinished fit's file that is not to be resumed, so that it is not lost; its new path."""
+        if self.resume or not self.path.exists():
+            return None
+        names = (self.path.with_suffix(f".previous-{i}{self.path.suffix}") for i in itertools.count(1))
+        aside = next(name for name in names if not name.exists())
+        os.replace(self.path, aside)
+        return aside
+
+
+def read(path: Path) -> tuple[Snapshot, dict[str, Any]]:
+    """A checkpoint's snapshot and identity. Raises `InputError` if it is no whole checkpoint of this layout.
+
+    The SHA-256 over all bytes is checked before anything is parsed: what one changed byte could do is seen at once.
+    Files of layout 1, which had no digest, are not read.
+    """
+    from safetensors import SafetensorError
+    from safetensors.torch import load
+
+    path = check_file(path, "the checkpoint")
+    try:
+        data = path.read_bytes()
+        notes = _checked_notes(data)
+        tensors = load(data)
+    except (OSError, SafetensorError, ValueError, KeyError, RecursionError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot read the checkpoint {path}: {reason}; delete it to start afresh") from error
+    return Snapshot(notes["iteration"], tensors, notes["numbers"]), notes["identity"]
+
+
+def _digest(blank: bytes) -> bytes:
+    return hashlib.sha256(blank).hexdigest().encode()
+
+
+def _checked_notes(data: bytes) -> dict[str, Any]:
+    """The notes of a file whose digest is right. Raises `ValueError` otherwise."""
+    length = int.from_bytes(data[:8], "little")
+    if not 2 <= length <= len(data) - 8:
+        raise InputError("it is damaged or cut short")
+    found = re.search(re.escape(DIGEST).replace(b"%s", b"([0-9a-f]{64})"), data[8:8 + length])
+    if found is None:
+        earlier = "; an earlier one wrote it, which can go on from it" if EARLIER in data[8:8 + length] else ""
+        raise InputError(f"it is no checkpoint of this version, which have a checksum{earlier}")
+    if _digest(data.replace(found[0], DIGEST % BLANK, 1)) != found[1]:
+        raise InputError("it is damaged: its bytes do not give its checksum")
+    header = json.loads(data[8:8 + length])["__metadata__"]
+    if header.get("format") != FORMAT:
+        raise InputError(f"it is of layout {header.get('format')!r}, this version reads {FORMAT!r}")
+    notes = json.loads(header["notes"])
+    if not (type(notes["iteration"]) is int and isinstance(notes["numbers"], dict)
+            and isinstance(notes["identity"], dict)):
+        raise InputError("its notes are not those of a checkpoint")
+    return notes
+
+
+def compare(old: Any, new: Any, path: str = "") -> list[str]:
+    """Where two pieces of plain data differ, as 'key: old -> new'."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        keys = sorted(set(old) | set(new))
+        return [line for key in keys for line in
+                compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{key}" if path else key)]
+    return [] if old == new else [f"{path}: {old!r} there, {new!r} now"]

@@ -1,0 +1,1 @@
+"""From tracked runs to tables: reports of sweeps, beside what was published."""

@@ -1,0 +1,178 @@
+"""From tracked runs to tables: what a sweep's jobs came to, row by row, beside what was published."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import tracking
+from ..errors import InputError
+from ..evaluation.summary import METRICS, bootstrap_interval
+from ..runtime.files import parse_json, parse_record
+from .published import COLUMNS, TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEASURED, TRIVIAL, PUBLISHED = "measured", "trivial", "published"
+TRIVIAL_ROWS = {"white": "all white", "black": "all black"}  # metrics trivial/white_f1 … of a run -> row
+SCORE = re.compile(rf"metrics\.(?:eval/|(?:trivial/)?({'|'.join(TRIVIAL_ROWS)})[_/])(.+)")  # once it was white/f1
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep as the tracking store has it.
+
+    jobs: one row a job, in the order of the plan: job, row, sample, status (FINISHED, FAILED, KILLED, RUNNING, or
+    ABSENT for a job that never got a run), reason, seconds, run_id, views_judged and views_empty, then the means over
+    views f1, iou, psnr, ssim and the perceptual distance, and the same of an all white and an all black image as
+    white/f1 … black/f1 …. views: their kind, None in a sweep of before it was kept.
+    """
+
+    study: str
+    name: str
+    run_id: str
+    title: str
+    scale: str
+    perceptual: str
+    baseline: str | None
+    published: str | None
+    jobs: pd.DataFrame
+    views: str | None = None
+
+    @property
+    def metrics(self) -> list[str]:
+        """The scores that at least one job has, METRICS first."""
+        found = [name.removeprefix("metric.") for name in self.jobs if name.startswith("metric.") and "/" not in name]
+        return [name for name in METRICS if name in found] + sorted(set(found) - set(METRICS))
+
+
+def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
+    """The sweep `name` of a study (None: the newest), from a tracking store.
+
+    Raises `InputError` if the store has no such study or sweep, or the sweep's files in it are damaged.
+    """
+    import pandas as pd
+
+    parents = tracking.runs_frame(uri, study, "tags.kind = 'sweep'")
+    if name is not None and len(parents):
+        parents = parents[(parents["name"] == name) | (parents["run_id"] == name)]
+    if not len(parents):
+        raise InputError(f"the study {study!r} has no sweep{f' {name!r}' if name else ''}; fractal-sweep {study} makes "
+                         "one")
+    parent = parents.iloc[0]
+    about, planned = _plan(uri, study, parent["run_id"])
+    runs = tracking.runs_frame(uri, study, tracking.nested_below(parent["run_id"]))
+    if len(runs):
+        runs = runs.drop_duplicates("tags.job").set_index("tags.job").reindex(planned)
+    jobs = pd.DataFrame({
+        "job": planned,
+        **{name: _column(runs, f"tags.{name}", planned) for name in ("row", "sample")},
+        "status": _column(runs, "status", planned).fillna("ABSENT"),
+        "reason": _column(runs, "tags.error", planned).fillna(""),
+        "seconds": _column(runs, "metrics.time/fit_seconds", planned).astype(float),
+        "run_id": _column(runs, "run_id", planned),
+        **{f"views_{name}": _column(runs, f"metrics.views/{name}", planned).astype(float)
+           for name in ("judged", "empty")},
+    })
+    for column in runs.columns:
+        if score := SCORE.fullmatch(column):
+            jobs[f"metric.{'/'.join(filter(None, score.groups()))}"] = runs[column].to_numpy(dtype=float)
+    return Sweep(study, parent["name"], parent["run_id"], about["title"], parent["tags.scale"],
+                 parent["tags.perceptual"], about["baseline"], about["published"], jobs,
+                 views if isinstance(views := parent.get("tags.views"), str) else None)
+
+
+def _plan(uri: str, study: str, run_id: str) -> tuple[dict[str, Any], list[str]]:
+    """What a sweep is about, and the names of its jobs."""
+    remedy = f"the same fractal-sweep {study} command again writes it anew"
+    name = f"the artifact {{}} of the run {run_id}"
+    about = parse_record(tracking.read_artifact(uri, run_id, "sweep.json"), name.format("sweep.json"), remedy,
+                         title=str, baseline=(str, type(None)), published=(str, type(None)))
+    if about["published"] not in (None, *TABLES):
+        raise InputError(f"{name.format('sweep.json')} names the published table {about['published']!r}, which is none "
+                         f"of {', '.join(TABLES)}; {remedy}")
+    try:
+        planned = parse_json(tracking.read_artifact(uri, run_id, "jobs.json"), name.format("jobs.json"))
+    except InputError as error:
+        raise InputError(f"{error}; {remedy}") from error
+    if not isinstance(planned, list) or not all(isinstance(job, str) for job in planned):
+        raise InputError(f"{name.format('jobs.json')} is damaged: expected a list of names; {remedy}")
+    return about, planned
+
+
+def _column(runs: pd.DataFrame, name: str, planned: list[str]) -> pd.Series:
+    import pandas as pd
+
+    values = runs[name].to_numpy() if name in runs and len(runs) else np.full(len(planned), None, object)
+    return pd.Series(values, dtype=object if name.startswith(("tags", "status", "run_id")) else None)
+
+
+def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
+    """The table: a row for each row of the sweep, then the trivial images, then the published rows (column `source`).
+
+    For each metric: its mean over the finished jobs of the row, NAME_low and NAME_high (bootstrap 95% interval over
+    samples, NaN for one), NAME_std, the spread over samples. `finished`, `failed` and `unfinished` count jobs;
+    seconds is the mean time of a fit. `wins` of `compared` samples have a higher F1 than the baseline's on the same
+    sample. Absent numbers are NaN.
+    """
+    import pandas as pd
+
+    jobs = sweep.jobs
+    rows = [_measured(sweep, str(row), group, seed) for row, group in jobs.groupby("row", sort=False)]
+    reference = jobs[jobs["row"] == sweep.baseline] if sweep.baseline else jobs
+    for key, title in TRIVIAL_ROWS.items():
+        if f"metric.{key}/f1" in jobs:
+            once = reference[reference["status"] == "FINISHED"].drop_duplicates("sample")
+            rows.append({"row": title, "source": TRIVIAL, "finished": len(once),
+                         **_scores(once, sweep.metrics, seed, f"{key}/")})
+    if sweep.published:
+        table = TABLES[sweep.published]
+        rows += [{"row": row, "source": PUBLISHED, **dict(zip(COLUMNS, values, strict=True)),
+                  "seconds": table.seconds.get(row, np.nan)} for row, values in table.rows.items()]
+    return pd.DataFrame(rows)
+
+
+def _measured(sweep: Sweep, row: str, group: pd.DataFrame, seed: int) -> dict[str, object]:
+    finished = group[group["status"] == "FINISHED"]
+    failed = int((group["status"] == "FAILED").sum())
+    line = {"row": row, "source": MEASURED, "finished": len(finished), "failed": failed,
+            "unfinished": len(group) - len(finished) - failed, "seconds": finished["seconds"].mean(),
+            **_scores(finished, sweep.metrics, seed)}
+    if sweep.baseline and row != sweep.baseline and "metric.f1" in sweep.jobs:
+        baseline = sweep.jobs[(sweep.jobs["row"] == sweep.baseline) & (sweep.jobs["status"] == "FINISHED")]
+        pairs = finished.merge(baseline, on="sample", suffixes=("", "_baseline"))
+        line |= {"wins": int((pairs["metric.f1"] > pairs["metric.f1_baseline"]).sum()), "compared": len(pairs)}
+    return line
+
+
+def _scores(jobs: pd.DataFrame, metrics: list[str], seed: int, prefix: str = "") -> dict[str, float]:
+    scores = {}
+    for name in metrics:
+        column = f"metric.{prefix}{name}"
+        values = jobs[column].dropna().to_numpy(dtype=float) if column in jobs else np.empty(0)
+        low, high = bootstrap_interval(values, seed)
+        scores |= {name: float(values.mean()) if len(values) else np.nan, f"{name}_low": low, f"{name}_high": high,
+                   f"{name}_std": float(values.std(ddof=1)) if len(values) > 1 else np.nan}
+    return scores
+
+
+def same_rows(sweep: Sweep) -> list[list[str]]:
+    """Groups of rows whose jobs all came to the same scores: what they vary made no difference."""
+    scores = [name for name in sweep.jobs if name.startswith("metric.") and "/" not in name]
+    finished = sweep.jobs[sweep.jobs["status"] == "FINISHED"].sort_values("sample")
+    groups: dict[tuple, list[str]] = {}
+    for row, group in finished.groupby("row", sort=False):
+        groups.setdefault((tuple(group["sample"]), group[scores].to_numpy().tobytes()), []).append(str(row))
+    return [rows for rows in groups.values() if len(rows) > 1]
+
+
+def spread(sweep: Sweep, metric: str = "f1") -> pd.DataFrame:
+    """One metric of every finished job: rows of the table by samples, in the order of the plan."""
+    finished = sweep.jobs[sweep.jobs["status"] == "FINISHED"]
+    table = finished.pivot_table(index="row", columns="sample", values=f"metric.{metric}", sort=False)
+    order = list(dict.fromkeys(sweep.jobs["sample"].dropna()))
+    return table.reindex(columns=[name for name in order if name in table])

@@ -20,9 +20,9 @@ def from_code(code: IFS) -> Tensor:
 
 
 def to_code(maps: Tensor, weights: Tensor | None = None) -> IFS:
-    """The code of maps (N,6), with the chances `weights` / sum, or those of |det| + 0.01."""
-    chances = None if weights is None else normalized(weights)
-    return IFS(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], chances)
+    """The code of maps (N,6), with the probabilities `weights` / sum, or those of |det| + 0.01."""
+    probabilities = None if weights is None else normalized(weights)
+    return IFS(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], probabilities)
 
 
 def normalized(weights: Tensor) -> Tensor:
@@ -32,7 +32,7 @@ def normalized(weights: Tensor) -> Tensor:
 
 
 def volumes(maps: Tensor) -> Tensor:
-    """|det| + 0.01, (…): to which the chance of a map is in proportion."""
+    """|det| + 0.01, (…): to which the probability of a map is in proportion."""
     return (maps[..., 0] * maps[..., 3] - maps[..., 1] * maps[..., 2]).abs() + PROBABILITY_FLOOR
 
 
@@ -56,10 +56,10 @@ def rotations(count: int, generator: torch.Generator) -> Tensor:
     return torch.stack([cos, -sin * flip, sin, cos * flip], -1).view(-1, 2, 2)
 
 
-def random_matrices(count: int, smallest: float, largest: float, generator: torch.Generator) -> Tensor:
-    """Matrices (count,2,2) = U diag(s1, s2) V: s1 log-uniform in [smallest, largest], s2/s1 uniform in [0.05, 1]."""
+def random_matrices(count: int, smallest: float, largest: float, ratio: float, generator: torch.Generator) -> Tensor:
+    """Matrices (count,2,2) = U diag(s1, s2) V: s1 log-uniform in [smallest, largest], s2/s1 uniform in [ratio, 1]."""
     s1 = (torch.rand(count, generator=generator) * math.log(largest / smallest)).exp() * smallest
-    s2 = s1 * (0.05 + 0.95 * torch.rand(count, generator=generator))
+    s2 = s1 * (ratio + (1 - ratio) * torch.rand(count, generator=generator))
     return (rotations(count, generator) * torch.stack([s1, s2], -1)[:, None]) @ rotations(count, generator)
 
 

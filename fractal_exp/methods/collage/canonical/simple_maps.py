@@ -11,19 +11,13 @@ from itertools import chain, product
 import torch
 from torch import Tensor
 
-from ...runtime.seeds import derive
-from . import maps as affine
-from .jacobian import LARGEST, played
-from .picture import Drawn, Picture
+from ....runtime.seeds import derive
+from .. import maps as affine
+from ..image.objective import ImageObjective, Rendered
+from ..measure.bins import attractor_points
+from ..params import CanonicalParams
 
-NEAR_PX = 0.05             # root mean square over the attractor of what a matrix moves by rounding, at most that
-LEAST_SIDE = 256           # of a picture of so many pixels a side: in coarser ones many a matrix is near a simple one
-LINE_PX, THIN = 1.0, 0.1   # standard deviation across of an image that may be a line along an axis; times its length
-SYMMETRIC_PX = 0.1         # between offsets that may be the same
 EDGE = 1e-6                # off the middle, canvas units: on either side of the edge of pixels that lies there
-FACTORS = (0.7, 0.8, 0.9, 1, 1.1, 1.25, 1.4)           # times its length, at which a line is tried; once it is found,
-SCALES, SHIFTS_PX = 3, [k / 4 for k in range(-4, 5)]   # so many simple scales, each in so many places
-POINTS = 20_000            # that tell an attractor's spread
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -55,10 +49,10 @@ def _nearest(value: Tensor, to: Tensor) -> Tensor:
     return to[(value[..., None] - to).abs().argmin(-1)]
 
 
-def mirrored_offsets(maps: Tensor, pixel: float) -> Tensor:
-    """Maps (N,6) with their offsets made exactly symmetric along each axis of the canvas along which they nearly are:
-    those of a shape that is its own mirror image."""
-    maps, near = maps.clone(), SYMMETRIC_PX * pixel
+def mirrored_offsets(maps: Tensor, near: float) -> Tensor:
+    """Maps (N,6) with their offsets made exactly symmetric along each axis of the canvas along which they are but for
+    `near`, canvas units: those of a shape that is its own mirror image."""
+    maps = maps.clone()
     for column in (4, 5):
         signs, sizes = maps[:, column].sign(), maps[:, column].abs()
         order = sizes.argsort()
@@ -74,11 +68,11 @@ def mirrored_offsets(maps: Tensor, pixel: float) -> Tensor:
 @dataclass(frozen=True)
 class Line:
     """A map (6,) that sends one axis of the plane to a line along one, by its entry `scale`, and which of its entries
-    are no longer free."""
+    are fixed."""
 
     one: Tensor
     scale: int
-    held: frozenset[int]
+    fixed: frozenset[int]
 
     def moved(self, entry: int, value: float) -> Line:
         """With another value of an entry."""
@@ -89,17 +83,22 @@ class Line:
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean (2,) and covariance (2,2) of an attractor, float64; pixel: a pixel's side. What is rounded here sends the
-    mean where it was sent before."""
+    """Mean (2,) and covariance (2,2) of an attractor, float64; pixel: a pixel's side; largest: singular value that a map
+    may have. What is rounded here sends the mean where it was sent before."""
 
     mean: Tensor
     covariance: Tensor
     pixel: float
+    params: CanonicalParams
+    largest: float
 
     @classmethod
-    def of(cls, drawn: Drawn, picture: Picture) -> Spread:
-        points = played(drawn.maps, drawn.chances, POINTS, derive(picture.seed, "rounding")).double()
-        return cls(points.mean(0), points.T.cov(), 2 / picture.side)
+    def of(cls, found: Rendered, objective: ImageObjective) -> Spread:
+        """That of a code's attractor, in the objective's pixels."""
+        params = objective.params
+        points = attractor_points(found.maps, found.probabilities, params.canonical.points,
+                                  derive(objective.seed, "rounding")).double()
+        return cls(points.mean(0), points.T.cov(), 2 / objective.side, params.canonical, params.gauss_newton.largest)
 
     def rounded(self, one: Tensor) -> Tensor | None:
         """The map (6,) with a simple matrix, or None if none is near."""
@@ -107,8 +106,8 @@ class Spread:
         simple = simple_matrices(old).to(old)
         moved = (((simple - old) @ self.covariance) * (simple - old)).sum((-2, -1)).sqrt()
         near = self._with(one, simple[moved.argmin()])
-        small = float(moved.min()) <= NEAR_PX * min(self.pixel, 2 / LEAST_SIDE)
-        return near if small and float(affine.largest_singular(near)) <= LARGEST else None
+        small = float(moved.min()) <= self.params.near_px * min(self.pixel, 2 / self.params.least_side)
+        return near if small and float(affine.largest_singular(near)) <= self.largest else None
 
     def lines(self, one: Tensor) -> Iterator[Line]:
         """If the map's (6,) image is a line along an axis, maps that make it of an axis of the plane, either way round;
@@ -117,31 +116,36 @@ class Spread:
         spread = (linear @ self.covariance @ linear.T).diagonal().sqrt()
         to = int(spread.argmax())
         across = 1 - to
-        if float(spread[across]) > min(LINE_PX * self.pixel, THIN * float(spread[to])):
+        if float(spread[across]) > min(self.params.line_px * self.pixel, self.params.line_thin * float(spread[to])):
             return
-        for source, sign, factor in product((0, 1), (1, -1), FACTORS):
+        for source, sign, factor in product((0, 1), (1, -1), self.params.line_factors):
             matrix, scale = torch.zeros_like(linear), 2 * to + source
             matrix[to, source] = sign * factor * spread[to] / self.covariance[source, source].sqrt()
-            if not float(matrix[to, source].abs()) <= LARGEST:  # nor if the attractor has no width at all
+            if not float(matrix[to, source].abs()) <= self.largest:  # nor if the attractor has no width at all
                 continue
             line = Line(self._with(one, matrix), scale, frozenset(range(4)) - {scale})
             yield line
-            if abs(float(line.one[4 + across])) < LINE_PX * self.pixel:
+            if abs(float(line.one[4 + across])) < self.params.line_px * self.pixel:
                 for side in (-EDGE, EDGE):
-                    yield replace(line.moved(4 + across, side), held=line.held | {4 + across})
+                    yield replace(line.moved(4 + across, side), fixed=line.fixed | {4 + across})
 
     def rescaled(self, line: Line) -> Iterator[Line]:
         """The line with the simple scales nearest to its own, moved along itself by parts of a pixel."""
         along = 4 + line.scale // 2
         matrix = line.one[:4].double().clone()
-        for value in ENTRIES[(ENTRIES - float(matrix[line.scale])).abs().argsort()[:SCALES]]:
+        for value in ENTRIES[(ENTRIES - float(matrix[line.scale])).abs().argsort()[:self.params.line_scales]]:
             matrix[line.scale] = value
             sent = self._with(line.one, matrix.view(2, 2))
-            for shift in SHIFTS_PX:
-                moved = replace(line, one=sent, held=line.held | {line.scale})
+            for shift in _shifts(self.params.line_shifts):
+                moved = replace(line, one=sent, fixed=line.fixed | {line.scale})
                 yield moved.moved(along, float(sent[along]) + shift * self.pixel)
 
     def _with(self, one: Tensor, matrix: Tensor) -> Tensor:
         """Another map of this matrix (2,2), that sends the mean where the map (6,) sends it."""
         image = one[:4].view(2, 2).double() @ self.mean + one[4:]
         return affine.sending(matrix, self.mean, image).to(one)
+
+
+def _shifts(count: int) -> list[float]:
+    """So many shifts within a pixel to either side, equally spaced."""
+    return torch.linspace(-1, 1, count, dtype=torch.float64).tolist() if count > 1 else [0.0]

@@ -1,4 +1,4 @@
-"""The frame that an attractor fills: what a picture tells of tips too faint to be seen in it."""
+"""The frame that an attractor fills: what an image tells of tips too faint to be seen in it."""
 
 from __future__ import annotations
 
@@ -7,55 +7,55 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ...ifs.attractor import FRAME_SIDE, visible_tips
-from . import maps as affine
-
-SHORT, LONG = 0.93, 1.17  # times the frame's side: what the lit pixels of a picture that fills it span
-BEYOND_PX = 1.0           # from here on a misfit counts in proportion, no longer in its square
+from ....ifs.attractor import FRAME_SIDE, visible_tips
+from .. import maps as affine
+from ..params import FrameParams
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Targets are brought to the canvas by their box: centred, the longer side from -0.75 to 0.75. That of the random
-    suite and of the classics is the attractor's `visible_box`, that of a picture file the box of what is lit, which
-    leaves out faint tips: a fern's stem, some pixels. What is lit may exceed the frame: the visible box leaves out the
-    rarest tips.
+    """Targets are brought to the canvas by their box: centred, the longer side from -0.75 to 0.75. For the random suite
+    and the classics this is the attractor's `visible_box`, for a picture file the box of what is lit, which leaves out
+    faint tips: a fern's stem, some pixels. What is lit may exceed the frame: the visible box leaves out the rarest tips.
 
-    side: pixels a side of the picture; sigma_px: of a misfit that counts as much as the counting error of one pixel.
+    side: pixels a side of the image; sigma_px, beyond_px: see `FrameParams`.
     """
 
     side: int
     sigma_px: float = 0.05
+    beyond_px: float = 1.0
 
     @classmethod
-    def of(cls, image: Tensor) -> Frame | None:
-        """That of an image (R,R), or None if what is lit in it spans too much or too little of it."""
+    def of(cls, image: Tensor, params: FrameParams) -> Frame | None:
+        """The frame of an image (R,R), or None if what is lit in it spans too much or too little of it."""
         side = image.shape[0]
         lit = [image.amax(k).nonzero().flatten() for k in (0, 1)]
-        if len(lit[0]) == 0:
+        if len(lit[0]) == 0 or not params.enabled:
             return None
         spans = [2 * float(each[-1] + 1 - each[0]) / side for each in lit]
         off = [abs(float(each[-1] + 1 + each[0]) / side - 1) for each in lit]
-        fills = SHORT * FRAME_SIDE < max(spans) < LONG * FRAME_SIDE
-        return cls(side) if fills and max(off) < (LONG - 1) * FRAME_SIDE else None
+        fills = params.shortest * FRAME_SIDE < max(spans) < params.longest * FRAME_SIDE
+        if not fills or max(off) >= (params.longest - 1) * FRAME_SIDE:
+            return None
+        return cls(side, params.sigma_px, params.beyond_px)
 
-    def misfit(self, maps: Tensor, chances: Tensor) -> Tensor:
-        """How far the attractor's visible box is from the frame, (3,) float64 pixels, for maps (N,6) and chances (N,):
-        its lower and upper end along its longer side, and its centre along the other."""
-        low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, chances))])
+    def misfit(self, maps: Tensor, probabilities: Tensor) -> Tensor:
+        """How far the attractor's visible box is from the frame, (3,) float64 pixels, for maps (N,6) and probabilities
+        (N,): its lower and upper end along its longer side, and its centre along the other."""
+        low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, probabilities))])
         return self._misfit(low, high)
 
-    def growth(self, maps: Tensor, chances: Tensor) -> float:
+    def growth(self, maps: Tensor, probabilities: Tensor) -> float:
         """Times what the attractor's offsets must be for its box to have the frame's side."""
-        low, high, _ = self.misfit(maps, chances)
+        low, high, _ = self.misfit(maps, probabilities)
         return FRAME_SIDE / (FRAME_SIDE + 2 / self.side * float(high - low))
 
-    def slopes(self, maps: Tensor, chances: Tensor) -> Tensor:
+    def jacobian(self, maps: Tensor, probabilities: Tensor) -> Tensor:
         """The derivatives (3,N,6) of `misfit` by the maps, which are those of the words that reach farthest, with the
-        chances held."""
-        words = [torch.from_numpy(word).long() for _, word in visible_tips(affine.to_code(maps, chances))]
+        probabilities fixed."""
+        words = [torch.from_numpy(word).long() for _, word in visible_tips(affine.to_code(maps, probabilities))]
         with torch.enable_grad():
-            moving, weights = maps.detach().cpu().double().requires_grad_(), chances.detach().cpu().double()
+            moving, weights = maps.detach().cpu().double().requires_grad_(), probabilities.detach().cpu().double()
             linear, offset = moving[:, :4].unflatten(1, (2, 2)), moving[:, 4:]
             average = (weights[:, None, None] * linear).sum(0)
             mean = torch.linalg.solve(torch.eye(2, dtype=torch.float64) - average, weights @ offset)
@@ -73,8 +73,8 @@ class Frame:
     def penalty(self, misfit: Tensor) -> tuple[float, Tensor]:
         """Huber's of a misfit (3,), in counting errors of a pixel, and the weights (3,) that it gives residuals: what
         weighs less than in proportion cannot spoil a code that is wrong for other reasons."""
-        size = misfit.abs() / BEYOND_PX
-        value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (BEYOND_PX / self.sigma_px) ** 2
+        size = misfit.abs() / self.beyond_px
+        value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (self.beyond_px / self.sigma_px) ** 2
         return float(value), size.clamp_min(1).rsqrt() / self.sigma_px
 
 

@@ -1,8 +1,9 @@
 """Maps whose images are lines: told by how the light runs along the line.
 
-No grid of the measure says which way the image of a line lies: across it there is nothing to see, and along it grey
-levels saturate where a subpixel is hit more than once. But how many subpixels of a row a line lights up follows from
-the measure projected onto one direction, so all directions and ends can be gone through without a drawing.
+Mean and covariance do not determine the projection of a map that is nearly of rank 1: across the line there is nothing
+to see, and along it grey levels saturate where a subpixel is hit more than once. But how many subpixels of a row a line
+lights up follows from the measure projected onto one direction, so all directions and ends can be gone through without
+a rendering.
 """
 
 from __future__ import annotations
@@ -14,15 +15,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from .measure import POINTS_PER_PIXEL
-
-DIRECTIONS, ENDS = 48, 24   # of projections, and places where a line may begin or end,
-REACH = 0.5                 # up to so many times its length beyond those where it does
-FINER = 9                   # angles, and places of each end, between the neighbours of the best
-SHORTEST = 0.2              # times its length
-LARGEST = 0.98              # singular value
-BINS = 256                  # of a projected measure
-ASIDE = 1                   # pixels on each side of a line whose light may be its own
+from ..params import LineParams
 
 
 class _Laid(NamedTuple):
@@ -61,34 +54,43 @@ class Course:
         return torch.cat([(rows if self.main == 0 else rows.flip(0)).flatten(),
                           shift if self.main == 0 else shift.flip(0)])
 
-    def pixels(self, image: Tensor) -> Tensor:
-        """The image's (R,R) pixels on the line and beside it, (R,3), a row each, in ascending order of t; those beyond
+    def pixels(self, image: Tensor, aside: int) -> Tensor:
+        """The image's (R,R) pixels on the line and so many on each side of it, (R,1 + 2 aside), a row each, in ascending order of t; those beyond
         its edge are dark."""
         size = image.shape[0]
         rows = image.T if self.main == 0 else image.flip(0)
         centers = (2 * torch.arange(size) + 1) / size - 1
         across = self.height + self.slope * centers
         place = ((1 + (across if self.main == 1 else -across)) / 2 * size).floor().long()
-        columns = place[:, None] + torch.arange(-ASIDE, ASIDE + 1)
+        columns = place[:, None] + torch.arange(-aside, aside + 1)
         inside = (columns >= 0) & (columns < size)
         return rows[torch.arange(size)[:, None], columns.clamp(0, size - 1)] * inside
 
 
-def profiled(line: Tensor, share: float, points: Tensor, target: Tensor, rest: Tensor, supersample: int,
-             count: int) -> Tensor:
-    """Maps (K,6), `count` at most, to the line on which a map (6,) lays the measure, but in other ways along it: those
+@dataclass(frozen=True)
+class Light:
+    """What an image shows of a line: the target (R,R), a rendering (R,R) of the code without it, subpixels a side of a
+    pixel, and how many points of the chaos game fall on the canvas for each pixel."""
+
+    target: Tensor
+    rest: Tensor
+    supersample: int
+    points_per_pixel: float
+
+
+def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: LineParams) -> Tensor:
+    """Maps (K,6), `params.count` at most, to the line on which a map (6,) lays the measure, but in other ways along it: those
     whose light fits best among all ends, in each direction of projection that is better than its neighbours, best
     first; none where the image is a point.
 
-    share: of the points, that the map has; points (P,2): of the measure; target, rest (R,R): the picture, and a drawing
-    without the map, in shares of supersample² subpixels.
+    share: of the points, that the map has; points (P,2): of the measure.
     """
-    given = line
-    line, points, target, rest = (each.double().cpu() for each in (line, points, target, rest))
+    given, supersample = line, shown.supersample
+    line, points, target, rest = (each.double().cpu() for each in (line, points, shown.target, shown.rest))
     course = Course.of(line, points)
-    light, variance = _missing(course.pixels(target), course.pixels(rest), supersample)
+    light, variance = _missing(course.pixels(target, params.aside_px), course.pixels(rest, params.aside_px), supersample)
     cells = supersample * (1 + abs(course.slope))  # subpixels of a row that the line crosses
-    thrown = POINTS_PER_PIXEL * target.numel() * share
+    thrown = shown.points_per_pixel * target.numel() * share
     own = points @ line[:4].view(2, 2)[course.main] + line[4 + course.main]
     low, length = own.min(), own.max() - own.min()
     if not length > 0:
@@ -97,31 +99,32 @@ def profiled(line: Tensor, share: float, points: Tensor, target: Tensor, rest: T
 
     def best(angle: float, begins: Tensor, ends: Tensor) -> _Laid:
         begins, ends = (each.flatten() for each in torch.meshgrid(begins, ends, indexing="ij"))
-        long = ends - begins > SHORTEST * length
+        long = ends - begins > params.shortest * length
         begins, ends = begins[long], ends[long]
         direction = points.new_tensor([math.cos(angle), math.sin(angle)])
         projected = points @ direction
-        hits = thrown * _cumulated(projected, (edges - begins[:, None]) / (ends - begins)[:, None]).diff()
+        places = (edges - begins[:, None]) / (ends - begins)[:, None]
+        hits = thrown * _cumulated(projected, places, params.bins).diff()
         lit = cells / supersample**2 * (1 - (-hits / cells).exp())
         lengths = (ends - begins) / (projected.max() - projected.min())  # of the row
         errors = ((lit - light).square() / variance).sum(1)
-        errors = errors.masked_fill(lengths * math.hypot(1, course.slope) > LARGEST, torch.inf)
+        errors = errors.masked_fill(lengths * math.hypot(1, course.slope) > params.largest, torch.inf)
         k = errors.argmin()
         row = direction * lengths[k]
         return _Laid(float(errors[k]), angle, begins[k], ends[k], course.map(row, begins[k] - (points @ row).min()))
 
     def finer(coarse: _Laid) -> _Laid:
-        around = torch.linspace(-1, 1, FINER, dtype=torch.float64)
+        around = torch.linspace(-1, 1, params.finer, dtype=torch.float64)
         return min((best(coarse.angle + turn * float(offset), coarse.begin + step * around, coarse.end + step * around)
                     for offset in around), key=lambda laid: laid.error)
 
-    turn, step = 2 * math.pi / DIRECTIONS, (1 + 2 * REACH) / (ENDS - 1) * length
-    places = torch.linspace(-REACH, 1 + REACH, ENDS, dtype=torch.float64) * length + low
-    laid = [best(turn * k, places, places) for k in range(DIRECTIONS)]
+    turn, step = 2 * math.pi / params.directions, (1 + 2 * params.reach) / (params.ends - 1) * length
+    places = torch.linspace(-params.reach, 1 + params.reach, params.ends, dtype=torch.float64) * length + low
+    laid = [best(turn * k, places, places) for k in range(params.directions)]
     errors = [each.error for each in laid]
     lowest = [k for k, error in enumerate(errors)
-              if error < math.inf and error <= min(errors[k - 1], errors[(k + 1) % DIRECTIONS])]
-    chosen = sorted(lowest, key=errors.__getitem__)[:count]
+              if error < math.inf and error <= min(errors[k - 1], errors[(k + 1) % params.directions])]
+    chosen = sorted(lowest, key=errors.__getitem__)[:params.count]
     return torch.stack([finer(laid[k]).map for k in chosen]).to(given) if chosen else given.new_zeros(0, 6)
 
 
@@ -134,11 +137,11 @@ def _missing(wanted: Tensor, there: Tensor, supersample: int) -> tuple[Tensor, T
     return ((wanted - there) / dark).sum(1), (counted / dark.square()).sum(1)
 
 
-def _cumulated(values: Tensor, places: Tensor) -> Tensor:
+def _cumulated(values: Tensor, places: Tensor, bins: int) -> Tensor:
     """The part of the values (P,) below each place, of which 0 is the least value and 1 the largest."""
     low, high = values.min(), values.max()
-    counts = torch.histc((values - low) / (high - low).clamp_min(1e-12), BINS, 0, 1) / len(values)
+    counts = torch.histc((values - low) / (high - low).clamp_min(1e-12), bins, 0, 1) / len(values)
     below = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
-    places = (places * BINS).clamp(0, BINS)
-    index = places.long().clamp(max=BINS - 1)
+    places = (places * bins).clamp(0, bins)
+    index = places.long().clamp(max=bins - 1)
     return below[index] + (places - index) * (below[index + 1] - below[index])

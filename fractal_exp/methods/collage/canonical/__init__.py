@@ -1,0 +1,1 @@
+"""The last digits of a code: simple numbers, symmetry, the exact frame."""

@@ -1,0 +1,70 @@
+"""How far a search has come, told as progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from torch import Tensor
+
+from ...ifs.code import IFS
+from ..base import OnStep, Progress
+from .problem import Problem
+from .stages import Stage, last_stages, stages_of
+from .state import Candidate, State
+
+ANOTHER_ROUND = 0.5   # the probability that a round is followed by another, as the progress bar takes it
+
+
+class Course:
+    """All stages that a search may have, with their numbers, and how many moves each is expected to take."""
+
+    def __init__(self, problem: Problem):
+        rounds = [stage for number in range(problem.rounds) for stage in stages_of(problem, number)]
+        self.stages = {stage.key: stage for stage in [*rounds, *last_stages(problem)]}
+        self.total = max(1.0, sum(map(self._expected, self.stages.values())))
+
+    @staticmethod
+    def _expected(stage: Stage) -> float:
+        return ANOTHER_ROUND**stage.round * stage.asked
+
+    def number(self, stage: Stage) -> int:
+        """Of the stage, from 0 on."""
+        return list(self.stages).index(stage.key)
+
+    def moves_before(self, stage: Stage) -> int:
+        """Moves that the stages before may take."""
+        return sum(each.moves for key, each in self.stages.items() if key < stage.key)
+
+    def fraction(self, stage: Stage, step: int) -> float:
+        """The part of all expected moves that is done, after so many moves of a stage."""
+        before = sum(self._expected(each) for key, each in self.stages.items() if key < stage.key)
+        return (before + min(step / max(stage.asked, 1), 1) * self._expected(stage)) / self.total
+
+
+class Teller:
+    """Tells `on_step` what there is to tell: scores and the count of moves after each, a preview now and then, and at
+    the end of a stage its code."""
+
+    def __init__(self, on_step: OnStep | None, problem: Problem, previews: int, render: Callable[[IFS], Tensor]):
+        self.on_step, self.problem, self.render, self.course = on_step, problem, render, Course(problem)
+        self.every = max(1, int(self.course.total) // previews) if previews else 0
+
+    def move(self, stage: Stage, state: State) -> None:
+        """After a move."""
+        if self.on_step:
+            step = self.course.moves_before(stage) + state.step
+            wanted = self.every and step % self.every == 0
+            preview = self.render(state.current.code) if wanted else None
+            self._tell(stage, state.step, state.current, preview=preview)
+
+    def stage(self, stage: Stage, state: State) -> None:
+        """After a stage."""
+        if self.on_step:
+            self._tell(stage, stage.moves, state.result, code=state.result.code)
+
+    def _tell(self, stage: Stage, step: int, candidate: Candidate, **more: Tensor | IFS | None) -> None:
+        scalars = {"score": candidate.score, "error": candidate.error, "maps": float(len(candidate.maps)),
+                   "stage": float(self.course.number(stage))}
+        done = max(self.course.fraction(stage, step), self.problem.deadline.used)
+        self.on_step(Progress(self.course.moves_before(stage) + step, min(1.0, done), scalars, stage=stage.name,
+                              **more))

@@ -1,0 +1,1 @@
+"""Search by renderings that are compared with the image: stage 3."""

@@ -1,0 +1,95 @@
+"""Gauss-Newton on the rendering itself: maps moved by small parts of a pixel.
+
+The collage equation is solved on grids, with pixels for points, which blurs. Here the residual is that of real
+renderings, so a true code stays where it is. Only the Jacobian is approximate (`jacobian`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from .frame import Frame
+from .jacobian import FromPoints, Jacobian
+from .objective import ImageObjective, Rendered
+
+
+def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
+             patience: int = 1, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] = FromPoints,
+             alone: bool = False, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
+    """The code after at most so many steps of Levenberg and Marquardt, never worse.
+
+    moving: the maps that may move, all if None; patience: after how many steps in vain to stop; jacobian: where it is
+    got from; alone: whether each parameter is tried alone where they lead nowhere together, as is done for a single
+    map; fixed: entries (map, column) that stay, a translation's only with those of its row, since matrices turn about
+    the attractor's mean.
+    """
+    params = objective.params.gauss_newton
+    moving = [i for i in (moving if moving is not None else range(len(rendered.maps)))
+              if not {(i, j) for j in range(6)} <= set(fixed)]
+    if not moving or not params.enabled:
+        return rendered
+    damping, idle = params.damping, 0
+    for number in range(steps):
+        if deadline.passed or idle == patience:
+            break
+        slopes = jacobian(objective, rendered, moving, number, fixed)
+        before = rendered.error
+        for _ in range(params.tries):
+            better = _stride(objective, rendered, slopes, slopes.solve(damping))
+            if better:
+                rendered, damping = better, max(damping / params.damping_down, params.least_damping)
+                break
+            damping *= params.damping_up
+        else:
+            if alone or len(moving) == 1:
+                rendered = _one_by_one(objective, rendered, slopes, deadline)
+        idle = idle + 1 if before - rendered.error < params.little * before else 0
+    return rendered
+
+
+def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, frame: Frame | None, *,
+                      deadline: Deadline = NO_DEADLINE, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
+    """The code polished such that its attractor fills the frame of its image, which tells of tips too faint to be
+    seen, unless there is none, or the image is rendered notably worse for it."""
+    if frame is not None:
+        within = objective.within(frame)
+        found = polished(within, within.judge(start.maps, start.weights), steps, patience=2, deadline=deadline,
+                         fixed=fixed)
+        seen = objective.error(found.image)
+        if seen <= objective.params.frame.worse * start.error:
+            return replace(found, error=seen)
+    return polished(objective, start, steps, patience=2, deadline=deadline, fixed=fixed)
+
+
+def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, step: Tensor) -> Rendered | None:
+    """The step, or a multiple of it, whichever comes closest; None if it leads up."""
+    best = None
+    for factor in objective.params.gauss_newton.strides:
+        tried = objective.judge(jacobian.moved(factor * step), rendered.weights)
+        if tried.error >= (best or rendered).error:
+            break
+        best = tried
+    return best
+
+
+def _one_by_one(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, deadline: Deadline) -> Rendered:
+    """The code after the best step in each parameter of a map in turn. Where an image is a line between two columns of
+    pixels, the least of a step across it costs more than any step along it can gain."""
+    steps = jacobian.solve_alone()
+    taken = torch.zeros_like(steps)
+    for k, step in enumerate(steps):
+        if deadline.passed:
+            break
+        for factor in objective.params.gauss_newton.strides:
+            further = taken.clone()
+            further[k] = factor * step
+            tried = objective.judge(jacobian.moved(further), rendered.weights)
+            if tried.error >= rendered.error:
+                break
+            rendered, taken = tried, further
+    return rendered

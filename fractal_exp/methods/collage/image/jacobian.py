@@ -1,0 +1,132 @@
+"""How the rendering of a code changes with its maps: the normal equations of `gauss_newton`."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterator, Sequence
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from ....ops.collage import orbit_bins
+from ....ops.collage.reference import contract
+from ....runtime.seeds import derive
+from .. import maps as affine
+from ..measure.bins import attractor_points, point_bins, trajectories
+from .objective import ImageObjective, Rendered, stabilizing_slope
+
+ROWS = 2**21               # numbers of a Jacobian that are multiplied at once
+
+
+class Jacobian(ABC):
+    """How the stabilised rendering changes with the parameters of some maps, each in units of a pixel's displacement,
+    as normal equations over all grids, and over the frame if the objective has one. fixed: entries (map, column) that
+    stay."""
+
+    def __init__(self, objective: ImageObjective, rendered: Rendered, moving: Sequence[int], number: int,
+                 fixed: Collection[tuple[int, int]] = ()):
+        self.params = objective.params.gauss_newton
+        self.maps, self.side = rendered.maps, objective.side
+        self.seed = derive(objective.seed, "jacobian", number)
+        self.count = int(self.params.points_per_cell * self.side**2)
+        self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed)
+        self.mean, spread = self.points.mean(0).tolist(), self.points.std(0).clamp_min(1e-3).tolist()
+        pixel = 2 / objective.side
+        self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
+                      if (i, j) not in fixed]
+        count = len(self.units)
+        self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
+        grids = self.grids(objective, rendered)
+        for residual, (columns, slope) in zip(objective.residuals(rendered.image), grids, strict=True):
+            rows = max(1, ROWS // (count * len(residual)))
+            for part in range(0, len(residual), rows):  # in pieces, for the sake of memory
+                piece = slice(part, part + rows)
+                scaled = (columns[:, piece] * slope[piece]).flatten(1).double()
+                self.square += (scaled @ scaled.T).cpu()
+                self.gradient += (scaled @ residual[piece].flatten().double()).cpu()
+        if objective.frame is not None:
+            self._add_frame(objective, rendered)
+
+    @abstractmethod
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
+        """For each grid the derivatives (parameters,h,w), and what (h,w) they are yet to be multiplied by."""
+
+    def _add_frame(self, objective: ImageObjective, rendered: Rendered) -> None:
+        frame = objective.frame
+        misfit = frame.misfit(rendered.maps, rendered.probabilities)
+        _, weights = frame.penalty(misfit)
+        slopes = frame.jacobian(rendered.maps, rendered.probabilities) * weights[:, None, None]
+        columns = torch.stack([
+            unit * (slopes[:, i, j] - (self.mean[j % 2] * slopes[:, i, 4 + j // 2] if j < 4 else 0))
+            for i, j, unit in self.units])
+        counted = 2 * objective.subpixels  # residuals of the image have the variance 1 / 2n, those of the frame 1
+        self.square += columns @ columns.T / counted
+        self.gradient -= columns @ (misfit * weights) / counted
+
+    def solve(self, damping: float) -> Tensor:
+        """The step (6 maps,), pixels."""
+        ridge = damping * self.square.diagonal() + 1e-9 * self.square.diagonal().max() + 1e-12
+        return self._limited(torch.linalg.solve(self.square + ridge.diag(), self.gradient))
+
+    def solve_alone(self) -> Tensor:
+        """The steps (6 maps,), pixels, of each parameter if no other moved."""
+        return self._limited(self.gradient / self.square.diagonal().clamp_min(1e-12))
+
+    def _limited(self, step: Tensor) -> Tensor:
+        return step.clamp(-self.params.longest_px, self.params.longest_px)
+
+    def moved(self, step: Tensor) -> Tensor:
+        """The maps (N,6) after a step; a matrix turns about the attractor's mean."""
+        maps = self.maps.tolist()  # number by number, for which tensors are slow, and a GPU's still more
+        for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
+            maps[i][j] += value * unit
+            if j < 4:
+                maps[i][4 + j // 2] -= value * unit * self.mean[j % 2]
+        return contract(self.maps.new_tensor(maps), self.params.largest)
+
+    def nudged(self, parameter: int, step: float) -> Tensor:
+        """The maps (N,6) with one parameter moved."""
+        alone = torch.zeros(len(self.units))
+        alone[parameter] = step
+        return self.moved(alone)
+
+
+class FromPoints(Jacobian):
+    """From one run of the chaos game, followed with common random numbers (probabilities are fixed), and the grey level
+    as I = 1 - exp(-kappa m) of a cell's mass m, kappa such that it fits the rendering around the cell."""
+
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
+        known = point_bins(self.points, self.side)
+        greys, step = objective.grids(rendered.image), self.params.step_px
+        smooth = _smooth(greys[0]).clamp(max=1 - 0.5 / objective.subpixels)
+        kappa = -(1 - smooth).log() / _smooth(known).clamp_min(1e-12)
+        kappa = torch.where(known > 0, kappa, 0)
+        slope = objective.levels.unlit(greys[0], smooth) * kappa
+        moved = torch.stack([self.nudged(k, step) for k in range(len(self.units))])
+        columns = orbit_bins(moved, rendered.probabilities, self.side, seed=self.seed, **trajectories(self.count))
+        columns.sub_(known).div_(step).mul_(slope)
+        for k, grey in enumerate(greys):
+            if k:
+                columns = avg_pool2d(columns, 2, ceil_mode=True)
+            yield columns, stabilizing_slope(grey, objective.subpixels * 4**k)
+
+
+class FromRenderings(Jacobian):
+    """From renderings of the code with each parameter moved to and fro: several times slower, and right where an image
+    ends at the edge of a pixel, which bins know nothing of."""
+
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
+        nudge = self.params.nudge_px if objective.levels.is_graded else self.params.binary_nudge_px
+        columns = [grid.new_empty(len(self.units), *grid.shape) for grid in objective.stable]
+        for k in range(len(self.units)):
+            fro, to = (objective.stabilized(objective.render(affine.to_code(self.nudged(k, step), rendered.weights)))
+                       for step in (-nudge, nudge))
+            for column, before, after in zip(columns, fro, to, strict=True):
+                column[k] = (after - before) / (2 * nudge)
+        for column in columns:
+            yield column, torch.ones_like(column[0])
+
+
+def _smooth(image: Tensor) -> Tensor:
+    return avg_pool2d(image[None], 3, 1, 1)[0]

@@ -1,0 +1,24 @@
+"""Add a map."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from ..objective import Rendered
+from .growth import grown
+
+if TYPE_CHECKING:
+    from ..search import ImageSearch
+
+
+def is_open(search: ImageSearch, shown: Rendered) -> bool:
+    """Unless there are as many maps as there may be."""
+    n, params = len(shown.maps), search.params
+    return n < (params.maps or params.at_most or n + 1)
+
+
+def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
+    """The code with a new map where it lacks mass."""
+    return search.polished_last(grown(search, shown, shown, None, g), shown, search.params.moves.polish_new)

@@ -1,0 +1,163 @@
+"""The image as the judge of codes: each code is rendered as the image was, and both are compared pixel by pixel."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
+
+from ....ifs.code import IFS
+from ....runtime.seeds import derive
+from .. import maps as affine
+from ..measure.levels import Levels
+from ..params import CollageParams
+from .frame import Frame
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """Maps (N,6) with weights (N,), or None if they are tied to |det| + 0.01; the code's rendering (R,R), and its error
+    (see `ImageObjective`)."""
+
+    maps: Tensor
+    weights: Tensor | None
+    image: Tensor
+    error: float
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(N,), summing to 1."""
+        return affine.normalized(affine.volumes(self.maps) if self.weights is None else self.weights)
+
+    @property
+    def code(self) -> IFS:
+        """The code of the maps."""
+        return affine.to_code(self.maps, self.weights)
+
+
+class ImageObjective:
+    """The target image (R,R) in [0,1], and how far renderings are from it.
+
+    A pixel of which a share I of n subpixels is lit has a counting error that depends on I; arcsin(sqrt(I)) has the
+    variance 1/4n whatever I is (Anscombe 1948), so that faint tips count for what they are worth. The error is
+    mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest
+    grid on all: of the order of 0.1 for two renderings of one code, 0.3 for pixels that only share their brightness.
+    The mean of several renderings has less noise. frame: which the attractor must fill, if there is one (`within`);
+    what it misses of it adds to the error.
+    """
+
+    frame: Frame | None = None
+
+    def __init__(self, image: Tensor, levels: Levels, params: CollageParams, seed: int = 0, renderings: int = 1):
+        self.image, self.levels, self.params = image, levels, params
+        self.seed, self.renderings = derive(seed, "picture"), renderings
+        self.side = min(image.shape[0], params.image.finest)
+        self.subpixels = (levels.supersample * image.shape[0] / self.side) ** 2
+        self.stable = self.stabilized(image)
+        self.lit = [max(1, int((grid > 0).sum())) for grid in self.grids(image)]
+
+    def within(self, frame: Frame | None) -> ImageObjective:
+        """The same, with this frame."""
+        other = copy.copy(self)
+        other.frame = frame
+        return other
+
+    def own_frame(self) -> Frame | None:
+        """The frame that the image fills, if it fills one."""
+        return Frame.of(self.image, self.params.frame)
+
+    def hasty(self) -> ImageObjective:
+        """The same, with a single rendering of each code."""
+        other = copy.copy(self)
+        other.renderings = 1
+        return other
+
+    def grids(self, image: Tensor) -> list[Tensor]:
+        """The image (R,R) on grids of `side` and fewer cells a side."""
+        image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
+        grids = [image]
+        while len(grids) < self.params.image.grids and grids[-1].shape[0] >= 8:
+            grids.append(avg_pool2d(grids[-1][None], 2, ceil_mode=True)[0])
+        return grids
+
+    def stabilized(self, image: Tensor) -> list[Tensor]:
+        """The grids of an image, of variance 1 / 4n everywhere."""
+        return [stabilize(grid, self.subpixels * 4**k) for k, grid in enumerate(self.grids(image))]
+
+    def residuals(self, rendering: Tensor) -> list[Tensor]:
+        """Target minus rendering (R,R), of equal variance, on every grid."""
+        return [a - b for a, b in zip(self.stable, self.stabilized(rendering), strict=True)]
+
+    def render(self, code: IFS, *path: int | str) -> Tensor:
+        """(R,R), as the target was rendered; the same path of a random stream gives the same points."""
+        resolution = self.image.shape[0]
+        once = {"independent": True} if self.renderings > 1 else {}  # where a percent of the error counts
+        images = [self.levels.render(code, resolution, derive(self.seed, *path, *([n] if n else [])), **once)
+                  for n in range(self.renderings)]
+        return torch.stack(images).mean(0).to(self.image)
+
+    def judge(self, maps: Tensor, weights: Tensor | None = None) -> Rendered:
+        """The code of these maps, rendered and compared."""
+        image = self.render(affine.to_code(maps, weights))
+        rendered = Rendered(maps, weights, image, self.error(image))
+        if self.frame is None:
+            return rendered
+        misses, _ = self.frame.penalty(self.frame.misfit(maps, rendered.probabilities))
+        return replace(rendered, error=rendered.error + misses / (self.lit[0] * len(self.lit)))
+
+    def without(self, rendered: Rendered, gone: list[int]) -> Rendered:
+        """The code without some of its maps."""
+        keep = [i for i in range(len(rendered.maps)) if i not in gone]
+        return self.judge(rendered.maps[keep], None if rendered.weights is None else rendered.probabilities[keep])
+
+    def error(self, rendering: Tensor) -> float:
+        """Of a rendering (R,R); lower is better."""
+        sums = torch.stack([residual.square().sum() for residual in self.residuals(rendering)]).tolist()
+        parts = [each / n for each, n in zip(sums, self.lit, strict=True)]
+        return 2 * self.subpixels * sum(parts) / len(parts)
+
+    def angle(self, error: float) -> float:
+        """The root mean square of arcsin sqrt I - arcsin sqrt J, in radians, that an error stands for."""
+        return (error / (2 * self.subpixels)) ** 0.5
+
+    def noise(self, code: IFS) -> float:
+        """The error that the true code would have by chance, told from two renderings of this one."""
+        other = ImageObjective(self.render(code, "again"), self.levels, self.params)
+        return max(self.params.image.least_noise, other.error(self.render(code)))
+
+    def is_hopeless(self, error: float) -> bool:
+        """Whether a code of this error is so far from the image that there may be none: what is dear and only leads to
+        a true code, as roots of one of many maps, the last polish and another round, is then in vain."""
+        return self.angle(error) >= self.params.stages.hopeless
+
+
+def reduced(image: Tensor, size: int, code: IFS, levels: Levels, params: CollageParams, seed: int) -> Tensor:
+    """The image (R,R) at a smaller size (S,S), as it would have been rendered.
+
+    `levels.shrunk` errs where the shape is finer than a pixel, by many times the noise of a rendering. But a code that
+    is nearly right shows by how much, rendered at both sizes. The difference is undone between levels of equal
+    variance.
+    """
+    subpixels = levels.supersample**2
+    shrunk = levels.shrunk(image, size)
+    large = levels.shrunk(levels.render(code, image.shape[0], derive(seed, "large")).to(image), size)
+    small = torch.stack([levels.render(code, size, derive(seed, "small", n)).to(image)
+                         for n in range(params.image.reduced_renderings)]).mean(0)
+    stable = stabilize(shrunk, subpixels) - stabilize(large, subpixels) + stabilize(small, subpixels)
+    share = stable.clamp(0, torch.pi / 2).sin().square()
+    found = ((share * (subpixels + 0.75) - 0.375) / subpixels).clamp(0, 1)
+    return torch.where(shrunk > 0, found, 0)
+
+
+def stabilize(image: Tensor, subpixels: float) -> Tensor:
+    """arcsin sqrt of grey levels that are shares of so many subpixels (Anscombe 1948)."""
+    return ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1).sqrt().asin()
+
+
+def stabilizing_slope(image: Tensor, subpixels: float) -> Tensor:
+    """The derivative of `stabilize`."""
+    share = ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1)
+    return 0.5 * (share * (1 - share)).clamp_min(1e-4).rsqrt()

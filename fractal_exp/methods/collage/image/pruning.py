@@ -1,0 +1,25 @@
+"""Maps that an image does not ask for."""
+
+from __future__ import annotations
+
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from .objective import ImageObjective, Rendered
+
+
+def pruned_in_frame(objective: ImageObjective, rendered: Rendered, price: float, least: int, *, near: bool,
+                    deadline: Deadline = NO_DEADLINE) -> Rendered:
+    """As `pruned`, of a polished code: where it is nearly found, a map that nobody sees may still decide the frame."""
+    framed = objective.within(objective.own_frame() if near else None)
+    fewer = pruned(framed, framed.judge(rendered.maps, rendered.weights), price, least, deadline=deadline)
+    return rendered if len(fewer.maps) == len(rendered.maps) else objective.judge(fewer.maps, fewer.weights)
+
+
+def pruned(objective: ImageObjective, rendered: Rendered, price: float, least: int = 0, *,
+           deadline: Deadline = NO_DEADLINE) -> Rendered:
+    """The code without the maps that the image does not ask for, at a price a map; at least so many stay."""
+    while len(rendered.maps) > max(2, least) and not deadline.passed:
+        fewer = min((objective.without(rendered, [i]) for i in range(len(rendered.maps))), key=lambda each: each.error)
+        if fewer.error >= rendered.error + price:
+            break
+        rendered = fewer
+    return rendered

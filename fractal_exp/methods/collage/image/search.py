@@ -1,0 +1,202 @@
+"""Large neighbourhood search again, one map at a time, judged by renderings of the code.
+
+What is left to find after the search on the measure are maps so small, thin or faint that they weigh next to nothing as
+a measure, yet are seen, and small copies in a wrong orientation. Rendering a code tells at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....runtime.seeds import derive, generator
+from .. import maps as affine
+from ..canonical.rounding import Rounding
+from ..state import Candidate
+from .gauss_newton import fitted_into_frame, polished
+from .jacobian import FromRenderings
+from .moves import MOVES
+from .moves.growth import CorrectedMeasure
+from .moves.root import rooted
+from .objective import ImageObjective, Rendered
+from .pruning import pruned, pruned_in_frame
+from .refine import refined
+
+
+class ImageSearch:
+    """An `ImageObjective` searched from a candidate. masses (R,R): of the image; noise: of a rendering. Every random
+    number derives from the seed and the number of the move."""
+
+    def __init__(self, objective: ImageObjective, masses: Tensor, *, noise: float, seed: int = 0,
+                 deadline: Deadline = NO_DEADLINE):
+        self.objective, self.params, self.masses, self.seed = objective, objective.params, masses, seed
+        self.price, self.deadline = self.params.moves.price * noise, deadline
+        self._shown: Rendered | None = None
+        self._corrected: CorrectedMeasure | None = None
+        self._noise: tuple[Tensor, float] | None = None
+
+    # -- steps of the stage -------------------------------------------------------------------------------------------
+
+    def resume(self, found: Candidate) -> Candidate:
+        """The best rendering of the candidate and its refinements, with its own weights or those of |det| + 0.01."""
+        half = self.params.moves.polish_ends // 2
+        free = found.probabilities if found.weights is None else found.weights
+        tied, own = (self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
+                     for weights in (None, free))
+        best = self.polished(self.pruned(self._simpler(tied, own)), half)
+        return self.candidate(self._with_root(best) or best)
+
+    def _with_root(self, best: Rendered) -> Rendered | None:
+        """The code with the root of one of its largest maps, if that is better."""
+        moves = self.params.moves
+        tried = 0 if self.params.maps or not moves.root else moves.root_largest
+        for chosen in affine.volumes(best.maps).argsort(descending=True)[:tried].tolist():
+            if self.deadline.passed:
+                break
+            new = min((rooted(self, best, chosen, order) for order in moves.root_orders), key=self.score)
+            if self.score(new) < self.score(best):
+                return self.polished(new, moves.polish_ends // 2)
+        return None
+
+    def step(self, now: Candidate, number: int) -> Candidate:
+        """`now`, or a better neighbour."""
+        g, shown = generator(self.seed, "picture step", number), self.shown(now)
+        odds = [float(getattr(self.params.moves, name) * move.is_open(self, shown)) for name, move in MOVES.items()]
+        if not any(odds):
+            return now
+        chosen = list(MOVES.values())[int(torch.multinomial(torch.tensor(odds), 1, generator=g))]
+        new = chosen.neighbour(self, shown, g)
+        if self.score(new) >= self.score(shown):
+            return now
+        return self.candidate(self.polished(new, self.params.moves.polish_accepted))
+
+    def cleaned(self, now: Candidate) -> Candidate:
+        """Without maps that the image does not ask for, and polished for long."""
+        shown = self.shown(now)
+        new = self.polished(self.pruned(shown), self.params.moves.polish_ends)
+        return self.candidate(new) if self.score(new) < self.score(shown) else now
+
+    def finish(self, now: Candidate) -> Candidate:
+        """Cleaned, and polished on several renderings at once, whose noise is less, if it is noise that is left."""
+        cleaned = self.cleaned(now)
+        if self.objective.is_hopeless(cleaned.error):
+            return cleaned
+        found = self.shown(cleaned)
+        if found.weights is not None:
+            tied = self.polished(self.objective.judge(found.maps), self.params.moves.polish_ends)
+            found = self._simpler(tied, found)
+        last = self._last_judged(found)
+        near = self.noise_ratio(self.candidate(last)) < self.params.frame.far
+        fewer = pruned_in_frame(self.objective, last, self.price, self.params.maps or 0, near=near,
+                                deadline=self.deadline)
+        if len(fewer.maps) < len(last.maps):
+            last = min(last, self._last_judged(fewer), key=self.score)
+        return self.candidate(last)
+
+    def simplified(self, now: Candidate) -> Candidate | None:
+        """With simple numbers rounded, or None if there are none."""
+        if not self.params.canonical.enabled:
+            return None
+        careful = self._careful()
+        found, fixed = Rounding(careful, self.deadline).simplified(careful.judge(now.maps, now.weights))
+        return self.candidate(self.objective.judge(found.maps, found.weights)) if fixed else None
+
+    def judged(self, candidate: Candidate) -> Candidate:
+        """The candidate with the error and score that it has here."""
+        return self.candidate(self.objective.judge(candidate.maps, candidate.weights))
+
+    def is_settled(self, now: Candidate, moves: int) -> bool:
+        """Whether the code's rendering is as near to the image as that of the true one would be; after many moves,
+        nearly as near."""
+        worth = self.params.moves.settled + self.params.moves.settled_more * moves
+        return self.noise_ratio(now) < worth and len(now.maps) >= (self.params.maps or 0)
+
+    def noise_ratio(self, now: Candidate) -> float:
+        """The error, in units of the error of another rendering of the same code."""
+        shown = self.shown(now)
+        if self._noise is None or self._noise[0] is not shown.maps:
+            self._noise = shown.maps, self.objective.noise(shown.code)
+        return shown.error / self._noise[1]
+
+    # -- the last polish ----------------------------------------------------------------------------------------------
+
+    def _last_judged(self, found: Rendered) -> Rendered:
+        """After the last polish, rendered once."""
+        last = self._last_polish(found)
+        return self.objective.judge(last.maps, last.weights)
+
+    def _last_polish(self, found: Rendered) -> Rendered:
+        """Polished on several renderings at once, whose noise is less, and into the frame; and where more than noise is
+        left, by a Jacobian from renderings."""
+        careful, params = self._careful(), self.params.gauss_newton
+        near = self.noise_ratio(self.candidate(found)) < self.params.frame.far
+        best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), self.params.moves.polish_ends,
+                                 self.objective.own_frame() if near else None, deadline=self.deadline)
+        ratio = self.noise_ratio(self.candidate(self.objective.judge(best.maps, best.weights)))
+        if params.redrawn_steps and params.redrawn_above < ratio < params.redrawn_below and not self.deadline.passed:
+            once = self.objective.within(self.objective.own_frame())
+            last = polished(once, once.judge(best.maps, best.weights), params.redrawn_steps, deadline=self.deadline,
+                            jacobian=FromRenderings, alone=True)
+            best = min(best, careful.judge(last.maps, last.weights), key=error_of)
+        return best
+
+    def _careful(self) -> ImageObjective:
+        return ImageObjective(self.objective.image, self.objective.levels, self.params, self.seed,
+                              self.params.image.last_renderings)
+
+    def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
+        """Weights of its own must be worth it: they follow noise, and stay behind where the maps move."""
+        return own if own.error < self.params.moves.own_weights * tied.error else tied
+
+    # -- what moves are made of ---------------------------------------------------------------------------------------
+
+    def pruned(self, rendered: Rendered) -> Rendered:
+        """Without maps that the image does not ask for."""
+        return pruned(self.objective, rendered, self.price, self.params.maps or 0, deadline=self.deadline)
+
+    def polished(self, rendered: Rendered, steps: int, moving: Sequence[int] | None = None) -> Rendered:
+        """After at most so many Gauss-Newton steps."""
+        return polished(self.objective, rendered, steps, moving, deadline=self.deadline)
+
+    def polished_last(self, new: Rendered, shown: Rendered, steps: int) -> Rendered:
+        """With its last map polished, if that is promising."""
+        if new.error > self.params.moves.promising * shown.error:
+            return new
+        return self.polished(new, steps, [len(new.maps) - 1])
+
+    def polished_all(self, new: Rendered, shown: Rendered) -> Rendered:
+        """With all maps polished, if there is hope."""
+        hopeful = new.error < self.params.moves.hopeful * shown.error
+        return self.polished(new, self.params.moves.polish_rest) if hopeful else new
+
+    def corrected_measure(self, shown: Rendered) -> CorrectedMeasure:
+        """The image's measure, corrected for saturation by the code shown."""
+        if self._corrected is None or self._corrected.maps is not shown.maps:
+            self._corrected = CorrectedMeasure.of(self.masses, shown, self.objective, derive(self.seed, "correct"))
+        return self._corrected
+
+    def score(self, rendered: Rendered) -> float:
+        """The error and the price of the maps; less is better."""
+        missing = max(0, (self.params.maps or 0) - len(rendered.maps))
+        return rendered.error + self.price * len(rendered.maps) + self.params.moves.missing * missing
+
+    def candidate(self, rendered: Rendered) -> Candidate:
+        """What the search keeps of a rendering."""
+        weights = None if rendered.weights is None else rendered.probabilities
+        self._shown = replace(rendered, weights=weights)  # as one that is resumed has them
+        return Candidate(rendered.maps, weights, rendered.error, self.score(rendered))
+
+    def shown(self, now: Candidate) -> Rendered:
+        """The candidate's rendering."""
+        if self._shown is None or self._shown.maps is not now.maps:
+            self._shown = self.objective.judge(now.maps, now.weights)
+        return self._shown
+
+
+def error_of(rendered: Rendered) -> float:
+    """The key of the nearest rendering."""
+    return rendered.error

@@ -1,0 +1,77 @@
+"""Measures on grids: of an image's masses, of an attractor, of points."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from .... import ops
+from ....ops.collage import BinnedMeasure, orbit_bins, pushforward
+
+TRAJECTORY, WARMUP = 430, 30   # points of a trajectory of the chaos game, and those of them that are dropped
+
+
+def grid_for(resolution: int, wanted: int) -> int:
+    """Cells a side of a grid: the power of two that an image of this resolution can fill, `wanted` at most."""
+    return min(wanted, 2 ** ((13 * resolution // 10).bit_length() - 1))
+
+
+def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
+    """The measure of an image's masses (R,R) on a grid of `size` cells a side, its samples the centroids of the lit
+    cells of the same grid, or of the pixels where those are larger."""
+    resolution = masses.shape[0]
+    masses = (masses / masses.sum()).float()
+    row = torch.arange(resolution, device=masses.device)
+    cells = min(size, resolution)
+    cell = row * cells // resolution
+    x = ((2 * row + 1) / resolution - 1).expand(resolution, -1)
+    index = (cell[:, None] * cells + cell).flatten()
+    weight, wx, wy = (torch.zeros(cells * cells, device=masses.device).scatter_add(0, index, values.flatten())
+                      for values in (masses, masses * x, -masses * x.T))
+    lit = weight > 0
+    samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
+    hats = _hats(resolution, size).to(masses.device)
+    return BinnedMeasure(samples, hats.T @ masses @ hats, levels)
+
+
+def _hats(resolution: int, size: int) -> Tensor:
+    """The shares (R,G) of a pixel's mass, spread over the pixel, in the bilinear bins of one axis."""
+    shares = torch.zeros(resolution, size)
+    row = torch.arange(resolution)
+    for shift in (-0.25, 0.25):
+        u = ((row + 0.5 + shift) * size / resolution - 0.5).clamp(0, size - 1.001)
+        low = u.floor().long()
+        shares[row, low] += (1 - (u - low)) / 2
+        shares[row, low + 1] += (u - low) / 2
+    return shares
+
+
+def halve(bins: Tensor, size: int) -> Tensor:
+    """Bins (…,G,G) summed to (…,size,size)."""
+    step = bins.shape[-1] // size
+    return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
+
+
+def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
+    """The measure (G,G) of the attractor of maps (N,6) with probabilities in proportion to weights (N,)."""
+    return orbit_bins(maps[None], weights / weights.sum(), size, trajectories=max(1, points // 400), length=TRAJECTORY,
+                      warmup=WARMUP, seed=seed)[0]
+
+
+def point_bins(points: Tensor, size: int) -> Tensor:
+    """The measure (G,G) of points (P,2) of equal mass, in bilinear bins."""
+    samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], 1)
+    identity = points.new_tensor([[[1.0, 0, 0, 1, 0, 0]]])
+    return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
+
+
+def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int) -> Tensor:
+    """About so many points (P,2) of the chaos game with maps (N,6) and probabilities (N,)."""
+    return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], seed=seed, probabilities=probabilities,
+                          **trajectories(count))
+
+
+def trajectories(count: int) -> dict[str, int]:
+    """The numbers of the chaos game for about so many points."""
+    return {"trajectories": count // (TRAJECTORY - WARMUP) + 1, "length": TRAJECTORY, "warmup": WARMUP}

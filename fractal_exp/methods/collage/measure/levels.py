@@ -1,0 +1,120 @@
+"""What the grey levels of an image mean: how it is taken to have been rendered from a code."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import torch
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
+
+from ....ifs.code import IFS
+from ....ops import cuda_launch
+from ..params import CameraParams
+
+
+class Levels(ABC):
+    """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel shows a line thinner
+    than itself; is_density: whether a pixel tells how often it is hit."""
+
+    is_graded = True
+    is_density = False
+    supersample: int
+
+    def __init__(self, camera: CameraParams):
+        self.camera, self.supersample = camera, camera.supersample
+
+    @abstractmethod
+    def measure(self, image: Tensor) -> Tensor:
+        """The masses (R,R) of the pixels of an image (R,R), up to a factor."""
+
+    @abstractmethod
+    def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
+        """The share of a pixel that more mass can still light up, from its grey level and that around it."""
+
+    @abstractmethod
+    def shrunk(self, image: Tensor, size: int) -> Tensor:
+        """The image (S,S) as it would have been rendered at this size, were the shape smooth."""
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        """The image (R,R) of a code. independent: each point is used once, which costs twice the time."""
+        from ....rendering.still import render_with_info  # and no warning: candidates may well lie beside the canvas
+
+        device = "cuda" if code.linear.is_cuda and cuda_launch.INSTALLED else "cpu"
+        image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=self.supersample, seed=seed,
+                                    points_in_view=round(self.camera.points_per_pixel * resolution**2),
+                                    reuse=1 if independent else self.camera.reuse, device=device)
+        return image
+
+
+class Density(Levels):
+    """The share of subpixels that points of a chaos game hit."""
+
+    is_density = True
+
+    def measure(self, image: Tensor) -> Tensor:
+        """-log(1 - I): the points of a subpixel whose probability to be hit is I."""
+        return -(1 - image.clamp(max=1 - 0.5 / self.supersample**2)).log()
+
+    def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
+        return 1 - grey
+
+    def shrunk(self, image: Tensor, size: int) -> Tensor:
+        return 1 - (-_mean(self.measure(image), size)).exp()
+
+
+class Coverage(Levels):
+    """The share of a pixel that the shape covers, as in an anti-aliased image: subpixels so large that points fill
+    them."""
+
+    def __init__(self, camera: CameraParams):
+        super().__init__(camera)
+        self.supersample = camera.coverage_supersample
+
+    def measure(self, image: Tensor) -> Tensor:
+        return image.clone()
+
+    def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
+        return 1 - around
+
+    def shrunk(self, image: Tensor, size: int) -> Tensor:
+        return _mean(image, size)
+
+
+class Binary(Levels):
+    """White where the shape covers enough of a pixel."""
+
+    is_graded = False
+
+    def measure(self, image: Tensor) -> Tensor:
+        return image.clone()
+
+    def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
+        return 1 - around
+
+    def shrunk(self, image: Tensor, size: int) -> Tensor:
+        covered, least = _mean(image, size), self.camera.threshold
+        return (covered > (least if bool((covered > least).any()) else 0)).float()
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
+        # points are always independent: were all of an image a little brighter, many pixels would turn white together
+        return (super().render(code, resolution, seed, independent=True) > self.camera.threshold).float()
+
+
+LEVELS: dict[str, type[Levels]] = {"density": Density, "coverage": Coverage, "binary": Binary}
+
+
+def guess_levels(image: Tensor, camera: CameraParams) -> str:
+    """"binary" if there are no greys; "density" if many pixels that are lit all around are not white, as in a rendering
+    by the chaos game; else "coverage", as in an anti-aliased image."""
+    if bool(((image == 0) | (image == 1)).all()):
+        return "binary"
+    inner = -max_pool2d(-image[None, None], 3, 1, 1)[0, 0] > camera.lit
+    inner[0] = inner[-1] = inner[:, 0] = inner[:, -1] = False
+    if not bool(inner.any()):
+        return "density"
+    return "density" if float((image[inner] < camera.white).float().mean()) > camera.density_share else "coverage"
+
+
+def _mean(image: Tensor, size: int) -> Tensor:
+    return adaptive_avg_pool2d(image[None], size)[0]

@@ -1,0 +1,47 @@
+"""The correction of an image's measure for the saturation of its grey levels."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from .... import ops
+from ....ifs.code import IFS
+from ..params import SaturationParams
+from .bins import WARMUP
+from .levels import Levels
+
+
+def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:
+    """The masses (R,R) of an image times `correction`, summing to 1."""
+    corrected = masses * correction(masses, code, levels, params, seed)
+    return corrected / corrected.sum()
+
+
+def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:
+    """Factors (R,R) that undo what the grey levels of an image hide of its measure.
+
+    Where the attractor is thinner than a subpixel, -log(1 - I) underestimates its measure, and the collage equation
+    sum p_i f_i#mu = mu no longer holds for the estimate. The rendering of a code that is nearly right saturates in the
+    same places. The ratio of the code's known measure to the estimate from its rendering, both smoothed over 3 × 3
+    pixels, is applied to the image, but only as far as image and rendering agree: a wrong code must not spoil it.
+    """
+    if not params.enabled:
+        return torch.ones_like(masses)
+    resolution = masses.shape[0]
+    bins = torch.zeros_like(masses)
+    points = ops.chaos_game(code.linear, code.offset, trajectories=params.trajectories, length=params.length,
+                            warmup=WARMUP, probabilities=code.sampling_probabilities(), seed=seed)
+    inside = (points.abs() < 1).all(1)
+    column, row = (((points[inside] * points.new_tensor([1, -1]) + 1) * (resolution / 2)).long().clamp(
+        0, resolution - 1)).unbind(1)
+    bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
+    estimate = levels.measure(levels.render(code, resolution, seed).to(masses))
+    if not bool(estimate.any()):  # too thin for a binary image
+        return torch.ones_like(masses)
+    usual = 1 / estimate.sum()
+    known, shown, seen = (avg_pool2d(image[None, None], 3, 1, 1)[0, 0] for image in (bins, estimate, masses))
+    ratio = torch.where(shown > 1e-9, (known / usual + params.weak) / (shown + params.weak), 1)
+    agreement = (torch.minimum(shown, seen) / torch.maximum(shown, seen).clamp_min(1e-9)) ** params.trust
+    return ratio**agreement

@@ -1,0 +1,287 @@
+"""Large neighbourhood search over sets of maps: remove some, let new ones be born, move all, prune.
+
+Shaw 1998 gave the scheme its name; here the repair is continuous. All sets are judged by one score (eq. 4 of
+docs/collage.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from ....ops.collage.reference import displacement_squared
+from ....runtime.params import Interval
+from ....runtime.seeds import derive, generator
+from .. import maps as affine
+from ..params import CollageParams, DescentSteps
+from ..state import Candidate
+from .bins import attractor_bins, binned, grid_for
+from .births import Birthplace
+
+ROUNDING = 1e-4      # of a singular value
+PRICES = 8           # of a map, by which the error may rise on the way to a better set
+
+
+@dataclass(frozen=True)
+class Regime:
+    """What differs between stages 1 and 2: cells a side, the price of a map, the pull of weights towards |det| + 0.01,
+    how many candidates a birth has, and the range of their larger singular value, if they need not be large."""
+
+    grid: int
+    price: float
+    prior: float
+    births: int
+    sizes: Interval
+
+    @classmethod
+    def whole(cls, params: CollageParams) -> Regime:
+        """Stage 1."""
+        search, births = params.search, params.births
+        return cls(search.grid, search.price, search.prior, births.count, births.medium)
+
+    @classmethod
+    def detail(cls, params: CollageParams) -> Regime:
+        """Stage 2."""
+        search, births = params.search, params.births
+        return cls(search.detail_grid, search.detail_price, search.detail_prior, births.detail_count, births.small)
+
+
+@dataclass(frozen=True)
+class _Ruined:
+    """A set without some of its maps, and what is to be born instead."""
+
+    maps: Tensor
+    weights: Tensor
+    large: bool
+    births: int
+
+
+class MeasureSearch:
+    """One measure at one resolution, searched from a candidate or from nothing.
+
+    Maps explain the measure in addition to a share `slack` of itself. Without slack, a set that leaves anything out is
+    punished so hard that wrong maps are kept to fill the holes. With it, a map is worth what it explains, whatever
+    else is missing, and right maps are found one by one. At a true code the error vanishes with any slack.
+
+    masses (R,R): of the image's pixels; smaller: the most that the smaller singular value of a map may be. Every random
+    number derives from the seed and the number of the move.
+    """
+
+    def __init__(self, masses: Tensor, regime: Regime, params: CollageParams, seed: int = 0, smaller: float = 1.0):
+        size = grid_for(masses.shape[0], regime.grid)
+        self.params, self.regime, self.seed, self.smaller = params, regime, seed, smaller
+        self.measure, self.coarse = binned(masses, size), binned(masses, size // 2)
+        self.slack = params.search.slack * self.measure.bins
+
+    # -- judging ------------------------------------------------------------------------------------------------------
+
+    def cheap_score(self, maps: Tensor, weights: Tensor, error: float) -> float:
+        """The score without the attractor, which costs more than all the rest."""
+        descent = self.params.descent
+        share, tied = weights / weights.sum(), affine.volumes(maps)
+        untied = float((share * (share / (tied / tied.sum())).log().square()).sum())
+        near = (1 - displacement_squared(maps, self.measure.mean, self.measure.covariance)
+                / descent.identity_radius**2).clamp_min(0)
+        identity = descent.identity_weight * float((weights * near.square()).sum())
+        return error + self._price(len(maps)) + self.regime.prior / 2 * untied + identity
+
+    def _price(self, count: int) -> float:
+        """Of so many maps; one that is not allowed costs more than it can ever explain."""
+        fixed, most = self.params.maps, self.params.at_most
+        excess = max(0, count - (fixed or most or count))
+        short = max(0, (fixed or 0) - count)
+        return self.regime.price * count + excess + short
+
+    def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
+        """The candidate with its score."""
+        search = self.params.search
+        bins = attractor_bins(maps, weights, self.measure.size, points=search.attractor_points,
+                              seed=derive(self.seed, "a"))
+        far = float(collage_error(bins[None], self.measure)[0])
+        return Candidate(maps, weights, error,
+                         self.cheap_score(maps, weights, error) + search.attractor_weight * far)
+
+    def moved(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, Tensor]:
+        """A batch (B,N,6), (B,N) after descent on the whole measure, and its errors (B,)."""
+        return descend(maps, weights, self.measure, self._descent(how), backgrounds=self.slack[None])
+
+    def move(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, float]:
+        """One set (N,6), (N,) after descent."""
+        m, w, e = self.moved(maps[None], weights[None], how)
+        return m[0], w[0], float(e[0])
+
+    def _descent(self, how: DescentSteps) -> Descent:
+        return descent_of(self.params, how, prior=self.regime.prior, smaller=self.smaller)
+
+    # -- starting -----------------------------------------------------------------------------------------------------
+
+    def start(self) -> Candidate:
+        """The best mixture of what random sets become on the coarse grid: each is moved, then weights for all their
+        maps together are found by non-negative least squares, which leaves most at zero."""
+        search, g = self.params.search, generator(self.seed, "start")
+        count, slack = search.start_sets * search.start_maps, search.slack
+        matrices = affine.random_matrices(count, *self.params.births.medium, self.params.births.least_ratio, g)
+        place = self.coarse.samples.cpu()[torch.multinomial(self.coarse.samples[:, 2].cpu(), count, True,
+                                                            generator=g), :2]
+        some = affine.sending(matrices, self.coarse.mean.cpu().expand(count, 2), place)
+        some = some.view(search.start_sets, search.start_maps, 6).to(self.slack.device)
+        weights = affine.volumes(some)
+        weights = (1 - slack) * weights / weights.sum(1, keepdim=True)
+        pool, _, _ = descend(some, weights, self.coarse, self._descent(search.start),
+                             backgrounds=slack * self.coarse.bins[None])
+        return self._mixture(pool.view(-1, 6), self.coarse, search.start_mixture)
+
+    def mixed(self, pool: Tensor) -> Candidate:
+        """The best mixture of maps (M,6) that several searches found: right ones recur, wrong ones differ."""
+        return self._mixture(pool[affine.smaller_singular(pool) < self.smaller + ROUNDING], self.measure,
+                             self.params.search.restarts_mixture)
+
+    def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Candidate:
+        """What becomes of at most so many maps (M,6) with the weights of non-negative least squares."""
+        from scipy.optimize import nnls
+
+        search = self.params.search
+        columns = pushforward(pool[:, None].contiguous(), torch.ones_like(pool[:, :1]), grid.samples, grid.size)
+        scale = (grid.bins + 1e-4).rsqrt()
+        found, _ = nnls((columns * scale).flatten(1).T.cpu().double().numpy(),
+                        (grid.bins * scale).flatten().cpu().double().numpy())
+        best = np.argsort(-found)[:max(most, self.params.maps or 0)]
+        best = torch.from_numpy(best[found[best] >= min(search.least_weight, found.max())].copy())
+        weights = torch.from_numpy(found).float()[best]
+        weights = (1 - search.slack) * (weights / weights.sum()).to(pool)
+        return self.merged(self.pruned(*self.move(pool[best.to(pool.device)], weights, search.mix)))
+
+    def resume(self, found: Candidate) -> Candidate:
+        """A candidate of an earlier stage, moved and pruned by this measure."""
+        search = self.params.search
+        weights = (1 - search.slack) * found.probabilities
+        return self.merged(self.pruned(*self.move(found.maps, weights, search.resume)))
+
+    # -- one move -----------------------------------------------------------------------------------------------------
+
+    def step(self, now: Candidate, number: int) -> Candidate:
+        """The better of `now` and the best of its neighbours."""
+        search, g = self.params.search, generator(self.seed, "step", number)
+        sets = self._with_births([self._ruined(now, g) for _ in range(search.proposals)], g)
+        maps, weights, errors = self.moved(*_padded([(each.maps, each.weights) for each in sets]), search.neighbour)
+        scores = []
+        for i, each in enumerate(sets):
+            n = len(each.maps)
+            scores.append(self.cheap_score(maps[i, :n], weights[i, :n], float(errors[i])))
+        best = int(np.argmin(scores))
+        count, error = len(sets[best].maps), float(errors[best])
+        if error > search.accept_error * now.error + PRICES * self.regime.price:
+            return now
+        new = self.pruned(maps[best, :count], weights[best, :count], error)
+        if new.score > search.accept_score * now.score:
+            return now
+        new = self.judged(*self.move(new.maps, new.weights, search.accept))
+        return self.merged(new) if new.score < now.score else now
+
+    def _ruined(self, now: Candidate, g: torch.Generator) -> _Ruined:
+        """The set without some maps, close together or anywhere."""
+        search, n = self.params.search, len(now.maps)
+        if n == 1 or torch.rand((), generator=g) < search.add_only:
+            return _Ruined(now.maps, now.weights, False, 1 + int(torch.randint(2, (), generator=g)))
+        gone = 1
+        while gone < min(n - 1, search.remove_most) and torch.rand((), generator=g) < search.remove_another:
+            gone += 1
+        if torch.rand((), generator=g) < search.remove_anywhere:
+            order = torch.randperm(n, generator=g)
+        else:
+            centers = (now.maps[:, :4].unflatten(1, (2, 2)) @ self.measure.mean + now.maps[:, 4:]).cpu()
+            order = (centers - centers[torch.randint(n, (), generator=g)]).norm(dim=1).argsort()
+        keep = order[gone:].sort().values.to(now.maps.device)
+        large = bool(torch.rand((), generator=g) < search.large_birth)
+        return _Ruined(now.maps[keep], now.weights[keep], large, 1 + int(torch.randint(gone, (), generator=g)))
+
+    def _with_births(self, sets: list[_Ruined], g: torch.Generator) -> list[_Ruined]:
+        """The sets with their new maps, one after another, those of all sets at once."""
+        params = self.params
+        for turn in range(max(each.births for each in sets)):
+            active = [i for i, each in enumerate(sets) if turn < each.births]
+            backgrounds = torch.stack([self._explained(sets[i].maps, sets[i].weights) for i in active])
+            sizes = [params.births.large if sets[i].large and turn == 0 else self.regime.sizes for i in active]
+            born, masses = self._births(backgrounds, sizes, g)
+            for row, i in enumerate(active):
+                best = torch.rand((), generator=g) < params.search.best_birth
+                pick = 0 if best else int(torch.randint(params.births.kept, (), generator=g))
+                old = sets[i]
+                sets[i] = _Ruined(torch.cat([old.maps, born[row, pick][None]]),
+                                  torch.cat([old.weights, masses[row, pick][None]]), old.large, old.births)
+        return sets
+
+    def _births(self, backgrounds: Tensor, sizes: list[Interval], g: torch.Generator) -> tuple[Tensor, Tensor]:
+        params = self.params
+        coarse, fine = (descent_of(params, how, smaller=self.smaller) for how in (params.births.coarse,
+                                                                                  params.births.fine))
+        place = Birthplace(self.measure, self.coarse, coarse, fine, self.regime.births, params.births)
+        return place.births(backgrounds, sizes, 1 - params.search.slack, g)
+
+    def _explained(self, maps: Tensor, weights: Tensor) -> Tensor:
+        return self.slack + pushforward(maps[None], weights[None], self.measure.samples, self.measure.size)[0]
+
+    # -- simplifying --------------------------------------------------------------------------------------------------
+
+    def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
+        """The set without the maps whose removal, after the others have moved, does not worsen the score."""
+        search, score = self.params.search, self.cheap_score(maps, weights, error)
+        while len(maps) > 2:
+            n = len(maps)
+            too_many = n > (self.params.maps or self.params.at_most or n)
+            without = weights.expand(n, n) * (1 - torch.eye(n, device=weights.device))
+            without = without * (weights.sum() / without.sum(1, keepdim=True))
+            bins = pushforward(maps.expand(n, n, 6), without, self.measure.samples, self.measure.size) + self.slack
+            errors = collage_error(bins, self.measure)
+            tried = errors.argsort()[:search.prune_tried]
+            if not too_many:
+                rise = max(PRICES * self.regime.price, search.prune_share * error)
+                tried = tried[errors[tried] <= error + rise]
+            if len(tried) == 0:
+                break
+            m, w, e = self.moved(maps.expand(len(tried), n, 6).contiguous(), without[tried].contiguous(), search.prune)
+            options = []
+            for i, dropped in enumerate(tried.tolist()):
+                keep = torch.arange(n, device=maps.device) != dropped
+                options.append((self.cheap_score(m[i, keep], w[i, keep], float(e[i])), m[i, keep], w[i, keep],
+                                float(e[i])))
+            best = min(options, key=lambda option: option[0])
+            if best[0] >= score and not too_many:
+                break
+            score, maps, weights, error = best
+        return self.judged(maps, weights, error)
+
+    def merged(self, now: Candidate) -> Candidate:
+        """The set with maps of nearly the same image made one, if that is better: two halves of a map hold each other
+        in place, as do a map and its composition with a symmetry, and no removal of one alone would ever pay."""
+        one = torch.ones(len(now.maps), 1, device=now.maps.device)
+        images = pushforward(now.maps[:, None].contiguous(), one, self.coarse.samples, self.coarse.size)
+        roots = images.flatten(1).clamp_min(0).sqrt()
+        near = roots @ roots.T > self.params.search.same_affinity
+        leader = near.float().argmax(1)
+        leaders = leader.unique()
+        if len(leaders) == len(now.maps):
+            return now
+        weights = torch.stack([now.weights[leader == i].sum() for i in leaders])
+        merged = self.judged(*self.move(now.maps[leaders], weights, self.params.search.merge))
+        return merged if merged.score < now.score else now
+
+
+def descent_of(params: CollageParams, how: DescentSteps, *, prior: float = 0.0, smaller: float = 1.0,
+               tied: bool = False) -> Descent:
+    """The descent of these steps, with what all descents share."""
+    common = params.descent
+    return Descent(how.steps, rate=how.rate, weight_rate=common.weight_rate, decay=common.decay, largest=how.largest,
+                   smaller=smaller, prior=prior, identity_radius=common.identity_radius,
+                   identity_weight=common.identity_weight, tied=tied)
+
+
+def _padded(sets: list[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
+    """One batch (B,N,6), (B,N) of sets of different sizes, weights zero where there is no map."""
+    most = max(len(maps) for maps, _ in sets)
+    maps = torch.stack([torch.cat([m, m.new_zeros(most - len(m), 6)]) for m, _ in sets])
+    return maps, torch.stack([torch.cat([w, w.new_zeros(most - len(w))]) for _, w in sets])

@@ -1,0 +1,516 @@
+"""The parameters of collage search, a class a component. docs/collage.md says where each stands in the method.
+
+Where a docstring names no source, the value was found by trial on tuning suites (docs/lab_notes.md). A part is switched
+off by its own setting: `enabled=false`, a count of 0, odds of 0.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from ...runtime.params import Amount, Count, Interval, Odds, Params, Positive, Share
+
+SingularValue = Annotated[float, Field(gt=0, lt=1)]
+
+
+class DescentSteps(Params):
+    """One descent on the collage error: how long and how fast."""
+
+    steps: Count
+    """Adam steps."""
+    rate: Amount
+    """Learning rate of the maps at the first step, canvas units."""
+    largest: SingularValue = 0.995
+    """Largest singular value that a map may have."""
+
+
+def _descent(steps: int, rate: float, largest: float = 0.995) -> DescentSteps:
+    return DescentSteps(steps=steps, rate=rate, largest=largest)
+
+
+class DescentParams(Params):
+    """What all descents on the collage error share (Adam, Kingma and Ba 2015)."""
+
+    weight_rate: Amount = 0.05
+    """Learning rate of the logarithms of the weights."""
+    decay: Share = 0.05
+    """What is left of both rates at the last step; they fall exponentially."""
+    identity_radius: Annotated[float, Field(ge=1e-6)] = 0.1
+    """Maps that displace the measure by less (rms, canvas units) are pushed off the identity."""
+    identity_weight: Amount = 0.3
+    """Strength of that push."""
+
+
+class SearchParams(Params):
+    """Large neighbourhood search (Shaw 1998) on the image's measure: stages 1 and 2."""
+
+    restarts: Positive = 5
+    """Searches from random maps in the first round; later rounds take half as many, rounded up."""
+    mixture: bool = True
+    """Whether the maps of all restarts are mixed by non-negative least squares, and the search goes on from there."""
+    moves: Count = 50
+    """Moves of each restart, and of the search from the mixture."""
+    detail_moves: Count = 25
+    """Moves of stage 2, on the finer grid."""
+    proposals: Positive = 2
+    """Neighbours that are compared in a move, by as many threads."""
+    agreement: Amount = 0.02
+    """Relative difference of scores below which two restarts have found the same; the others are then left out."""
+    grid: Annotated[int, Field(ge=16, le=1024)] = 64
+    """Cells a side of the grid of stage 1. Births happen on half as many."""
+    detail_grid: Annotated[int, Field(ge=16, le=1024)] = 128
+    """Cells a side of the grid of stage 2."""
+    slack: Annotated[float, Field(ge=0, lt=1)] = 0.5
+    """Share of the measure that counts as covered from the start. 0: the maps must cover all of it."""
+    price: Amount = 2e-4
+    """Cost of a map in the score of stage 1."""
+    detail_price: Amount = 1e-4
+    """Cost of a map in the score of stage 2."""
+    prior: Amount = 0.01
+    """Strength of the pull of weights towards |det| + 0.01 in stage 1."""
+    detail_prior: Amount = 0.03
+    """The same in stage 2."""
+    attractor_weight: Amount = 0.5
+    """Weight of the collage error of the attractor's own measure in the score."""
+    attractor_points: Positive = 200_000
+    """Points of the chaos game that estimate that measure."""
+    start_sets: Positive = 40
+    """Random sets of maps from which a restart takes its first mixture."""
+    start_maps: Positive = 8
+    """Maps in each of them."""
+    start_mixture: Positive = 14
+    """Maps that the first mixture of a restart may have."""
+    restarts_mixture: Positive = 24
+    """Maps that the mixture of all restarts may have."""
+    least_weight: Share = 0.002
+    """Least weight of a map in a mixture."""
+    same_affinity: Share = 0.9
+    """Bhattacharyya affinity of two maps' images from which on the two are tried as one."""
+    accept_error: Amount = 1.5
+    """A neighbour is looked at further if its collage error is below this factor times the current one, plus eight
+    prices of a map."""
+    accept_score: Amount = 1.3
+    """And after pruning, if its score is below this factor times the current one."""
+    add_only: Share = 0.3
+    """Probability that a move removes no map before it adds some."""
+    remove_another: Share = 0.6
+    """Probability that a move removes one more map after each."""
+    remove_most: Positive = 6
+    """Maps that a move may remove."""
+    remove_anywhere: Share = 0.4
+    """Probability that the removed maps are drawn from all, not from those nearest to one."""
+    large_birth: Share = 0.5
+    """Probability that the first map born in the place of removed ones is looked for among large maps."""
+    best_birth: Share = 0.7
+    """Probability that the best of the maps kept at a birth is taken, not any of them."""
+    prune_tried: Positive = 3
+    """Maps whose removal is tried at a time: those that raise the error least."""
+    prune_share: Amount = 0.3
+    """A removal is tried if it raises the error by at most this share of it, or by eight prices of a map."""
+    start: DescentSteps = _descent(150, 0.03, 0.97)
+    """The random sets of a restart."""
+    mix: DescentSteps = _descent(150, 0.015)
+    """A mixture."""
+    resume: DescentSteps = _descent(100, 0.004)
+    """A set found by an earlier stage."""
+    neighbour: DescentSteps = _descent(50, 0.01)
+    """The neighbours of a move."""
+    accept: DescentSteps = _descent(50, 0.004)
+    """The neighbour that is accepted."""
+    prune: DescentSteps = _descent(25, 0.006)
+    """A set without one of its maps."""
+    merge: DescentSteps = _descent(50, 0.006)
+    """A set in which two maps were made one."""
+
+
+class BirthParams(Params):
+    """New maps where a set leaves the measure uncovered, in stages 1 and 2."""
+
+    residual: bool = True
+    """Whether maps are born where mass is uncovered; false: anywhere on the measure."""
+    count: Positive = 48
+    """Candidates of a birth in stage 1."""
+    detail_count: Positive = 24
+    """Candidates of a birth in stage 2."""
+    kept: Positive = 4
+    """Candidates that are moved on the fine grid, of which one is taken."""
+    blobs: Share = 1 / 3
+    """Share of the candidates that take the shape of the uncovered blob; the others are random."""
+    volume: Annotated[float, Field(gt=0)] = 1.1
+    """Sum of |det| + 0.01 that a whole set is expected to have: a newborn map weighs its own over this."""
+    large: Interval = (0.4, 0.97)
+    """Range of the larger singular value of large maps at birth."""
+    medium: Interval = (0.1, 0.95)
+    """The same of other maps in stage 1."""
+    small: Interval = (0.03, 0.7)
+    """The same of other maps in stage 2."""
+    least_ratio: Share = 0.05
+    """Least ratio of the singular values of a random map."""
+    anchored: Share = 0.5
+    """Probability that a random map sends a random point of the measure to its place, not the measure's mean."""
+    blob_radius: Annotated[float, Field(gt=0)] = 0.5
+    """Radius around a place in which a blob is measured, as a factor of a random size, canvas units."""
+    blob_grid: Positive = 64
+    """Cells a side of the grid on which blobs are measured."""
+    blob_steps: Count = 3
+    """Steps of mean shift (Fukunaga and Hostetler 1975) that find a blob's centre."""
+    coarse: DescentSteps = _descent(40, 0.04, 0.98)
+    """All candidates, on the coarse grid."""
+    fine: DescentSteps = _descent(15, 0.01, 0.98)
+    """Those that are kept, on the fine grid."""
+
+
+class SaturationParams(Params):
+    """The correction of the image's measure for what its grey levels hide."""
+
+    enabled: bool = True
+    """Whether the measure is corrected."""
+    trust: Amount = 4.0
+    """Power of the agreement between the image and the code's rendering with which a correction is trusted."""
+    trajectories: Positive = 4000
+    """Trajectories of the chaos game that give the code's own measure."""
+    length: Annotated[int, Field(ge=31)] = 530
+    """Points of each, of which 30 are warm-up."""
+    weak: Amount = 1e-3
+    """Mass of a pixel, in units of the mean mass of a lit one, below which a ratio of masses tells little."""
+
+
+class RefineParams(Params):
+    """Descent of all maps on ever finer grids, at the start of stage 3."""
+
+    steps: Count = 120
+    """Steps on each grid; 0: none."""
+    finest: Annotated[int, Field(ge=64)] = 256
+    """Cells a side of the finest grid."""
+    rate_128: Amount = 0.002
+    """Learning rate on 128 cells a side, canvas units. Each finer grid takes half of it."""
+    largest: SingularValue = 0.9995
+    """Largest singular value that a map may have."""
+
+
+class CameraParams(Params):
+    """How the image is taken to have been rendered from a code: as the suite's targets are."""
+
+    supersample: Positive = 16
+    """Subpixels a side of a pixel of a density or a binary image (Section 5 of the paper)."""
+    coverage_supersample: Positive = 4
+    """The same of an anti-aliased image."""
+    points_per_pixel: Annotated[float, Field(gt=0)] = 50_000_000 / 1024**2
+    """Points of the chaos game for each pixel of the canvas (Section 5 of the paper)."""
+    threshold: Share = 0.25
+    """Share of lit subpixels from which on a pixel of a binary image is white."""
+    reuse: Positive = 8
+    """Words under which a point of the invariant measure is put in a rendering that judges a code."""
+    lit: Share = 1 / 64
+    """Grey level from which on a pixel counts as lit, where the meaning of grey levels is guessed."""
+    white: Share = 0.95
+    """Grey level below which a pixel surrounded by lit ones is not white."""
+    density_share: Share = 0.25
+    """Share of such pixels from which on grey levels are taken to be a density."""
+
+
+class ImageParams(Params):
+    """The error of a code's rendering against the image: the objective of stage 3."""
+
+    grids: Positive = 4
+    """Grids that are compared, each half as fine as the one before."""
+    finest: Annotated[int, Field(ge=8)] = 512
+    """Cells a side of the finest."""
+    least_noise: Annotated[float, Field(gt=0)] = 1e-3
+    """Least error that is taken for the noise of a rendering."""
+    last_renderings: Positive = 4
+    """Renderings whose mean is compared in the last polish."""
+    reduced_renderings: Positive = 4
+    """Renderings whose mean tells what a smaller image would show."""
+
+
+class MoveParams(Params):
+    """Moves of single maps, judged by renderings: stage 3. A move's odds of 0 switch it off."""
+
+    count: Count = 60
+    """Moves asked for; more follow while they pay (`longest`)."""
+    birth: Odds = 0.36
+    """Odds of adding a map."""
+    reorient: Odds = 0.24
+    """Odds of replacing a map by one of equal mean and covariance in another orientation."""
+    replace: Odds = 0.15
+    """Odds of replacing a map by a new one."""
+    remove: Odds = 0.17
+    """Odds of removing one to three maps."""
+    root: Odds = 0.08
+    """Odds of replacing a map by its square or cube root. 0 also leaves out the roots tried at the start."""
+    longest: Annotated[int, Field(ge=1)] = 3
+    """Times `count` moves are made at most, while the error keeps being halved."""
+    recent: Share = 2 / 3
+    """Moves, as a share of `count`, within which the error must have been halved to go on."""
+    price: Amount = 0.04
+    """Cost of a map, in units of the noise of a rendering."""
+    missing: Amount = 1e3
+    """Cost of each map fewer than asked for."""
+    candidates: Positive = 24
+    """Maps born in a move."""
+    moved: Positive = 6
+    """Those that are moved on the fine grid."""
+    rendered: Positive = 3
+    """Those that are rendered."""
+    grid: Annotated[int, Field(ge=16)] = 128
+    """Cells a side of the fine grid of the image's measure."""
+    widths: tuple[Amount, ...] = (1.0, 0.25, 0.03)
+    """Widths of a new map's image that are rendered, as factors of its own."""
+    thin: Amount = 0.1
+    """Width over length below which a map's image is a line."""
+    sizes: Interval = (0.02, 0.95)
+    """Range of the larger singular value at birth."""
+    blobs: Share = 0.5
+    """Share of the candidates that take the shape of the uncovered blob; the others are random."""
+    largest: SingularValue = 0.97
+    """Largest singular value of a map in a new orientation."""
+    visible_shares: tuple[Share, ...] = (1.0, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006)
+    """Shares of the weight that a map's volume asks for, of which the best is taken: thin images are hardly seen."""
+    rough: DescentSteps = _descent(40, 0.02, 0.98)
+    """All candidates, on the coarse grid."""
+    fine: DescentSteps = _descent(20, 0.005, 0.98)
+    """Those that are moved on the fine grid."""
+    remove_most: Positive = 3
+    """Maps that one move may remove."""
+    promising: Amount = 1.25
+    """A new map is polished if the error is below this factor times the one before,"""
+    hopeful: Amount = 4.0
+    """and all maps after a removal, if it is below this one."""
+    polish_new: Count = 2
+    """Gauss-Newton steps of a new map."""
+    polish_rest: Count = 4
+    """Gauss-Newton steps of all maps after a removal."""
+    polish_accepted: Count = 1
+    """Gauss-Newton steps of all maps after an accepted move."""
+    polish_ends: Count = 8
+    """Gauss-Newton steps of all maps at the end of the stage; half as many at its start."""
+    settled: Amount = 1.05
+    """Noise ratio below which a code is taken for the true one,"""
+    settled_more: Amount = 0.005
+    """which rises by this with each move."""
+    own_weights: Amount = 0.8
+    """A code keeps probabilities of its own if its error is below this factor times the error of tied ones."""
+    root_error: Amount = 30.0
+    """A root is tried if its error is below this factor times the error before,"""
+    root_least: Amount = 0.5
+    """or below that factor times this error."""
+    root_maps: Positive = 10
+    """Maps from which on roots are not tried where the code is hopeless."""
+    root_orders: tuple[Annotated[int, Field(ge=2)], ...] = (2, 3)
+    """Orders of roots."""
+    root_largest: Count = 2
+    """Largest maps whose roots are tried at the start of the stage."""
+
+
+class LineParams(Params):
+    """Maps whose images are lines: their projection is found from the light along the line."""
+
+    enabled: bool = True
+    """Whether such maps are looked for."""
+    count: Positive = 2
+    """Projections that are rendered."""
+    polish: Count = 3
+    """Gauss-Newton steps of each."""
+    points: Positive = 50_000
+    """Points of the attractor that are projected."""
+    widest_px: Amount = 2.0
+    """Four standard deviations of a line's width, pixels, at most."""
+    directions: Annotated[int, Field(ge=3)] = 48
+    """Directions of projection that are tried."""
+    ends: Annotated[int, Field(ge=2)] = 24
+    """Places where a line may begin or end."""
+    reach: Amount = 0.5
+    """How far beyond its own ends, as a share of its length."""
+    finer: Annotated[int, Field(ge=2)] = 9
+    """Angles and places of each end that are tried between the neighbours of the best."""
+    shortest: Share = 0.2
+    """Least length, as a share of its own."""
+    bins: Positive = 256
+    """Bins of a projected measure."""
+    aside_px: Count = 1
+    """Pixels on each side of a line whose light may be its own."""
+    largest: SingularValue = 0.98
+    """Largest singular value of such a map."""
+
+
+class GaussNewtonParams(Params):
+    """Levenberg-Marquardt steps (Marquardt 1963) on the error of the rendering."""
+
+    enabled: bool = True
+    """Whether maps are polished at all."""
+    redrawn_steps: Count = 3
+    """Steps with a Jacobian from renderings, where more than noise is left; 0: none."""
+    redrawn_above: Amount = 1.1
+    """Noise ratio above which they are made,"""
+    redrawn_below: Amount = 6.0
+    """and below which."""
+    damping: Amount = 1e-2
+    """Damping of the first step, relative to the diagonal of the normal equations."""
+    least_damping: Amount = 1e-4
+    """Least damping."""
+    damping_down: Annotated[float, Field(ge=1)] = 5.0
+    """Damping is divided by this after a step that led down,"""
+    damping_up: Annotated[float, Field(ge=1)] = 30.0
+    """and multiplied by this after one that did not."""
+    tries: Positive = 2
+    """Dampings that are tried in a step."""
+    strides: tuple[Annotated[float, Field(gt=0)], ...] = (1.0, 2.0, 4.0, 8.0)
+    """Multiples of a step that are tried while they lead further down."""
+    little: Amount = 0.005
+    """Relative gain below which a step was in vain."""
+    longest_px: Annotated[float, Field(gt=0)] = 2.0
+    """Longest step of a parameter, pixels of displacement."""
+    largest: SingularValue = 0.9995
+    """Largest singular value that a map may have."""
+    points_per_cell: Annotated[float, Field(gt=0)] = 6.0
+    """Points of the chaos game for each cell of the finest grid, in a Jacobian from points."""
+    step_px: Annotated[float, Field(gt=0)] = 0.05
+    """Finite difference of a parameter, pixels, in a Jacobian from points,"""
+    nudge_px: Annotated[float, Field(gt=0)] = 0.05
+    """in one from renderings,"""
+    binary_nudge_px: Annotated[float, Field(gt=0)] = 0.3
+    """and in one from renderings of a binary image, which change by whole pixels."""
+
+
+class FrameParams(Params):
+    """The frame: the attractor's box is centred, its longer side spans [-0.75, 0.75]."""
+
+    enabled: bool = True
+    """Whether codes are fitted into the frame."""
+    shortest: Amount = 0.93
+    """Span of the lit pixels, as a share of the frame's side, from which on an image is taken to fill its frame,"""
+    longest: Amount = 1.17
+    """and up to which."""
+    sigma_px: Annotated[float, Field(gt=0)] = 0.05
+    """Misfit, pixels, that counts as much as the counting error of one pixel."""
+    beyond_px: Annotated[float, Field(gt=0)] = 1.0
+    """Misfit from which on it counts in proportion (Huber 1964)."""
+    far: Amount = 30.0
+    """Noise ratio from which on the frame tells nothing, and the last digits stay as they are."""
+    worse: Amount = 1.05
+    """Factor on the error that fitting the frame may cost."""
+
+
+class CanonicalParams(Params):
+    """The last digits of a code that is nearly found: simple numbers, symmetry, the exact frame."""
+
+    enabled: bool = True
+    """Whether this stage runs."""
+    fill: bool = True
+    """Whether the frame is filled exactly."""
+    symmetric: bool = True
+    """Whether offsets that are nearly mirror-symmetric are made so."""
+    worse: Amount = 1.02
+    """Factor on the least error so far that simple numbers may cost,"""
+    symmetric_worse: Amount = 1.05
+    """that symmetric offsets may cost,"""
+    filled_worse: Amount = 1.2
+    """and that the exact frame may cost."""
+    near_px: Amount = 0.05
+    """Displacement (rms over the attractor, pixels) within which a matrix is near a simple one."""
+    least_side: Positive = 256
+    """Side of an image, pixels, below which the pixel of this size counts instead."""
+    line_px: Amount = 1.0
+    """Standard deviation across, pixels, of an image that may be a line along an axis,"""
+    line_thin: Amount = 0.1
+    """and as a share of its length."""
+    lines_tried: Positive = 3
+    """Lines that are polished."""
+    line_steps: Count = 3
+    """Gauss-Newton steps of each."""
+    line_factors: tuple[Annotated[float, Field(gt=0)], ...] = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)
+    """Lengths at which a line is tried, as factors of its own."""
+    line_scales: Positive = 3
+    """Simple scales of a line that are tried,"""
+    line_shifts: Positive = 9
+    """each in so many places within a pixel to either side."""
+    polish: Count = 8
+    """Gauss-Newton steps of what is not fixed."""
+    symmetric_px: Amount = 0.1
+    """Difference of offsets, pixels, that may be the same."""
+    framed_px: Amount = 0.5
+    """Misfit, pixels, of a frame that is meant to be filled,"""
+    exact_px: Annotated[float, Field(gt=0)] = 0.002
+    """and the `sigma_px` of one that is."""
+    nudges: tuple[float, ...] = (0.0, 1e-6, -1e-6, 1e-5, -1e-5, 5e-5, -5e-5)
+    """Relative changes of size that are tried on a shape that may end at edges of pixels."""
+    points: Positive = 20_000
+    """Points that tell an attractor's mean and covariance."""
+
+
+class StageParams(Params):
+    """Rounds, sizes and shares of time."""
+
+    density_rounds: Positive = 4
+    """Rounds at most, where grey levels are a density."""
+    other_rounds: Positive = 2
+    """Rounds at most on other images: it is less likely that they show an attractor."""
+    second_round: Amount = 1.2
+    """Noise ratio above which a second round begins,"""
+    later_rounds: Amount = 2.0
+    """and a third and a fourth."""
+    hopeless: Amount = 0.4
+    """Error of a rendering, radians rms, from which on the image is taken to show no code's attractor."""
+    avoid_isometries: bool = True
+    """Whether every other round keeps clear of near-isometries, if a code with one has failed."""
+    isometry: Share = 0.95
+    """Smaller singular value above which a map is a near-isometry,"""
+    contraction: Share = 0.9
+    """and the largest one that such a round allows."""
+    largest_side: Annotated[int, Field(ge=64)] = 512
+    """Side in pixels of the image that is searched; a larger one is shrunk."""
+    full_side: Annotated[int, Field(ge=64)] = 1024
+    """Side in pixels of the image on which the code of a larger one is polished in the end."""
+    full_polish: Count = 4
+    """Gauss-Newton steps on it."""
+    search_share: Share = 0.35
+    """Share of a limited time at which the restarts of the first round end,"""
+    mixture_share: Share = 0.45
+    """the search from their mixture,"""
+    detail_share: Share = 0.65
+    """stage 2,"""
+    approach_share: Share = 0.75
+    """the polish of a shrunk image,"""
+    image_share: Share = 0.95
+    """stage 3 and all later rounds,"""
+    full_share: Share = 0.98
+    """the polish at full size,"""
+    canonical_share: Share = 0.99
+    """and from which on the last digits are left as they are."""
+
+
+class CollageParams(Params):
+    """All parameters of collage search."""
+
+    maps: Annotated[int, Field(ge=2)] | None = None
+    """Number of maps; none: found."""
+    at_most: Annotated[int, Field(ge=2)] | None = None
+    """Upper bound of the number of maps; none: no bound."""
+    rounds: Positive | None = None
+    """Rounds at most; none: as `stages` says for the meaning of the grey levels."""
+    levels: Literal["auto", "density", "coverage", "binary"] = "auto"
+    """What grey levels mean: the density of a chaos game's points, the covered share of a pixel, or nothing (black and
+    white)."""
+    search: SearchParams = SearchParams()
+    births: BirthParams = BirthParams()
+    descent: DescentParams = DescentParams()
+    saturation: SaturationParams = SaturationParams()
+    refine: RefineParams = RefineParams()
+    camera: CameraParams = CameraParams()
+    image: ImageParams = ImageParams()
+    moves: MoveParams = MoveParams()
+    lines: LineParams = LineParams()
+    gauss_newton: GaussNewtonParams = GaussNewtonParams()
+    frame: FrameParams = FrameParams()
+    canonical: CanonicalParams = CanonicalParams()
+    stages: StageParams = StageParams()
+
+    @model_validator(mode="after")
+    def _one_number_of_maps(self) -> Self:
+        if self.maps is not None and self.at_most is not None:
+            raise ValueError(f"give the number of maps or its upper bound, not both; got maps={self.maps} and "
+                             f"at_most={self.at_most}")
+        return self

@@ -1,0 +1,51 @@
+"""Collage search from top to bottom: rounds, stages and moves, over one resumable state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from .problem import Problem
+from .stages import Stage, last_stages, stages_of
+from .state import Candidate, State
+
+Tell = Callable[[Stage, State], None]
+
+
+class Pipeline:
+    """One search. `state` is where it stands: a search that begins with the state of another goes on from there, bit for
+    bit as if it had never stopped. on_move and on_stage are called after each move and after each stage."""
+
+    def __init__(self, problem: Problem, state: State, *, on_move: Tell, on_stage: Tell):
+        self.problem, self.state = problem, state
+        self.on_move, self.on_stage = on_move, on_stage
+
+    def run(self) -> Candidate:
+        """The best code that is found."""
+        first = self.state.done[0] if self.state.done else 0
+        for number in range(first, self.problem.rounds):
+            for stage in stages_of(self.problem, number):
+                self._stage(stage)
+            if self.state.best is not None:  # a round leaves none where another is worth while
+                break
+        for stage in last_stages(self.problem):
+            self._stage(stage)
+        return self.state.result
+
+    def _stage(self, stage: Stage) -> None:
+        """The stage from where the state stands, if it is not behind and time is left."""
+        state, deadline = self.state, stage.deadline
+        if state.has_done(stage.key):
+            return
+        if state.current is None and state.result is not None and deadline.passed:
+            self.state = state.closed(stage.key)
+            return
+        stage.open(state)
+        if state.current is None:
+            self.state = replace(state, current=stage.begin(state))
+        while self.state.step < stage.moves and not deadline.passed and not stage.is_settled(self.state):
+            self.state = self.state.moved(stage.step(self.state.current, self.state.step))
+            self.on_move(stage, self.state)
+        state = stage.close(self.state)
+        self.state = state.closed(stage.last_key(state))
+        self.on_stage(stage, self.state)

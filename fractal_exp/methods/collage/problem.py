@@ -1,0 +1,69 @@
+"""What all stages of a search share: the image, what its grey levels mean, the parameters, the time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from torch import Tensor
+
+from ...ifs.code import IFS
+from ...runtime.deadline import NO_DEADLINE, Deadline
+from ...runtime.seeds import derive
+from .image.objective import ImageObjective, reduced
+from .image.search import ImageSearch
+from .measure.levels import Levels
+from .params import CollageParams
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The image `given` (R,R). The search is made on an `image` of at most `stages.largest_side` pixels a side, and its
+    `masses`; `full_side` is the side on which the code of a larger one is polished."""
+
+    given: Tensor
+    levels: Levels
+    params: CollageParams
+    seed: int = 0
+    deadline: Deadline = NO_DEADLINE
+    image: Tensor = field(init=False)
+    full_side: int = field(init=False)
+    masses: Tensor = field(init=False)
+
+    def __post_init__(self) -> None:
+        side, stages = self.given.shape[0], self.params.stages
+        size = side // math.ceil(side / stages.largest_side)
+        image = self.given if size == side else self.levels.shrunk(self.given, size)
+        object.__setattr__(self, "image", image)
+        object.__setattr__(self, "full_side", min(side, stages.full_side))
+        object.__setattr__(self, "masses", self.levels.measure(image))
+
+    @property
+    def rounds(self) -> int:
+        """How many there may be."""
+        stages = self.params.stages
+        return self.params.rounds or (stages.density_rounds if self.levels.is_density else stages.other_rounds)
+
+    def restarts(self, number: int) -> int:
+        """How many a round has; half as many after the first."""
+        restarts = self.params.search.restarts
+        return (restarts + 1) // 2 if number else restarts
+
+    @property
+    def is_reduced(self) -> bool:
+        """Whether the search is made on a smaller image than the one given."""
+        return self.image is not self.given
+
+    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1) -> ImageObjective:
+        """The image at this size as a judge of codes; `code` is the best so far."""
+        image = self.given
+        if size != image.shape[0]:
+            image = reduced(image, size, code, self.levels, self.params, seed)
+        return ImageObjective(image, self.levels, self.params, seed, renderings)
+
+    def image_search(self, code: IFS, deadline: Deadline, *path: str | int) -> ImageSearch:
+        """The search by renderings, at the size of the problem's image; `code` is the best so far."""
+        seed = derive(self.seed, *path)
+        objective = self.objective(len(self.image), code, seed)
+        masses = self.levels.measure(objective.image) if self.is_reduced else self.masses
+        return ImageSearch(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)

@@ -1,0 +1,110 @@
+"""What collage search knows at any moment, and how it is kept in checkpoints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from ...errors import InputError
+from ...ifs.code import IFS
+from ...runtime.checkpoint import Snapshot
+from . import maps as affine
+
+VERSION = 6   # of the stages and their scores, which checkpoints name
+CANDIDATES = "current", "best", "before"   # of `State`
+
+Key = tuple[int, int, int]   # a stage: its round, its place in the round, and which restart it is
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A code as the search sees it: maps (N,6), its error, and its score; less is better of both.
+
+    weights (N,): relative, a map's probability is its weight over their sum; None: they are tied to |det| + 0.01.
+    """
+
+    maps: Tensor
+    weights: Tensor | None
+    error: float
+    score: float = float("inf")
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(N,), summing to 1."""
+        return affine.normalized(affine.volumes(self.maps) if self.weights is None else self.weights)
+
+    @property
+    def code(self) -> IFS:
+        """The code of the maps."""
+        return affine.to_code(self.maps, self.weights)
+
+
+@dataclass(frozen=True)
+class State:
+    """All that a search needs to go on.
+
+    done: the last stage that was closed. Of the stage after it: its moves so far (`step`), its candidate (`current`,
+    None before it begins), and the move at which its error was last halved, with that error. best: of the stages of
+    this round; before: of the rounds before; pool (M,6): the maps of all restarts; scores: those of the restarts of
+    this round, in ascending order.
+    """
+
+    done: Key | None = None
+    step: int = 0
+    current: Candidate | None = None
+    halved: tuple[int, float] | None = None
+    best: Candidate | None = None
+    before: Candidate | None = None
+    pool: Tensor | None = None
+    scores: tuple[float, ...] = ()
+
+    @property
+    def result(self) -> Candidate | None:
+        """The candidate to return if all ended here."""
+        return self.before or self.best
+
+    def has_done(self, key: Key) -> bool:
+        """Whether this stage is behind."""
+        return self.done is not None and key <= self.done
+
+    def moved(self, candidate: Candidate) -> State:
+        """After a move."""
+        step, halved = self.step + 1, self.halved or (0, self.current.error)
+        if candidate.error <= halved[1] / 2:
+            halved = step, candidate.error
+        return replace(self, current=candidate, step=step, halved=halved)
+
+    def closed(self, key: Key) -> State:
+        """After a stage."""
+        return replace(self, done=key, step=0, current=None, halved=None)
+
+    def with_pool(self, maps: Tensor) -> State:
+        """With more maps (n,6) in the pool."""
+        return replace(self, pool=maps if self.pool is None else torch.cat([self.pool, maps]))
+
+    def snapshot(self) -> Snapshot:
+        """What a checkpoint keeps."""
+        kept = {name: each for name in CANDIDATES if (each := getattr(self, name)) is not None}
+        tensors = {f"{name}/maps": each.maps for name, each in kept.items()}
+        tensors |= {f"{name}/weights": each.weights for name, each in kept.items() if each.weights is not None}
+        if self.pool is not None:
+            tensors["pool"] = self.pool
+        numbers = {name: [each.error, each.score] for name, each in kept.items()}
+        return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
+                                             "scores": list(self.scores), **numbers})
+
+    @classmethod
+    def of(cls, snapshot: Snapshot, device: str) -> State:
+        """The state that a checkpoint kept. Raises `InputError` on one of another version of the search."""
+        tensors, numbers = {name: each.to(device) for name, each in snapshot.tensors.items()}, snapshot.numbers
+        version = numbers.get("collage", numbers.get("stages", 1))
+        if version != VERSION:
+            raise InputError(f"expected a checkpoint of collage search in its version {VERSION}, got one of version "
+                             f"{version}; start anew with resume=false")
+        kept = {name: Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), *numbers[name])
+                for name in CANDIDATES if name in numbers}
+        done, halved = (tuple(each) if each else None for each in (numbers["done"], numbers["halved"]))
+        return cls(done, snapshot.iteration, **kept, halved=halved, pool=tensors.get("pool"),
+                   scores=tuple(numbers["scores"]))

@@ -1,0 +1,32 @@
+"""A limit of time, and the shares of it that parts of the work may take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+
+class Deadline:
+    """So many seconds from now on; None: no limit. clock: what tells the time, in seconds."""
+
+    def __init__(self, seconds: float | None = None, clock: Callable[[], float] = time.monotonic):
+        self.seconds, self._clock, self._start = seconds, clock, clock()
+
+    @property
+    def used(self) -> float:
+        """The share of the time that has passed; 0 without a limit."""
+        return (self._clock() - self._start) / self.seconds if self.seconds else 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether time is up."""
+        return self.used >= 1
+
+    def until(self, share: float) -> Deadline:
+        """The deadline of what must end when this share of the time has passed."""
+        part = Deadline(self.seconds and self.seconds * share, self._clock)
+        part._start = self._start
+        return part
+
+
+NO_DEADLINE = Deadline()

@@ -1,0 +1,103 @@
+"""Parameters of a component as one frozen, validated class: each is stated once, with its range and its meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+from ..errors import InputError, did_you_mean
+
+Count = Annotated[int, Field(ge=0)]
+Positive = Annotated[int, Field(ge=1)]
+Amount = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Odds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Interval = tuple[Amount, Amount]
+
+NAME = "\0"
+RANGES = {  # kinds of pydantic's errors -> what was expected, from what it says of the limit
+    "greater_than_equal": "at least {ge}", "greater_than": "above {gt}", "less_than_equal": "at most {le}",
+    "less_than": "below {lt}", "finite_number": "a finite number", "int_type": "a whole number",
+    "float_type": "a number", "bool_type": "true or false", "string_type": "a text",
+    "literal_error": "{expected}", "model_type": "a mapping of settings", "tuple_type": "a list",
+    "too_short": "a list of at least {min_length} values", "too_long": "a list of at most {max_length} values",
+}
+
+
+class Params(BaseModel):
+    """A component's parameters. Raises `InputError` that names a parameter in full, with what it may be."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise _explained(type(self), error) from None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lists_are_tuples(cls, values: Any) -> Any:
+        """As YAML and JSON write them."""
+        if not isinstance(values, dict):
+            return values
+        return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+
+    def updated(self, **values: Any) -> Self:
+        """The same with other values, those of nested parameters as mappings; checked."""
+        return type(self)(**_merged(self, values))
+
+    @classmethod
+    def leaves(cls) -> Iterator[tuple[str, FieldInfo]]:
+        """Every parameter by its full name, those of nested components too."""
+        for name, info in cls.model_fields.items():
+            inner = nested(info)
+            if inner is None:
+                yield name, info
+            else:
+                yield from ((f"{name}.{below}", each) for below, each in inner.leaves())
+
+
+def nested(info: FieldInfo) -> type[Params] | None:
+    """The class of a field that is a component itself."""
+    kind = info.annotation
+    return kind if isinstance(kind, type) and issubclass(kind, Params) else None
+
+
+def _merged(params: Params, values: dict[str, Any]) -> dict[str, Any]:
+    merged: dict[str, Any] = {name: getattr(params, name) for name in type(params).model_fields}
+    for name, value in values.items():
+        before = merged.get(name)
+        inside = isinstance(before, Params) and isinstance(value, dict)
+        merged[name] = _merged(before, value) if inside else value
+    return merged
+
+
+class ParamError(InputError):
+    """What is wrong with one parameter: its full name stands where `told` has the mark `NAME`."""
+
+    def __init__(self, name: str, told: str):
+        super().__init__(told.replace(NAME, name))
+        self.name, self.told = name, told
+
+
+def _explained(kind: type[Params], error: ValidationError) -> ParamError:
+    """The first thing that is wrong."""
+    first = error.errors(include_url=False)[0]
+    cause = first.get("ctx", {}).get("error")
+    name = ".".join(str(part) for part in first["loc"])
+    if isinstance(cause, ParamError):  # of a component
+        return ParamError(".".join(part for part in (name, cause.name) if part), cause.told)
+    if cause is not None:
+        return ParamError(name, str(cause))
+    if first["type"] == "extra_forbidden":
+        near = did_you_mean(name, kind.model_fields) or f"; choose one of {', '.join(kind.model_fields)}"
+        return ParamError(name, f"there is no parameter {NAME}{near}")
+    if first["type"] == "missing":
+        return ParamError(name, f"{NAME} is needed, and was not given")
+    told = RANGES.get(first["type"])
+    expected = told.format(**first.get("ctx", {})) if told else first["msg"].lower()
+    return ParamError(name, f"{NAME} must be {expected}, got {first['input']!r}")

@@ -16,6 +16,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from ..errors import InputError, did_you_mean
+from ..runtime.params import ParamError, Params
 
 PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights")
 TIMES = ("method.seconds", "method.init.seconds")  # 60 and 60.0 are one limit
@@ -51,10 +52,10 @@ class TrainConfig:
     resume: bool = False
     checkpoint_every: int = 250
     rounds: int | None = None
-    islands: int = 5
+    restarts: int = 5
     moves: int = 50
     detail_moves: int = 25
-    picture_moves: int = 60
+    image_moves: int = 60
     init: Any = None
     scouting: int = 100
     anneal_every: int = 250
@@ -134,10 +135,24 @@ def check_components(node: DictConfig, path: str) -> None:
     _check_against_signature(constructor, given, path)
 
 
+def _checked_params(params: type[Params], given: dict[str, Any], path: str) -> dict[str, Any]:
+    """What is given beside a constructor's parameters, which are checked by their own class."""
+    own = {name: OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
+           for name, value in given.items() if name in params.model_fields}
+    try:
+        params().updated(**own)
+    except ParamError as error:
+        raise ParamError(f"{path}.{error.name}" if error.name else path, error.told) from None
+    return {name: value for name, value in given.items() if name not in own}
+
+
 def _check_against_signature(constructor: Any, given: dict[str, Any], path: str) -> None:
     import pydantic
 
-    takes = inspect.signature(constructor).parameters
+    takes = dict(inspect.signature(constructor).parameters)
+    if params := getattr(constructor, "Params", None):
+        given = _checked_params(params, given, path)
+        takes = {name: each for name, each in takes.items() if name != "options"}
     unknown = sorted(set(given) - set(takes))
     if unknown:
         near = did_you_mean(unknown[0], takes)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import textwrap
 from collections.abc import Iterator
 from typing import Annotated, Any, Self
 
@@ -101,3 +103,18 @@ def _explained(kind: type[Params], error: ValidationError) -> ParamError:
     told = RANGES.get(first["type"])
     expected = told.format(**first.get("ctx", {})) if told else first["msg"].lower()
     return ParamError(name, f"{NAME} must be {expected}, got {first['input']!r}")
+
+
+def as_yaml(params: Params, interpolated: dict[str, str], indent: int = 0, prefix: str = "") -> str:
+    """The parameters as YAML, each below its docstring; interpolated: values by full name that stand elsewhere."""
+    lines = []
+    for name, info in type(params).model_fields.items():
+        value, full, margin = getattr(params, name), prefix + name, " " * indent
+        if isinstance(value, Params):
+            lines += ["", f"{margin}# {type(value).__doc__}".rstrip(), f"{margin}{name}:",
+                      as_yaml(value, interpolated, indent + 2, f"{full}.")]
+        else:
+            text = interpolated.get(full) or json.dumps(value)
+            lines += [f"{margin}# {line}" for line in textwrap.wrap(info.description or "", 117 - indent)]
+            lines.append(f"{margin}{name}: {text}")
+    return "\n".join(lines)

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ...runtime.params import Amount, Count, Interval, Odds, Params, Positive, Share
+from ...runtime.params import Amount, Count, Interval, Odds, Params, Positive, Share, as_yaml
 
 SingularValue = Annotated[float, Field(gt=0, lt=1)]
 
@@ -514,3 +514,23 @@ class CollageParams(Params):
             raise ValueError(f"give the number of maps or its upper bound, not both; got maps={self.maps} and "
                              f"at_most={self.at_most}")
         return self
+
+
+def hydra_config() -> str:
+    """conf/method/collage.yaml: `python -m fractal_exp.methods.collage.params > conf/method/collage.yaml`."""
+    elsewhere = {"rounds": "${rounds}", "search.restarts": "${restarts}", "search.moves": "${moves}",
+                 "search.detail_moves": "${detail_moves}", "moves.count": "${image_moves}"}
+    return f"""# Collage search: the maps of a code, found one by one from the measure that the image shows.
+# Made from fractal_exp/methods/collage/params.py, which states every parameter once; do not edit it here.
+_target_: fractal_exp.methods.collage.method.Collage
+_convert_: all
+seconds: ${{seconds}}
+seed: ${{seed}}
+device: ${{device}}
+previews: 10
+{as_yaml(CollageParams(), elsewhere)}
+"""
+
+
+if __name__ == "__main__":
+    print(hydra_config(), end="")

@@ -119,8 +119,8 @@ def report(folder: Path) -> str:
     """The tables as Markdown, written to report.md."""
     fits = read(folder)
     limits, commits = sorted(set(fits["limit"])), sorted({str(commit)[:9] for commit in fits["commit"]})
-    text = [f"Collage search without each part; at most {', '.join(f'{each:g}' for each in limits)} s of one core a fit;"
-            f" fitted by {', '.join(commits)}.", ""]
+    text = [f"Collage search without each part; at most {', '.join(f'{each:g}' for each in limits)} s of one core a "
+            f"fit; fitted by {', '.join(commits)}.", ""]
     for name, rows in table(fits).groupby("set", sort=False):
         text += [f"### {name}", "", "| without | fits | changed | F1, own box | difference | F1, frame | difference | "
                  "exact | difference | seconds | difference |", "|" + "---|" * 11]
@@ -152,8 +152,8 @@ def main() -> None:
     if not args.report:
         args.output.mkdir(parents=True, exist_ok=True)
         done = set(read(args.output)[["without", "set", "fractal"]].itertuples(index=False, name=None))
-        jobs = [(part, *problem) for part in dict.fromkeys([FULL, *args.without])
-                for problem in problems(args.sets, args.count)]
+        jobs = [(part, *problem) for problem in problems(args.sets, args.count)
+                for part in dict.fromkeys([FULL, *args.without])]
         with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
             running = [pool.submit(fit, *job, args.limit) for job in jobs if job not in done]
             with open(args.output / "codes.jsonl", "a") as file:

@@ -62,7 +62,7 @@ class Sizes:
 
 
 TOYS = Sizes("cpu", 64, 30, 64, 32, 20_000, 1 << 20, 256)
-QUICK = {"islands": 1, "moves": 2, "rounds": 1, "detail_moves": 1, "picture_moves": 1}   # a rehearsal of collage search
+QUICK = {"rounds": 1, "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1}}   # a rehearsal
 
 
 class Timer:

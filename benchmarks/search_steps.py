@@ -23,7 +23,9 @@ import torch
 
 from fractal_exp import IFS, ops, suite
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage.measure import LEVELS, POINTS_PER_PIXEL, REUSE, SUPERSAMPLE, binned
+from fractal_exp.methods.collage.measure.bins import binned
+from fractal_exp.methods.collage.measure.levels import Density
+from fractal_exp.methods.collage.params import CameraParams
 from fractal_exp.ops.backends import choose
 from fractal_exp.ops.collage import Descent, descend
 from fractal_exp.rendering.still import render_with_info
@@ -34,7 +36,8 @@ from .ops import machine_limits, timed
 STEPS, GRID, SIDE = 40, 64, 256
 OPERATIONS = 55, 12   # of a step: for each sample and map, and for each bin
 BATCHES = {"24 births of one map": (24, 1), "6 codes of eight maps": (6, 8)}
-DRAWINGS = {"as the search": REUSE, "with each point used once": 1}
+CAMERA = CameraParams()
+DRAWINGS = {"as the search": CAMERA.reuse, "with each point used once": 1}
 
 
 def best(call: Callable[[], object], repeats: int) -> float:
@@ -45,7 +48,7 @@ def best(call: Callable[[], object], repeats: int) -> float:
 
 def descents(image: torch.Tensor, flops: float, repeats: int) -> list[dict]:
     """On the device of the image, by its kernel and by plain torch."""
-    measure = binned(LEVELS["density"].measure(image), GRID)
+    measure = binned(Density(CAMERA).measure(image), GRID)
     rows, generator = [], torch.Generator().manual_seed(0)
     for name, (codes, maps) in BATCHES.items():
         start = 0.3 * torch.randn(codes, maps, 6, generator=generator).to(image.device)
@@ -65,9 +68,9 @@ def descents(image: torch.Tensor, flops: float, repeats: int) -> list[dict]:
 
 
 def drawings(code: IFS, bandwidth: float, repeats: int) -> list[dict]:
-    points = round(POINTS_PER_PIXEL * SIDE**2)
-    floor = 1e3 * 2 * (SUPERSAMPLE * SIDE)**2 / bandwidth
-    draw = partial(render_with_info, code, resolution=SIDE, supersample=SUPERSAMPLE, points_in_view=points)
+    points = round(CAMERA.points_per_pixel * SIDE**2)
+    floor = 1e3 * 2 * (CAMERA.supersample * SIDE)**2 / bandwidth
+    draw = partial(render_with_info, code, resolution=SIDE, supersample=CAMERA.supersample, points_in_view=points)
     calls = {name: partial(draw, reuse=reuse) for name, reuse in DRAWINGS.items()}
     calls["of the chaos game"] = partial(_played, code, points)
     times = {name: best(call, repeats) for name, call in calls.items()}
@@ -79,11 +82,11 @@ def _played(code: IFS, points: int) -> torch.Tensor:
     """The operations of this package that are there for the gradient, and torch's for the rest."""
     played = ops.chaos_game(code.linear, code.offset, trajectories=points // 1000, length=1010, warmup=10,
                             probabilities=code.sampling_probabilities())
-    side = SUPERSAMPLE * SIDE
+    side = CAMERA.supersample * SIDE
     column, row = ((played * torch.tensor([1.0, -1.0]) + 1) * (side / 2)).long().clamp(0, side - 1).unbind(-1)
     canvas = torch.zeros(side * side)
     canvas[row * side + column] = 1
-    return torch.nn.functional.avg_pool2d(canvas.view(1, side, side), SUPERSAMPLE)[0]
+    return torch.nn.functional.avg_pool2d(canvas.view(1, side, side), CAMERA.supersample)[0]
 
 
 def main() -> None:

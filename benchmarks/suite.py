@@ -4,7 +4,7 @@
     python -m benchmarks.suite collage --kind binary --count 20  binary targets
     python -m benchmarks.suite collage --seed 7 --only 3 5 8     three fractals of another suite, to tune on
     python -m benchmarks.suite collage --classics                the classic codes
-    python -m benchmarks.suite collage --options '{"islands": 2}'  another setting of `methods.collage.Collage`
+    python -m benchmarks.suite collage --options '{"rounds": 1}'   another setting of collage search
     python -m benchmarks.suite chaotic --count 10                the paper's method at laptop scale
     python -m benchmarks.suite chaotic --init collage            the same, begun with what collage search finds
 
@@ -38,7 +38,8 @@ def collage(options: dict, init: str | None) -> Method:
     """Collage search on one core."""
     if init:
         raise SystemExit("--init is for the paper's method: collage search begins with nothing")
-    return Collage(**{"proposals": 1, "previews": 0} | options)
+    search = {"proposals": 1} | options.get("search", {})
+    return Collage(**{"previews": 0} | options | {"search": search})
 
 
 def chaotic(options: dict, init: str | None) -> Method:

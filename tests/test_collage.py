@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from collage_helpers import DENSITY, PARAMS, meaning, measure_search, problem, small, tied
 from ops_helpers import check_descent, check_pushforward, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, invert, suite
@@ -11,14 +12,12 @@ from fractal_exp.evaluation import evaluate
 from fractal_exp.ifs import attractor
 from fractal_exp.images import samples
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage import stages
-from fractal_exp.methods.collage.measure import LEVELS, binned, desaturated, guess_levels
+from fractal_exp.methods.collage.image.search import ImageSearch
+from fractal_exp.methods.collage.measure.bins import binned
+from fractal_exp.methods.collage.measure.saturation import saturation_corrected
 from fractal_exp.methods.collage.method import Collage
-from fractal_exp.methods.collage.picture import Drawn
-from fractal_exp.methods.collage.picture_search import PictureSearch
-from fractal_exp.methods.collage.search import Judge, Search, Tiling
-from fractal_exp.methods.collage.stages import Problem, plan
-from fractal_exp.methods.collage.work import Work
+from fractal_exp.methods.collage.stages import ImageMoves, last_stages, stages_of
+from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from fractal_exp.runtime.checkpoint import Checkpoint
 
@@ -56,7 +55,7 @@ def test_descent_keeps_maps_contractive_and_off_the_identity():
 
 def test_a_true_code_has_no_collage_error_and_maps_near_it_find_back(triangle):
     code, image = triangle
-    masses = LEVELS["density"].measure(image)
+    masses = DENSITY.measure(image)
     measure = binned(masses, 64)
     maps = affine.from_code(code)[None]
     weights = torch.full((1, 3), 1 / 3)
@@ -68,49 +67,45 @@ def test_a_true_code_has_no_collage_error_and_maps_near_it_find_back(triangle):
     assert float(affine.distances(found[0], maps[0], measure).diagonal().max()) < 1 / 64
 
 
-def test_desaturation_brings_the_measure_of_a_saturated_picture_back():
+def test_the_correction_brings_the_measure_of_a_saturated_image_back():
     code = attractor.normalize(suite.random_suite(6, 101)[5])  # nine of ten points fall where one was
-    masses = LEVELS["density"].measure(suite.target(code, 256))
+    masses = DENSITY.measure(suite.target(code, 256))
     maps, weights = affine.from_code(code)[None], affine.volumes(affine.from_code(code))
     weights = (weights / weights.sum())[None]
     before, after = (float(descend(maps, weights, binned(m, 64), Descent(0))[2])
-                     for m in (masses, desaturated(masses, code, LEVELS["density"], 3)))
+                     for m in (masses, saturation_corrected(masses, code, DENSITY, PARAMS.saturation, 3)))
     assert after < 0.5 * before
 
 
 def test_grey_levels_are_told_apart():
     code = codes.known("fern")
-    assert guess_levels(suite.target(code, 128)) == "density"
-    assert guess_levels(suite.target(code, 128, "binary")) == "binary"
-    assert guess_levels(samples.snowflake(256)) == "coverage"
+    assert meaning(suite.target(code, 128)) == "density"
+    assert meaning(suite.target(code, 128, "binary")) == "binary"
+    assert meaning(samples.snowflake(256)) == "coverage"
 
 
 @pytest.mark.parametrize(("kind", "least"), [("grey", 0.9), ("binary", 0.6)])  # a binary picture carries no density
 def test_the_triangle_is_found(triangle, kind, least):
     code, _ = triangle
     image = suite.target(code, 128, kind)
-    found = Collage(islands=2, moves=20, rounds=1, detail_moves=5, picture_moves=10).reconstruct(image).code
+    found = small(search={"moves": 20, "detail_moves": 5}, moves={"count": 10}).reconstruct(image).code
     table = evaluate(found, code, resolution=128, align="none")
     assert table.f1.mean() > least
 
 
-def test_a_candidate_beside_the_canvas_is_drawn_without_a_word(caplog):
+def test_a_candidate_beside_the_canvas_is_rendered_without_a_word(caplog):
     beside = IFS(torch.eye(2).expand(2, 2, 2) * 0.1, torch.full((2, 2), 5.0))
-    assert not bool(LEVELS["density"].observe(beside, 64, 0).any()) and not caplog.records
+    assert not bool(DENSITY.render(beside, 64, 0).any()) and not caplog.records
 
 
 def test_a_checkpoint_of_other_stages_is_refused(triangle):
     code, _ = triangle
     maps = affine.from_code(code)
-    snapshot = Work(best=Tiling(maps, affine.volumes(maps), 0.0)).snapshot()
-    older = replace(snapshot, numbers={k: v for k, v in snapshot.numbers.items() if k != "stages"})
-    with pytest.raises(InputError, match="got one of version 1; start anew with resume=false"):
-        Work.of(older, "cpu")
-
-
-def small(**options):
-    return Collage(**{"islands": 2, "moves": 3, "rounds": 1, "detail_moves": 2, "picture_moves": 2, "previews": 1}
-                   | options)
+    snapshot = State(best=Candidate(maps, affine.volumes(maps), 0.0)).snapshot()
+    for numbers, version in (({"stages": 5}, 5), ({}, 1), ({"collage": 99}, 99)):
+        other = replace(snapshot, numbers={k: v for k, v in snapshot.numbers.items() if k != "collage"} | numbers)
+        with pytest.raises(InputError, match=f"got one of version {version}; start anew with resume=false"):
+            State.of(other, "cpu")
 
 
 def test_a_seed_repeats_and_another_differs(triangle):
@@ -129,7 +124,7 @@ def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, tmp
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(PictureSearch, "resume", interrupt)
+        patch.setattr(ImageSearch, "resume", interrupt)
         with pytest.raises(KeyboardInterrupt):
             small().reconstruct(image, checkpoint=Checkpoint(path))
     resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
@@ -138,10 +133,10 @@ def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, tmp
 
 def test_weights_of_its_own_come_back_from_a_checkpoint_as_they_were():
     maps = torch.randn(4, 6, generator=torch.Generator().manual_seed(0)) * 0.3
-    own = Drawn(maps, torch.tensor([0.7, 0.2, 0.07, 0.03]) * 1.7, torch.zeros(8, 8), 0.1)
-    tiling = Tiling(maps, own.chances, 0.1)
-    assert torch.equal(tiling.chances, own.chances)
-    assert Tiling(maps, Drawn(maps, None, torch.zeros(8, 8), 0.1).chances, 0.1).chances is None
+    own = Candidate(maps, torch.tensor([0.7, 0.2, 0.07, 0.03]) * 1.7, 0.1)
+    state = State.of(State(best=own, before=Candidate(maps, None, 0.1)).snapshot(), "cpu")
+    assert torch.equal(state.best.weights, own.weights) and state.before.weights is None
+    assert torch.equal(state.best.probabilities, own.probabilities)
 
 
 @pytest.mark.parametrize("size", [32, 33])
@@ -166,14 +161,13 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, s
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
-def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, tmp_path, monkeypatch):
+def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, tmp_path):
     _, image = triangle
-    monkeypatch.setattr(stages, "LARGEST", 64)
-    monkeypatch.setattr(stages, "FULL", 96)
+    sizes = {"stages": {"largest_side": 64, "full_side": 96}}
     told = []
-    whole = small().reconstruct(image, on_step=told.append).code
+    whole = small(**sizes).reconstruct(image, on_step=told.append).code
     ends = [progress.stage for progress in told if progress.code is not None]
-    assert ends[-5:] == ["detail", "approach", "picture", "full size", "last digits"]
+    assert ends[-5:] == ["detail", "approach", "image", "full size", "last digits"]
     for number in range(len(ends) - 5, len(ends) - 1):
         left = iter(range(number))
 
@@ -183,49 +177,46 @@ def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(t
 
         path = tmp_path / f"{number}.safetensors"
         with pytest.raises(KeyboardInterrupt):
-            small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
-        resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+            small(**sizes).reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
+        resumed = small(**sizes).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
         assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
 def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
     _, image = triangle
     large = torch.nn.functional.interpolate(image[None, None], scale_factor=5)[0, 0]
-    problem = Problem(large, LEVELS["coverage"], 0, 1, 64, None, None)
-    assert problem.image.shape == (320, 320) and problem.full_side == 640
-    names = [s.name for s in plan(problem, rounds=2, islands=3, moves=1, detail_moves=1, picture_moves=1)]
-    once = ["search", "detail", "approach", "picture"]
+    given = problem(large, levels="coverage", rounds=2, search={"restarts": 3})
+    assert given.image.shape == (320, 320) and given.full_side == 640
+    names = [s.name for number in range(2) for s in stages_of(given, number)] + [s.name for s in last_stages(given)]
+    once = ["search", "detail", "approach", "image"]
     assert names == ["search"] * 3 + once + ["search"] * 2 + once + ["full size", "last digits"]
 
 
 @pytest.mark.parametrize(("halvings", "moves"), [([], 6), ([1], 6), ([5], 9), ([5, 9], 13), (range(1, 99), 18)])
 def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings, moves):
     code, image = triangle
-    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    *_, stage, _ = plan(problem, rounds=1, islands=1, moves=1, detail_moves=1, picture_moves=6)
-    maps = affine.from_code(code)
-    work = Work(best=Tiling(maps, affine.volumes(maps), 1.0), tiling=Tiling(maps, affine.volumes(maps), 1.0))
-    stage.open(work)
-    stage.search.settled = lambda now, step: False
-    while work.step < stage.moves and not stage.settled(work):
-        work = Work.of(work.snapshot(), "cpu")
-        better = 0.4 if work.step + 1 in halvings else 0.99
-        work = work.moved(replace(work.tiling, error=better * work.tiling.error))
-    assert work.step == moves
+    stage = ImageMoves(problem(image, moves={"count": 6}))
+    start = tied(affine.from_code(code), 1.0)
+    state = State(best=start, current=start)
+    stage.open(state)
+    stage.search.is_settled = lambda now, step: False
+    while state.step < stage.moves and not stage.is_settled(state):
+        state = State.of(state.snapshot(), "cpu")
+        better = 0.4 if state.step + 1 in halvings else 0.99
+        state = state.moved(replace(state.current, error=better * state.current.error))
+    assert state.step == moves
 
 
-def test_a_code_is_tidied_when_the_moves_asked_for_end_and_now_and_then_after(triangle):
-    _, image = triangle
-    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    *_, stage, _ = plan(problem, rounds=1, islands=1, moves=1, detail_moves=1, picture_moves=6)
-    stage.search = SimpleNamespace(step=lambda now, number: "moved", tidied=lambda now: "tidied")
-    assert [k for k in range(stage.moves) if stage.step(None, k) == "tidied"] == [5, 9, 13, 17]
+def test_a_code_is_cleaned_when_the_moves_asked_for_end_and_now_and_then_after(triangle):
+    stage = ImageMoves(problem(triangle[1], moves={"count": 6}))
+    stage.search = SimpleNamespace(step=lambda now, number: "moved", cleaned=lambda now: "cleaned")
+    assert [k for k in range(stage.moves) if stage.step(None, k) == "cleaned"] == [5, 9, 13, 17]
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
     _, image = triangle
     five = suite.target(codes.known("vicsek"), 128)
-    assert len(small(maps=4, moves=12).reconstruct(image).code) == 4
+    assert len(small(maps=4, search={"moves": 12}).reconstruct(image).code) == 4
     assert len(small(maps=3).reconstruct(five).code) == 3
     assert len(small(at_most=3).reconstruct(five).code) <= 3
 
@@ -234,7 +225,8 @@ def test_time_ends_a_search_with_the_best_so_far(triangle):
     _, image = triangle
     steps = []
     start = time.monotonic()
-    code = small(moves=10_000, picture_moves=10_000, seconds=4).reconstruct(image, on_step=steps.append).code
+    endless = small(search={"moves": 10_000}, moves={"count": 10_000}, seconds=4)
+    code = endless.reconstruct(image, on_step=steps.append).code
     assert time.monotonic() - start < 12 and len(steps) < 1000
     assert [p.fraction for p in steps] == sorted(p.fraction for p in steps)
     assert torch.equal(code.linear, [p for p in steps if p.code is not None][-1].code.linear)
@@ -242,8 +234,8 @@ def test_time_ends_a_search_with_the_best_so_far(triangle):
 
 def test_a_search_never_returns_a_worse_state(triangle):
     _, image = triangle
-    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, judge=Judge(), proposals=1)
-    now = search.start(sets=4)
+    search = measure_search(DENSITY.measure(image), search={"start_sets": 4})
+    now = search.start()
     for number in range(6):
         new = search.step(now, number)
         assert new.score <= now.score
@@ -252,7 +244,7 @@ def test_a_search_never_returns_a_worse_state(triangle):
 
 def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     _, image = triangle
-    assert len(invert(image, resolution=64, islands=1, moves=2, rounds=1, picture_moves=0)) >= 2
+    assert len(invert(image, resolution=64, rounds=1, search={"restarts": 1, "moves": 2}, moves={"count": 0})) >= 2
 
 
 def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
@@ -260,7 +252,7 @@ def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
     told = []
     found = small().reconstruct(image, on_step=told.append).code
     ends = [p for p in told if p.code is not None]
-    assert [p.stage for p in ends] == ["search", "search", "search", "detail", "picture", "last digits"]
+    assert [p.stage for p in ends] == ["search", "search", "search", "detail", "image", "last digits"]
     assert torch.equal(ends[-1].code.linear, found.linear)
     assert [p.fraction for p in told] == sorted(p.fraction for p in told) and told[-1].fraction == 1
     assert ends[3].fraction == pytest.approx(11 / 13), "moves beyond those asked for are not expected"
@@ -271,25 +263,24 @@ def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
 def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     code = attractor.normalize(codes.known("sierpinski_triangle"))
     image = suite.target(code, 600, kind)
-    problem = Problem(image, LEVELS[guess_levels(image)], 0, 1, 64, None, None)
-    assert problem.image.shape == (300, 300)
-    assert guess_levels(problem.image) == guess_levels(image)
+    given = problem(image)
+    assert given.image.shape == (300, 300)
+    assert meaning(given.image) == meaning(image)
     maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
-    stage = plan(problem, islands=1, moves=0, rounds=1, detail_moves=0, picture_moves=0)[-2]
-    work = Work(best=Tiling(maps, affine.volumes(maps), 0.0))
-    stage.open(work)
-    away = affine.distances(stage.begin(work).maps, affine.from_code(code), binned(problem.masses, 64))
+    stage, state = last_stages(given)[0], State(best=tied(maps))
+    stage.open(state)
+    away = affine.distances(stage.begin(state).maps, affine.from_code(code), binned(given.masses, 64))
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
-    names = [stage.name for stage in plan(Problem(problem.image, problem.levels, 0, 1, 64, None, None), islands=1,
-                                          moves=0, rounds=1, detail_moves=0, picture_moves=0)]
-    assert names == ["search", "search", "detail", "picture", "last digits"]
+    whole = problem(given.image)
+    names = [each.name for each in (*stages_of(whole, 0), *last_stages(whole))]
+    assert names == ["search", "search", "detail", "image", "last digits"]
 
 
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     code, image = triangle
-    search = Search(LEVELS["density"].measure(image), size=64, coarse=32, proposals=1)
+    search = measure_search(DENSITY.measure(image))
     true = affine.from_code(code)
-    wrong = affine.sending(affine.random_matrices(12, 0.2, 0.6, torch.Generator().manual_seed(1)),
+    wrong = affine.sending(affine.random_matrices(12, 0.2, 0.6, 0.05, torch.Generator().manual_seed(1)),
                            torch.zeros(12, 2), torch.zeros(12, 2))
     mixed = search.mixed(torch.cat([wrong[:6], true[:2], wrong[6:], true[2:]]))
     near = affine.distances(true, mixed.maps, search.measure).min(1).values * 64
@@ -297,9 +288,13 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    ({"moves": -1}, "moves must be at least 0"), ({"maps": 1}, "maps must be at least 2"),
-    ({"maps": 3, "at_most": 5}, "not both"), ({"levels": "colour"}, "levels must be one of auto"),
-    ({"seconds": 0}, "seconds must be above 0"), ({"finest": 8}, "finest must be at least 64"),
+    ({"search": {"moves": -1}}, "search.moves must be at least 0, got -1"), ({"maps": 1}, "maps must be at least 2"),
+    ({"maps": 3, "at_most": 5}, "not both"), ({"levels": "colour"}, "levels must be 'auto', 'density'"),
+    ({"seconds": 0}, "seconds must be above 0"), ({"refine": {"finest": 8}}, "refine.finest must be at least 64"),
+    ({"move": {}}, "there is no parameter move; did you mean 'moves'"),
+    ({"previews": -1}, "previews must be at least 0"),
+    ({"moves": {"reorint": 1}}, "there is no parameter moves.reorint; did you mean 'reorient'"),
+    ({"search": {"start": {"steps": 1.5}}}, "search.start.steps must be a whole number, got 1.5"),
 ])
 def test_bad_options_are_refused(options, message):
     with pytest.raises(InputError, match=message):

@@ -4,22 +4,19 @@ import math
 
 import pytest
 import torch
+from collage_helpers import DENSITY, PARAMS, meaning, measure_search, random
 from ops_helpers import tiling_problem
 
 from fractal_exp import suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.births import candidates
-from fractal_exp.methods.collage.measure import LEVELS, correction, guess_levels, halve
-from fractal_exp.methods.collage.search import Judge, Search
+from fractal_exp.methods.collage.measure.bins import halve
+from fractal_exp.methods.collage.measure.births import candidates
+from fractal_exp.methods.collage.measure.saturation import correction
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
 from fractal_exp.ops.collage.reference import displacement_squared
 
 IDENTITY = torch.tensor([1.0, 0, 0, 1, 0, 0])
-
-
-def random(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def applied(maps, samples):
@@ -83,17 +80,17 @@ def test_the_kernel_pushes_off_the_identity_as_its_twin_does(tied):
 def test_a_line_along_the_border_is_no_inside_of_a_shape():
     image = torch.zeros(64, 64)
     image[:4] = torch.tensor([0.5, 1, 1, 0.5])[:, None]  # an anti-aliased bar that the border cuts
-    assert all(guess_levels(turned) == "coverage" for turned in (image, image.T, image.flip(0), image.T.flip(1)))
+    assert all(meaning(turned) == "coverage" for turned in (image, image.T, image.flip(0), image.T.flip(1)))
 
 
 def test_a_correction_is_trusted_where_picture_and_code_agree():
     """Where a part of the picture is so dark that it cannot be of the code, it is left alone."""
-    code, levels = attractor.normalize(suite.random_suite(6, 101)[5]), LEVELS["density"]
+    code, levels = attractor.normalize(suite.random_suite(6, 101)[5]), DENSITY
     masses = levels.measure(suite.target(code, 128))
-    right = correction(masses, code, levels, seed=3)
+    right = correction(masses, code, levels, PARAMS.saturation, seed=3)
     dark = masses.clone()
     dark[:, :64] *= 0.2
-    wrong = correction(dark, code, levels, seed=3)
+    wrong = correction(dark, code, levels, PARAMS.saturation, seed=3)
     torch.testing.assert_close(wrong[:, 66:], right[:, 66:])
     corrected = (masses > 0) & ((right - 1).abs() > 0.1)
     corrected[:, 62:] = False  # beyond the seam
@@ -108,7 +105,7 @@ def test_halved_bins_hold_the_same_mass():
 
 
 def test_random_matrices_are_half_of_them_reflections_and_their_sizes_log_uniform():
-    matrices = affine.random_matrices(4000, 0.01, 0.64, random())
+    matrices = affine.random_matrices(4000, 0.01, 0.64, 0.05, random())
     assert float((torch.linalg.det(matrices) < 0).float().mean()) == pytest.approx(0.5, abs=0.04)
     logs = torch.linalg.svdvals(matrices)[:, 0].log()
     parts = torch.tensor([0.25, 0.5, 0.75])
@@ -119,7 +116,8 @@ def test_maps_born_of_a_blob_give_the_measure_its_mean_and_covariance():
     measure, size = far_from_the_middle(), 64
     axis = (2 * torch.arange(size) + 1) / size - 1
     blob = torch.exp(-((axis - 0.3) / 0.12).square() / 2) * torch.exp(-((-axis[:, None] - 0.1) / 0.06).square() / 2)
-    born = candidates(blob, blob, measure, (0.9, 0.97), 20, 20, random())  # windows far wider than the blob
+    wide = (0.9, 0.97)  # windows far wider than the blob
+    born = candidates(blob, blob, measure, wide, 20, 20, PARAMS.births, random())
     linear = born[:, :4].unflatten(1, (2, 2))
     covariance = linear @ measure.covariance.float() @ linear.mT
     expected = torch.tensor([[0.12**2, 0], [0, 0.06**2]]).expand(20, 2, 2)
@@ -130,7 +128,7 @@ def test_maps_born_of_a_blob_give_the_measure_its_mean_and_covariance():
 
 def test_a_score_is_the_error_and_what_maps_identities_and_untied_weights_cost():
     masses = torch.rand(32, 32, generator=random())
-    search = Search(masses, size=32, coarse=16, judge=Judge(price=1e-3, prior=0.02))
+    search = measure_search(masses, 32, search={"price": 1e-3, "prior": 0.02})
     half, quarter = torch.tensor([0.5, 0, 0, 0.5, 0.3, 0.3]), torch.tensor([0.5, 0, 0, 0.5, -0.3, 0.3])
     maps, even = torch.stack([half, quarter]), torch.tensor([0.25, 0.25])
     assert search.cheap_score(maps, even, 0.125) == pytest.approx(0.125 + 2e-3, abs=1e-6)

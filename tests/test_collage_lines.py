@@ -5,14 +5,17 @@ from dataclasses import replace
 
 import pytest
 import torch
+from collage_helpers import CAMERA, PARAMS, objective, params
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.jacobian import played
-from fractal_exp.methods.collage.lines import Course, profiled
-from fractal_exp.methods.collage.measure import LEVELS
-from fractal_exp.methods.collage.picture import Picture
+from fractal_exp.methods.collage.image.lines import Course, Light, profiled
+from fractal_exp.methods.collage.measure.bins import attractor_points
+
+
+def light(target, rest):
+    return Light(target, rest, CAMERA.supersample, CAMERA.points_per_pixel)
 
 
 def rotated(maps, degrees):
@@ -33,11 +36,11 @@ def test_the_light_along_a_line_tells_which_way_it_lies(degrees):
     wrong = rotated(torch.tensor([[0, 0, 0.37, 0.33, 0, -0.335]]), degrees)[0]  # the same line, not the same projection
     image, maps = suite.target(affine.to_code(true), 256), true.clone()
     maps[stem, :4], maps[stem, 4:] = wrong[:4], true[stem, 4:] + 0.04 * direction
-    picture = Picture(image, LEVELS["density"])
-    shown = picture.judge(maps)
-    points = played(maps, shown.chances, 50_000, seed=0)
-    rest = picture.without(shown, [stem])
-    found = profiled(maps[stem], float(shown.chances[stem]), points, image, rest.image, 16, 2)[0]
+    given = objective(image)
+    shown = given.judge(maps)
+    points = attractor_points(maps, shown.probabilities, 50_000, seed=0)
+    rest = given.without(shown, [stem])
+    found = profiled(maps[stem], float(shown.probabilities[stem]), points, light(image, rest.image), PARAMS.lines)[0]
     assert found.dtype == maps.dtype
     row = direction @ found[:4].view(2, 2)  # along the line
     assert float(row @ direction / row.norm()) > math.cos(math.radians(15))
@@ -55,9 +58,9 @@ def test_a_course_follows_its_line_over_the_pixels():
         seen = image[(image.abs() < 1).all(1)]
         drawn = torch.zeros(size, size).double()
         drawn[((1 - seen[:, 1]) / 2 * size).long(), ((1 + seen[:, 0]) / 2 * size).long()] = 1
-        assert course.pixels(drawn).sum() == drawn.sum()  # every lit pixel is on the line or beside it
+        assert course.pixels(drawn, 1).sum() == drawn.sum()  # every lit pixel is on the line or beside it
         rows = ((1 + seen[:, course.main]) / 2 * size).long().unique()
-        assert course.pixels(drawn).sum(1).nonzero().flatten().tolist() == rows.tolist()
+        assert course.pixels(drawn, 1).sum(1).nonzero().flatten().tolist() == rows.tolist()
         row = line[:4].view(2, 2)[course.main]
         torch.testing.assert_close(course.map(row, line[4 + course.main]), line, atol=1e-6, rtol=0)
 
@@ -65,12 +68,13 @@ def test_a_course_follows_its_line_over_the_pixels():
 @pytest.mark.parametrize("line", [[0.0] * 6, [0.0, 0, 0, 0, 0.3, 0.1]])
 def test_an_image_that_is_a_point_has_no_profile(line):
     points, black = torch.rand(100, 2), torch.zeros(64, 64)
-    assert profiled(torch.tensor(line), 0.1, points, black, black, 16, 2).shape == (0, 6)
+    assert profiled(torch.tensor(line), 0.1, points, light(black, black), PARAMS.lines).shape == (0, 6)
 
 
 def test_the_ways_a_line_may_lie_are_contractive():
     flat = torch.rand(100, 2) * torch.tensor([0.001, 1])  # other directions would have to stretch it
-    light = torch.zeros(64, 64)
-    light[32] = 0.05
-    found = profiled(torch.tensor([0.0, 0.9, 0, 0, 0, 0]), 0.1, flat, light, torch.zeros(64, 64), 16, 9)
+    bright = torch.zeros(64, 64)
+    bright[32] = 0.05
+    found = profiled(torch.tensor([0.0, 0.9, 0, 0, 0, 0]), 0.1, flat, light(bright, torch.zeros(64, 64)),
+                     params(lines={"count": 9}).lines)
     assert len(found) > 0 and float(affine.largest_singular(found).max()) < 1

@@ -4,21 +4,23 @@ from dataclasses import replace
 
 import pytest
 import torch
+from collage_helpers import CAMERA, DENSITY, PARAMS, image_search, objective, tied
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.births import flattened, mirrored, turned
-from fractal_exp.methods.collage.measure import LEVELS, binned
-from fractal_exp.methods.collage.picture import Picture, reduced
-from fractal_exp.methods.collage.picture_search import PictureSearch
-from fractal_exp.methods.collage.polish import polished
-from fractal_exp.methods.collage.search import Tiling
+from fractal_exp.methods.collage.image.gauss_newton import polished
+from fractal_exp.methods.collage.image.moves import root
+from fractal_exp.methods.collage.image.objective import ImageObjective, reduced
+from fractal_exp.methods.collage.measure.bins import binned
+from fractal_exp.methods.collage.measure.births import flattened, mirrored, reoriented
+from fractal_exp.methods.collage.measure.levels import LEVELS
+from fractal_exp.methods.collage.state import Candidate
 
 
 def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
     code, image = triangle
-    picture = Picture(image, LEVELS["density"])
+    picture = objective(image)
     maps = affine.from_code(code)
     true, shifted, fewer = (picture.judge(m).error for m in (maps, maps + 0.002 * torch.eye(3, 6), maps[:2]))
     assert true < 1.2 * picture.noise(code)
@@ -29,13 +31,13 @@ def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
 def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangle, levels):
     code, _ = triangle
     image = suite.target(code, 128, "grey" if levels == "density" else "binary")
-    picture = Picture(image, LEVELS[levels])
+    picture = objective(image, LEVELS[levels](CAMERA))
     maps = affine.from_code(code)
     off = maps + 0.004 * torch.randn(maps.shape, generator=torch.Generator().manual_seed(0))
     start = picture.judge(off)
     found = polished(picture, start, 10)
     assert found.error < 0.5 * start.error
-    measure = binned(LEVELS["density"].measure(image), 64)
+    measure = binned(DENSITY.measure(image), 64)
     away = affine.distances(found.maps, maps, measure).diagonal().max() * 64  # pixels of 128
     assert away < (0.06 if levels == "density" else 0.3)
     assert polished(picture, found, 2).error <= found.error
@@ -46,19 +48,19 @@ def test_a_faint_map_that_is_missing_is_found_by_its_picture():
     small_one = torch.tensor([[0.08, 0.03, -0.02, 0.1, 0.9, 0.6]])
     code = attractor.normalize(affine.to_code(torch.cat([maps, small_one])))
     image, true = suite.target(code, 128), affine.from_code(code)
-    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
-    now = search.resume(Tiling(true[:3], affine.volumes(true[:3]), 0.0))
+    search = image_search(image)
+    now = search.resume(tied(true[:3]))
     before = now.error
     for number in range(25):
         now = search.step(now, number)
     assert now.error < 0.6 * before and len(now.maps) >= 4
 
 
-def test_a_turned_map_keeps_mean_and_covariance(triangle):
+def test_a_reoriented_map_keeps_mean_and_covariance(triangle):
     code, image = triangle
-    measure = binned(LEVELS["density"].measure(image), 64)
+    measure = binned(DENSITY.measure(image), 64)
     old = affine.from_code(code)[0]
-    new = turned(old, measure, 8, torch.Generator().manual_seed(0))
+    new = reoriented(old, measure, 8, 0.97, torch.Generator().manual_seed(0))
     linear, was = new[:, :4].unflatten(1, (2, 2)), old[:4].view(2, 2)
     torch.testing.assert_close(linear @ measure.covariance @ linear.mT,
                                (was @ measure.covariance @ was.T).expand(8, 2, 2), atol=2e-5, rtol=1e-3)
@@ -70,8 +72,8 @@ def test_a_map_thinner_than_a_subpixel_is_found_by_its_picture():
     image, true = suite.target(code, 128), affine.from_code(code)
     stem = int(code.linear.det().abs().argmin())
     rest = true[[i for i in range(4) if i != stem]]
-    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
-    now = search.resume(Tiling(rest, affine.volumes(rest), 0.0))
+    search = image_search(image)
+    now = search.resume(tied(rest))
     before = now.error
     for number in range(12):
         now = search.step(now, number)
@@ -82,8 +84,8 @@ def test_maps_the_picture_does_not_ask_for_go(triangle):
     code, image = triangle
     true = affine.from_code(code)
     nothing = torch.tensor([[0.98, 0.0, 0.0, 0.98, 0.0, 0.0]])  # explains every measure
-    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
-    found = search.resume(Tiling(torch.cat([true, nothing]), torch.tensor([1.0, 1, 1, 3]), 0.0))
+    search = image_search(image)
+    found = search.resume(Candidate(torch.cat([true, nothing]), torch.tensor([1.0, 1, 1, 3]), 0.0))
     assert len(found.maps) == 3
 
 
@@ -119,18 +121,18 @@ def test_a_map_found_squared_is_replaced_by_its_root():
     others = torch.cat([true[:large], true[large + 1:]])
     company = torch.cat([(linear @ others[:, :4].unflatten(1, (2, 2))).flatten(1),
                          others[:, 4:] @ linear.T + true[large, 4:]], 1)
-    search = PictureSearch(Picture(image, LEVELS["density"]), LEVELS["density"].measure(image), noise=0.1)
-    shown = search.picture.judge(torch.cat([squared[None], others, company]))
+    search = image_search(image)
+    shown = search.objective.judge(torch.cat([squared[None], others, company]))
     g = torch.Generator().manual_seed(0)
-    found = min((search._root(shown, g) for _ in range(4)), key=lambda drawn: drawn.error)
+    found = min((root.neighbour(search, shown, g) for _ in range(4)), key=lambda drawn: drawn.error)
     assert found.error < shown.error and len(found.maps) == 4
-    search.most = 3
-    assert all(len(search._rooted(shown, 0, order).maps) in (len(shown.maps), 2, 3) for order in (2, 3))
+    search = image_search(image, at_most=3)
+    assert all(len(root.rooted(search, shown, 0, order).maps) in (len(shown.maps), 2, 3) for order in (2, 3))
 
 
 def test_reflections_and_thinner_images_stay_in_place(triangle):
     code, image = triangle
-    measure = binned(LEVELS["density"].measure(image), 64)
+    measure = binned(DENSITY.measure(image), 64)
     old = torch.tensor([[0.3, 0.1, -0.2, 0.15, 0.1, 0.2]])
 
     def image_of(maps):
@@ -152,7 +154,7 @@ def test_reflections_and_thinner_images_stay_in_place(triangle):
 
 def test_the_mean_of_several_drawings_has_less_noise(triangle):
     code, image = triangle
-    one, four = (Picture(image, LEVELS["density"], drawings=n) for n in (1, 4))
+    one, four = (objective(image, renderings=n) for n in (1, 4))
     maps = affine.from_code(code)
     assert four.judge(maps).error < 0.75 * one.judge(maps).error
 
@@ -160,13 +162,13 @@ def test_the_mean_of_several_drawings_has_less_noise(triangle):
 @pytest.mark.parametrize(("kind", "levels", "noises"), [("grey", "density", 1.2), ("binary", "binary", 3)])
 def test_a_reduced_picture_is_as_it_would_have_been_drawn(kind, levels, noises):
     code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
-    levels, image = LEVELS[levels], suite.target(code, 512, kind)
+    levels, image = LEVELS[levels](CAMERA), suite.target(code, 512, kind)
 
-    def error(picture: Picture) -> float:
-        return picture.error(picture.draw(code)) / picture.noise(code)
+    def error(picture: ImageObjective) -> float:
+        return picture.error(picture.render(code)) / picture.noise(code)
 
-    shrunk = error(Picture(levels.shrunk(image, 256), levels))
-    known = error(Picture(reduced(image, 256, code, levels, 0), levels))
+    shrunk = error(objective(levels.shrunk(image, 256), levels))
+    known = error(objective(reduced(image, 256, code, levels, PARAMS, 0), levels))
     away = affine.from_code(code) + 2e-4 * torch.randn(4, 6, generator=torch.Generator().manual_seed(0))
-    nearly = error(Picture(reduced(image, 256, affine.to_code(away), levels, 0), levels))
+    nearly = error(objective(reduced(image, 256, affine.to_code(away), levels, PARAMS, 0), levels))
     assert known < noises and known < 0.7 * shrunk and known < nearly < shrunk

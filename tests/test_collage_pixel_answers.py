@@ -4,17 +4,17 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from collage_helpers import PARAMS, measure_search, objective
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.frame import Frame
-from fractal_exp.methods.collage.jacobian import Played
-from fractal_exp.methods.collage.measure import LEVELS
-from fractal_exp.methods.collage.picture import Picture, stabilize
-from fractal_exp.methods.collage.search import Search, Tiling
-from fractal_exp.methods.collage.simple_maps import NEAR_PX, Spread
-from fractal_exp.methods.collage.superfluous import needed
+from fractal_exp.methods.collage.canonical.simple_maps import Spread
+from fractal_exp.methods.collage.image.frame import Frame
+from fractal_exp.methods.collage.image.jacobian import FromPoints
+from fractal_exp.methods.collage.image.objective import stabilize
+from fractal_exp.methods.collage.image.pruning import pruned
+from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.suite import target
 
 
@@ -45,9 +45,9 @@ def test_the_weights_of_a_misfit_are_the_slope_of_its_penalty():
 
 def test_a_matrix_turns_about_the_mean_of_the_attractor():
     code = attractor.normalize(codes.known("fern"))
-    picture = Picture(target(code, 32), LEVELS["density"])
+    picture = objective(target(code, 32))
     drawn = picture.judge(affine.from_code(code))
-    jacobian = Played(picture, drawn, [2], 0)
+    jacobian = FromPoints(picture, drawn, [2], 0)
     mean = torch.tensor(jacobian.mean)
     for parameter, (i, j, _) in enumerate(jacobian.units):
         before, after = drawn.maps[i], jacobian.nudged(parameter, 0.1)[i]
@@ -58,10 +58,10 @@ def test_a_matrix_turns_about_the_mean_of_the_attractor():
 
 
 def spread(pixel=2 / 256):
-    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel)
+    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel, PARAMS.canonical, 0.9995)
 
 
-@pytest.mark.parametrize(("pixels", "near"), [(0.8 * NEAR_PX, True), (0.04, True), (0.1, False)])
+@pytest.mark.parametrize(("pixels", "near"), [(0.8 * PARAMS.canonical.near_px, True), (0.04, True), (0.1, False)])
 def test_a_matrix_is_rounded_if_that_moves_the_attractor_by_a_twentieth_of_a_pixel_at_most(pixels, near):
     one = torch.tensor([0.5, 0.25, 0, 0.5, 0.3, -0.2])
     one[0] += pixels * 2 / 256 / 0.4  # times the attractor's standard deviation: by so many pixels
@@ -84,16 +84,17 @@ class Priced:
 
 def test_maps_go_that_are_not_worth_their_price():
     drawn = SimpleNamespace(maps=[0.5, 0.09, 0.3, -0.2, 0.11], error=1.0)
-    assert needed(Priced, drawn, 0.1).maps == [0.5, 0.3, 0.11]
-    assert needed(Priced, drawn, 0.0).maps == [0.5, 0.09, 0.3, 0.11]
-    assert len(needed(Priced, drawn, 10.0).maps) == 2 and len(needed(Priced, drawn, 10.0, least=4).maps) == 4
+    assert pruned(Priced, drawn, 0.1).maps == [0.5, 0.3, 0.11]
+    assert pruned(Priced, drawn, 0.0).maps == [0.5, 0.09, 0.3, 0.11]
+    assert len(pruned(Priced, drawn, 10.0).maps) == 2 and len(pruned(Priced, drawn, 10.0, least=4).maps) == 4
 
 
 def test_every_step_of_a_search_and_every_seed_tries_something_else():
     masses = torch.rand(32, 32, generator=torch.Generator().manual_seed(0)).square()
     maps = torch.tensor([[0.5, 0, 0, 0.5, 0.3, 0.3], [0.5, 0, 0, 0.5, -0.3, -0.3]])
-    bad = Tiling(maps, torch.tensor([0.25, 0.25]), float("inf"))
-    found = [Search(masses, size=32, coarse=16, seed=seed, count=12, kept=2).step(bad, number).maps
+    bad = Candidate(maps, torch.tensor([0.25, 0.25]), float("inf"))
+    few = {"search": {"proposals": 2}, "births": {"count": 12, "kept": 2}}
+    found = [measure_search(masses, 32, seed, **few).step(bad, number).maps
              for seed, number in ((0, 1), (0, 2), (1, 1), (0, 1))]
     assert torch.equal(found[0], found[3])
     assert not any(a.shape == b.shape and torch.equal(a, b)

@@ -5,25 +5,22 @@ from dataclasses import replace
 
 import pytest
 import torch
+from collage_helpers import PARAMS, objective, problem
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage import simple_maps
-from fractal_exp.methods.collage.frame import Frame
-from fractal_exp.methods.collage.measure import LEVELS, guess_levels
-from fractal_exp.methods.collage.picture import Picture
-from fractal_exp.methods.collage.polish import polished
-from fractal_exp.methods.collage.rounding import Rounding
-from fractal_exp.methods.collage.search import Tiling
-from fractal_exp.methods.collage.simple_maps import EDGE, Spread, mirrored_offsets, simple_matrices
-from fractal_exp.methods.collage.stages import Problem, plan
-from fractal_exp.methods.collage.work import Work
+from fractal_exp.methods.collage.canonical.rounding import Rounding
+from fractal_exp.methods.collage.canonical.simple_maps import EDGE, Spread, mirrored_offsets, simple_matrices
+from fractal_exp.methods.collage.image.gauss_newton import polished
+from fractal_exp.methods.collage.stages import ImageMoves, last_stages
+from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.runtime.deadline import Deadline
 
 
 def pictured(code, side=128):
     code = attractor.normalize(replace(code, probabilities=None))
-    return affine.from_code(code).float(), Picture(suite.target(code, side), LEVELS["density"], drawings=2)
+    return affine.from_code(code).float(), objective(suite.target(code, side), renderings=2)
 
 
 def off(maps, pixels, side=128):
@@ -59,18 +56,18 @@ def test_a_code_of_the_suite_keeps_its_numbers_and_fills_its_frame():
     assert all(float((simple_matrices(one[:4].view(2, 2)) - one[:4].view(2, 2)).abs().amax((1, 2)).min()) > 1e-5
                for one in found.maps)
     assert torch.allclose(found.maps, maps, atol=2e-3)
-    frame = Frame.of(picture.image)
-    before, after = (float(frame.misfit(drawn.maps, drawn.chances).abs().max()) for drawn in (start, found))
+    frame = picture.own_frame()
+    before, after = (float(frame.misfit(drawn.maps, drawn.probabilities).abs().max()) for drawn in (start, found))
     assert after < 0.003 < before
     assert found.error < 1.02 * start.error
 
 
-def test_what_is_near_to_simple_numbers_stays_where_the_picture_tells(triangle, monkeypatch):
+def test_what_is_near_to_simple_numbers_stays_where_the_image_tells(triangle):
     code = replace(triangle[0], linear=triangle[0].linear * 0.985)
     maps, picture = pictured(code)
     start = picture.judge(maps)
     assert Spread.of(start, picture).rounded(maps[0]) is None
-    monkeypatch.setattr(simple_maps, "NEAR_PX", 2)
+    picture = objective(picture.image, renderings=2, canonical={"near_px": 2.0})
     assert Spread.of(start, picture).rounded(maps[0]) is not None
     found = Rounding(picture)(start)
     assert float((found.maps - maps).abs().max()) < 1e-3
@@ -104,8 +101,8 @@ def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
     crooked[0] = torch.tensor([5e-4, 1e-4, -3e-4, scale, 3e-4, end])
     start = picture.judge(crooked)
     found = Rounding(picture)(start)
-    frame = Frame.of(picture.image)
-    before, after = (float(frame.misfit(drawn.maps, drawn.chances).abs().max()) for drawn in (start, found))
+    frame = picture.own_frame()
+    before, after = (float(frame.misfit(drawn.maps, drawn.probabilities).abs().max()) for drawn in (start, found))
     assert after < 0.002 < 0.04 < before
     assert found.error < 0.1 * start.error
 
@@ -122,7 +119,7 @@ def test_lines_are_none_of_maps_with_wide_images(triangle):
 
 def test_no_line_or_rounding_is_proposed_that_does_not_contract():
     spread = torch.diag(torch.tensor([1e-4, 0.1], dtype=torch.float64))
-    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256)
+    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, PARAMS.canonical, 0.9995)
     lines = list(tall.lines(torch.tensor([0, 0.001, 0, 0.9, 0, 0])))
     assert lines and all(float(line.one[:4].abs().max()) < 1 for line in lines)
     assert all(line.scale == 3 for line in lines)  # the width is too little to be stretched that far
@@ -132,67 +129,62 @@ def test_no_line_or_rounding_is_proposed_that_does_not_contract():
     assert wide.rounded(torch.tensor([0.9799, 0.1999, -0.1999, 0.9799, 0, 0])) is None
 
 
-def test_held_entries_stay_while_others_are_polished(triangle):
+def test_fixed_entries_stay_while_others_are_polished(triangle):
     maps, picture = pictured(triangle[0])
     start = picture.judge(off(maps, 0.3))
-    held = {(0, 0), (0, 1), (2, 2), (2, 3), (2, 5)}
-    found = polished(picture, start, 4, held=held)
+    fixed = {(0, 0), (0, 1), (2, 2), (2, 3), (2, 5)}
+    found = polished(picture, start, 4, fixed=fixed)
     moved = found.maps != start.maps
     assert found.error < start.error
-    assert not any(moved[i, j] for i, j in held) and int(moved.sum()) == 13
+    assert not any(moved[i, j] for i, j in fixed) and int(moved.sum()) == 13
 
 
-def test_maps_that_are_held_whole_have_no_turn(triangle):
+def test_maps_that_are_fixed_whole_are_not_polished(triangle):
     maps, picture = pictured(triangle[0])
-    picture.maps_at_once = 1
     start = picture.judge(off(maps, 0.3))
-    found = polished(picture, start, 2, held={(1, j) for j in range(6)})
+    found = polished(picture, start, 2, fixed={(1, j) for j in range(6)})
     assert found.error < start.error and torch.equal(found.maps[1], start.maps[1])
-    assert polished(picture, start, 2, held={(i, j) for i in range(3) for j in range(6)}) is start
+    assert polished(picture, start, 2, fixed={(i, j) for i in range(3) for j in range(6)}) is start
 
 
 @pytest.mark.parametrize("kind", ["grey", "binary"])
 def test_the_last_stage_ends_the_work_and_keeps_codes_that_are_far_off(triangle, kind):
     image = suite.target(triangle[0], 128, kind)
-    problem = Problem(image, LEVELS[guess_levels(image)], 0, 1, 64, None, None)
+    given = problem(image)
     for pixels, kept in ((0.02, False), (5, True)):
         maps = off(affine.from_code(triangle[0]).float(), pixels)
-        tiling = Tiling(maps, affine.normalized(affine.volumes(maps)), 0.0)
-        stage = plan(problem, rounds=1, islands=1, moves=0, detail_moves=0, picture_moves=0)[-1]
-        work = Work(best=tiling, before=tiling)
-        stage.open(work)
-        done = stage.close(replace(work, tiling=stage.begin(work)))
+        stage, state = last_stages(given)[-1], State(best=Candidate(maps, None, 0.0), before=Candidate(maps, None, 0.0))
+        stage.open(state)
+        done = stage.close(replace(state, current=stage.begin(state)))
         assert stage.name == "last digits" and done.before is None
         assert torch.equal(done.result.maps, maps) == kept
 
 
 def test_no_other_round_begins_for_what_rounding_alone_mends(triangle, monkeypatch):
     code, image = triangle
-    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    stages = plan(problem, rounds=2, islands=1, moves=0, detail_moves=0, picture_moves=0)
-    number, stage = next((k, each) for k, each in enumerate(stages) if each.name == "picture")
+    stage = ImageMoves(problem(image, rounds=2))
     maps = off(affine.from_code(code).float(), 0.02)
-    tiling = Tiling(maps, affine.normalized(affine.volumes(maps)), 0.0)
-    work = Work(stage=number, best=tiling, pool=maps)
-    stage.open(work)
+    start = Candidate(maps, None, 0.0)
+    state = State(best=start, current=start, pool=maps)
+    stage.open(state)
     monkeypatch.setattr(stage.search, "finish", stage.search.judged)
-    assert 1.5 < stage.search.noises(stage.search.judged(tiling)) < 100
-    assert stage.close(replace(work, tiling=tiling)).stage == len(stages) - 1
+    assert 1.5 < stage.search.noise_ratio(stage.search.judged(start)) < 100
+    assert stage.close(state).best is not None
     monkeypatch.setattr(stage.search, "simplified", lambda now: None)
-    assert stage.close(replace(work, tiling=tiling)).stage == number + 1
+    assert stage.close(state).best is None
 
 
 def test_nothing_is_rounded_when_time_is_up(triangle):
     maps, picture = pictured(triangle[0])
     start = picture.judge(off(maps, 0.02))
-    assert torch.equal(Rounding(picture, late=lambda: True)(start).maps, start.maps)
+    assert torch.equal(Rounding(picture, Deadline(1e-9))(start).maps, start.maps)
 
 
 def test_offsets_become_symmetric_only_where_all_nearly_are():
     near, far = torch.zeros(4, 6), torch.zeros(4, 6)
     near[:, 4], near[:, 5] = torch.tensor([0.3, -0.3004, 1e-4, -2e-5]), torch.tensor([0.2, 0.2001, -0.5, 0.1])
     far[:, 4] = torch.tensor([0.3, -0.3004, 0.2, -2e-5])
-    found = mirrored_offsets(near, 2 / 128)
+    found = mirrored_offsets(near, 0.1 * 2 / 128)
     assert torch.allclose(found[:, 4], torch.tensor([0.3002, -0.3002, EDGE, -EDGE]), atol=1e-7)
     assert torch.equal(found[:, 5], near[:, 5])
-    assert torch.equal(mirrored_offsets(far, 2 / 128), far)
+    assert torch.equal(mirrored_offsets(far, 0.1 * 2 / 128), far)

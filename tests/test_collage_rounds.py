@@ -5,66 +5,72 @@ from dataclasses import replace
 
 import pytest
 import torch
+from collage_helpers import DENSITY, measure_search, objective, problem, tied
+from collage_helpers import small as few
 
-from fractal_exp.methods.collage import births, search, stages
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage import method as methods
-from fractal_exp.methods.collage.measure import LEVELS
-from fractal_exp.methods.collage.method import Collage
-from fractal_exp.methods.collage.picture import Picture
-from fractal_exp.methods.collage.search import Search, Tiling
-from fractal_exp.methods.collage.stages import Problem, plan
-from fractal_exp.methods.collage.work import Work
-from fractal_exp.ops.collage import Descent
+from fractal_exp.methods.collage.measure import births
+from fractal_exp.methods.collage.measure.search import MeasureSearch
+from fractal_exp.methods.collage.params import DescentSteps
+from fractal_exp.methods.collage.stages import Detail, ImageMoves, Restart, last_stages, stages_of
+from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 
 TURN = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of a square, say, about its middle
 
 
 def small(**options):
-    return Collage(**{"islands": 1, "moves": 3, "rounds": 3, "detail_moves": 2, "picture_moves": 2, "previews": 1}
-                   | options)
+    return few(search={"restarts": 1, "moves": 3, "detail_moves": 2}, **options)
 
 
-def test_another_round_begins_only_where_the_picture_is_far_off(triangle):
+@pytest.mark.parametrize(("number", "ratio", "angle", "another"), [
+    (1, 1.5, 0.1, False), (1, 2.5, 0.1, True), (0, 1, 0.1, False), (0, 10, 0.5, False), (0, 1.5, 0.1, True),
+    (2, 10, 0.1, False)])
+def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, ratio, angle, another):
     code, image = triangle
-    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    stages = plan(problem, rounds=3, islands=3, moves=1, detail_moves=1, picture_moves=0)
-    later = 3 * ["search"] + ["detail", "picture"]
-    assert [stage.name for stage in stages] == ["search", *later, *later, *later, "last digits"]
-    maps = affine.from_code(code)
-    first, second, end = 5, 10, len(stages) - 1
-    for number, noises, angle, ends_at in ((second, 1.5, 0.1, end), (second, 2.5, 0.1, second + 1),
-                                           (first, 1, 0.1, end), (first, 10, 0.5, end), (first, 1.5, 0.1, first + 1)):
-        stage, work = stages[number], Work(stage=number, best=Tiling(maps, affine.volumes(maps), 0.0), pool=maps)
-        stage.open(work)
-        assert stage.search.noises(stage.begin(work)) < 2, "the true code"
-        stage.search.noises = lambda now, noises=noises: noises
-        stage.search.picture.angle = lambda error, angle=angle: angle
-        after = stage.close(replace(work, tiling=stage.begin(work)))
-        assert after.stage == ends_at and len(after.result.maps) == 3
-    assert after.best is None and len(after.pool) == 6
-    again = stages[6]
-    again.open(after)
-    assert again.close(replace(after, tiling=again.begin(after))).best is not None
-    snapshot = Work.of(after.snapshot(), "cpu")
-    assert torch.equal(snapshot.before.maps, after.before.maps) and snapshot.best is None
+    given, maps = problem(image, rounds=3), affine.from_code(code)
+    stage, state = ImageMoves(given, number), State(best=tied(maps), pool=maps)
+    stage.open(state)
+    state = replace(state, current=stage.begin(state))
+    assert stage.search.noise_ratio(state.current) < 2, "the true code"
+    stage.search.noise_ratio = lambda now: ratio
+    stage.search.objective.angle = lambda error: angle
+    after = stage.close(state)
+    assert (after.best is None) == another and len(after.result.maps) == 3
+    if another:
+        assert len(after.pool) == 6 and after.scores == ()
+        kept = State.of(after.snapshot(), "cpu")
+        assert torch.equal(kept.before.maps, after.before.maps) and kept.best is None
+        again = Restart(given, number + 1)
+        again.open(after)
+        assert again.close(replace(after, current=again.begin(after))).best is not None
+
+
+def test_the_stages_of_a_round_come_in_order(triangle):
+    given = problem(triangle[1], rounds=3, search={"restarts": 3})
+    later = ["search"] * 3 + ["detail", "image"]
+    assert [[stage.name for stage in stages_of(given, number)] for number in range(3)] == [["search", *later], later,
+                                                                                        later]
+    stages = [stage for number in range(3) for stage in stages_of(given, number)] + last_stages(given)
+    assert [stage.key for stage in stages] == sorted(stage.key for stage in stages)
+    assert stages[-1].name == "last digits"
 
 
 def test_a_round_after_an_isometry_does_without(triangle):
     code, image = triangle
-    problem = Problem(image, LEVELS["density"], 0, 1, 64, None, None)
-    stages = plan(problem, rounds=4, islands=1, moves=1, detail_moves=1, picture_moves=0)
-    right = affine.from_code(code)
+    given, right = problem(image, rounds=4), affine.from_code(code)
 
-    def limits(maps):
-        before = Tiling(maps, affine.volumes(maps), 1.0)
-        for stage in stages[:-1]:
-            stage.open(Work(best=before, before=before if stage.round else None))
-            yield getattr(stage.search, "smaller", None)  # what is judged by the picture has no such limit
+    def limits(maps, **options):
+        before = tied(maps, 1.0)
+        for number in range(4):
+            for stage in stages_of(problem(image, rounds=4, **options), number):
+                stage.open(State(best=before, before=before if number else None))
+                yield getattr(stage.search, "smaller", None)  # what is judged by renderings has no such limit
 
+    assert given.rounds == 4
     assert list(limits(torch.cat([right, TURN]))) == 2 * [1, 1, 1, None, 0.9, 0.9, 0.9, None]
     assert list(limits(right)) == 4 * [1, 1, 1, None]
+    assert list(limits(torch.cat([right, TURN]), stages={"avoid_isometries": False})) == 4 * [1, 1, 1, None]
 
 
 def test_a_search_without_isometries_finds_and_takes_none(triangle, monkeypatch):
@@ -72,53 +78,47 @@ def test_a_search_without_isometries_finds_and_takes_none(triangle, monkeypatch)
     _, image = triangle
     monkeypatch.setattr(affine, "random_matrices", lambda count, *_: TURN[:, :4].view(1, 2, 2).expand(count, 2, 2))
     monkeypatch.setattr(births, "_blobs", lambda lacking, place, *_: TURN.expand(len(place), 6))
-    monkeypatch.setattr(births, "COARSE", replace(births.COARSE, steps=1))  # descent alone would lead away from them
-    monkeypatch.setattr(births, "FINE", replace(births.FINE, steps=1))
-    monkeypatch.setattr(search, "START", replace(search.START, steps=1))
+    once = {"coarse": {"steps": 1}, "fine": {"steps": 1}}  # descent alone would lead away from them
     most = {}
     for smaller in (1.0, 0.9):
-        some = Search(LEVELS["density"].measure(image), size=32, coarse=16, smaller=smaller)
-        born, _ = births.births(some.coarse, some.measure, some.slack[None], 0.5, [births.LARGE], count=6, kept=2,
-                                smaller=smaller, generator=torch.Generator().manual_seed(0))
-        moved, _, _ = some.move(TURN, torch.tensor([0.5]), Descent(1))
-        monkeypatch.setattr(some, "_mixture", lambda pool, *_: pool)
+        some = measure_search(DENSITY.measure(image), 32, smaller=smaller, births={"count": 6, "kept": 2, **once},
+                              search={"start": {"steps": 1}})
+        born, _ = some._births(some.slack[None], [some.params.births.large], torch.Generator().manual_seed(0))
+        moved, _, _ = some.move(TURN, torch.tensor([0.5]), DescentSteps(steps=1, rate=0.01))
+        monkeypatch.setattr(MeasureSearch, "_mixture", lambda self, pool, *_: pool)
         most[smaller] = [float(affine.smaller_singular(maps).max()) for maps in
                          (some.start(), born, moved, some.mixed(torch.cat([moved * 0.5, TURN])))]
     assert max(most[0.9]) < 0.9 + 1e-4 and min(most[1.0]) > 0.9
 
 
-def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle, monkeypatch):
+def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):
     _, image = triangle
-    rounds = []
-    monkeypatch.setattr(methods, "plan", lambda problem, **options: rounds.append(options["rounds"]) or plan(
-        problem, **options | {"rounds": 1}))
-    for options in ({}, {"levels": "coverage"}, {"rounds": 3}):
-        small(**{"rounds": None} | options).reconstruct(image)
-    assert rounds == [4, 2, 3]
+    assert [problem(image, **({"rounds": None} | options)).rounds
+            for options in ({}, {"levels": "coverage"}, {"rounds": 3})] == [4, 2, 3]
 
 
 def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls(triangle, tmp_path, monkeypatch):
     _, image = triangle
-    monkeypatch.setattr(stages.Retouch, "_is_wrong", lambda stage, tiling: stage.others > 0)
+    monkeypatch.setattr(ImageMoves, "_is_wrong", lambda stage, candidate: True)
     path, parts = tmp_path / "search.safetensors", []
     whole = small(rounds=2).reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
     assert parts == sorted(parts) and parts[-1] == 1 and len(set(parts)) > 10
     with monkeypatch.context() as patch:
-        patch.setattr(stages.Detail, "begin", _interrupt_in_the_second_round)
+        patch.setattr(Detail, "begin", _interrupt_in_the_second_round)
         with pytest.raises(KeyboardInterrupt):
             small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path))
     resumed = small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
-def _interrupt_in_the_second_round(stage, work):
+def _interrupt_in_the_second_round(stage, state):
     if stage.round == 1:
         raise KeyboardInterrupt
-    return stage.search.resume(work.best.maps, work.best.weights)
+    return stage.search.resume(state.best)
 
 
 def test_the_angle_of_an_error_is_what_all_pixels_are_off_by():
     target = torch.full((32, 32), 0.5)
-    picture = Picture(target, LEVELS["density"])
+    picture = objective(target)
     darker = torch.sin(torch.full_like(target, math.pi / 4 - 0.2)) ** 2
     assert picture.angle(picture.error(darker)) == pytest.approx(0.2, rel=0.01)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 import torch
+from collage_helpers import CAMERA, PARAMS, objective
 
 from fractal_exp import ops
 from fractal_exp.errors import InputError
-from fractal_exp.methods.collage import picture_search
-from fractal_exp.methods.collage.measure import LEVELS
-from fractal_exp.methods.collage.picture import Picture
-from fractal_exp.methods.collage.picture_search import PictureSearch
-from fractal_exp.methods.collage.search import Tiling
+from fractal_exp.methods.collage.image.moves.root import rooted
+from fractal_exp.methods.collage.image.search import ImageSearch
+from fractal_exp.methods.collage.measure.levels import Density
+from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.ops.collage import orbit_bins, pushforward
 from fractal_exp.runtime.seeds import generator
 
@@ -47,20 +45,27 @@ def test_orbits_of_other_shapes_are_refused():
         orbit_bins(batch[0], chances, 32, trajectories=2, length=40, warmup=30, seed=0)
 
 
-def searched(image: torch.Tensor, maps: torch.Tensor) -> tuple[PictureSearch, Tiling, list]:
-    """A search of the image that begins with the maps (N,6), and what it draws: the number of maps, and whether each
-    point was used once, as where several drawings are averaged."""
-    drawn = []
+class Counted(Density):
+    """Density that notes what it renders: the number of maps, and whether each point was used once, as where several
+    renderings are averaged."""
 
-    def observe(code, resolution, seed, **how):
-        drawn.append((len(code), how.get("reuse") == 1))
-        return LEVELS["density"].observe(code, resolution, seed, **how)
+    def __init__(self):
+        super().__init__(CAMERA)
+        self.rendered: list[tuple[int, bool]] = []
 
-    picture = Picture(image, replace(LEVELS["density"], observe=observe))
-    start = picture.judge(maps)
-    search = PictureSearch(picture, picture.levels.measure(image), noise=picture.noise(start.code))
-    drawn.clear()
-    return search, Tiling(maps, start.chances, start.error, start.error), drawn
+    def render(self, code, resolution, seed, *, independent=False):
+        self.rendered.append((len(code), independent))
+        return super().render(code, resolution, seed, independent=independent)
+
+
+def searched(image: torch.Tensor, maps: torch.Tensor, **options) -> tuple[ImageSearch, Candidate, list]:
+    """A search of the image that begins with the maps (N,6), and what it renders."""
+    levels = Counted()
+    judge = objective(image, levels, **options)
+    start = judge.judge(maps)
+    search = ImageSearch(judge, levels.measure(image), noise=judge.noise(start.code))
+    levels.rendered.clear()
+    return search, Candidate(maps, None, start.error, start.error), levels.rendered
 
 
 @pytest.fixture
@@ -74,26 +79,25 @@ def scribble() -> torch.Tensor:
 
 
 @pytest.mark.parametrize("more", [0, 1])
-def test_roots_of_one_of_many_maps_are_not_tried_where_the_picture_may_be_of_no_code(scribble, more, monkeypatch):
-    count = picture_search.ROOTS_MAPS + more
+def test_roots_of_one_of_many_maps_are_not_tried_where_the_image_may_be_of_no_code(scribble, more):
+    count = PARAMS.moves.root_maps + more
     maps = random_codes(1, count)[0][0]
     maps[0, :4] = torch.tensor([0.8, 0.1, -0.1, 0.7])  # has roots
-    search, start, drawn = searched(scribble, maps)
-    shown = search.picture.judge(maps)
-    assert search.is_hopeless(start)
 
-    def most_maps_drawn() -> int:
-        drawn.clear()
-        search._rooted(shown, 0, 2)
-        return max((each for each, _ in drawn), default=0)
+    def most_maps_rendered(hopeless: float) -> int:
+        search, start, rendered = searched(scribble, maps, stages={"hopeless": hopeless})
+        shown = search.objective.judge(maps)
+        assert search.objective.is_hopeless(start.error) == (hopeless < 1)
+        rendered.clear()
+        rooted(search, shown, 0, 2)
+        return max((each for each, _ in rendered), default=0)
 
-    assert most_maps_drawn() == (0 if more else 2 * count - 1)
-    monkeypatch.setattr(picture_search, "HOPELESS", torch.pi)
-    assert most_maps_drawn() == 2 * count - 1
+    assert most_maps_rendered(PARAMS.stages.hopeless) == (0 if more else 2 * count - 1)
+    assert most_maps_rendered(3.14) == 2 * count - 1
 
 
-def test_the_end_of_a_hopeless_search_is_not_polished_on_several_drawings_and_no_worse(scribble):
+def test_the_end_of_a_hopeless_search_is_not_polished_on_several_renderings_and_no_worse(scribble):
     search, start, drawn = searched(scribble, random_codes(1, 5)[0][0])
     found = search.finish(start)
-    assert search.is_hopeless(found) and found.error <= start.error
+    assert search.objective.is_hopeless(found.error) and found.error <= start.error
     assert not any(once for _, once in drawn)

@@ -10,7 +10,7 @@ import pytest
 from nbclient import NotebookClient
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-SEARCH = {"islands": 1, "moves": 3, "rounds": 1, "detail_moves": 1, "picture_moves": 1}
+SEARCH = {"rounds": 1, "search": {"restarts": 1, "moves": 3, "detail_moves": 1}, "moves": {"count": 1}}
 QUICK = {  # values of the parameters that take moments: they show that everything runs, not what it can do
     "01_quickstart": {"resolution": 64, "options": SEARCH},
     "02_ablations": {},  # reads a sweep, see `output`

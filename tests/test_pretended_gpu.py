@@ -15,7 +15,7 @@ from fractal_exp.methods.chaotic.optimizers import GradientDescent
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.ops import cuda_launch
 
-SHORT = dict(islands=1, moves=1, detail_moves=1, picture_moves=1, rounds=1, proposals=1)
+SHORT = dict(rounds=1, search={"restarts": 1, "moves": 1, "detail_moves": 1, "proposals": 1}, moves={"count": 1})
 
 
 def test_what_a_gpu_refuses_is_refused_and_what_waits_for_it_counted():

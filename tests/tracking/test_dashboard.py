@@ -63,10 +63,10 @@ def test_a_study_that_is_not_there_is_an_input_error(uri, start, tmp_path):
 
 
 def test_params_are_those_of_the_method():
-    common = {"target": {"name": "fern"}, "seed": 0, "scale": "smoke", "islands": 5, "scouting": 100,
+    common = {"target": {"name": "fern"}, "seed": 0, "scale": "smoke", "restarts": 5, "scouting": 100,
               "model": {"maps": 10}, "loss": {"mse": 1.0}, "optimizer": {"lr": 0.1}, "iterations": 6}
-    collage = _params(common | {"method": {"_target_": "C", "islands": 5, "finest": 256, "seed": 0}})
-    assert collage == {"target": {"name": "fern"}, "seed": 0, "scale": "smoke", "islands": 5,
+    collage = _params(common | {"method": {"_target_": "C", "restarts": 5, "finest": 256, "seed": 0}})
+    assert collage == {"target": {"name": "fern"}, "seed": 0, "scale": "smoke", "restarts": 5,
                        "method": {"_target_": "C", "finest": 256}}
     chaotic = _params(common | {"method": {"_target_": "M", "model": {}, "objective": {}, "optimizer": {},
                                            "iterations": 6, "scouting": 100}})

@@ -13,8 +13,8 @@ Tell = Callable[[Stage, State], None]
 
 
 class Pipeline:
-    """One search. `state` is where it stands: a search that begins with the state of another goes on from there, bit for
-    bit as if it had never stopped. on_move and on_stage are called after each move and after each stage."""
+    """One search. `state` is where it stands: a search that begins with the state of another goes on from there, bit
+    for bit as if it had never stopped. on_move and on_stage are called after each move and after each stage."""
 
     def __init__(self, problem: Problem, state: State, *, on_move: Tell, on_stage: Tell):
         self.problem, self.state = problem, state

@@ -83,8 +83,8 @@ class Line:
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean (2,) and covariance (2,2) of an attractor, float64; pixel: a pixel's side; largest: singular value that a map
-    may have. What is rounded here sends the mean where it was sent before."""
+    """Mean (2,) and covariance (2,2) of an attractor, float64; pixel: a pixel's side; largest: singular value that a
+    map may have. What is rounded here sends the mean where it was sent before."""
 
     mean: Tensor
     covariance: Tensor

@@ -16,7 +16,8 @@ from ..params import FrameParams
 class Frame:
     """Targets are brought to the canvas by their box: centred, the longer side from -0.75 to 0.75. For the random suite
     and the classics this is the attractor's `visible_box`, for a picture file the box of what is lit, which leaves out
-    faint tips: a fern's stem, some pixels. What is lit may exceed the frame: the visible box leaves out the rarest tips.
+    faint tips: a fern's stem, some pixels. What is lit may exceed the frame, as the visible box leaves out the rarest
+    tips.
 
     side: pixels a side of the image; sigma_px, beyond_px: see `FrameParams`.
     """

@@ -55,8 +55,8 @@ class Course:
                           shift if self.main == 0 else shift.flip(0)])
 
     def pixels(self, image: Tensor, aside: int) -> Tensor:
-        """The image's (R,R) pixels on the line and so many on each side of it, (R,1 + 2 aside), a row each, in ascending order of t; those beyond
-        its edge are dark."""
+        """The image's (R,R) pixels on the line and so many on each side of it, (R,1 + 2 aside), a row each, in
+        ascending order of t; those beyond its edge are dark."""
         size = image.shape[0]
         rows = image.T if self.main == 0 else image.flip(0)
         centers = (2 * torch.arange(size) + 1) / size - 1
@@ -79,16 +79,18 @@ class Light:
 
 
 def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: LineParams) -> Tensor:
-    """Maps (K,6), `params.count` at most, to the line on which a map (6,) lays the measure, but in other ways along it: those
-    whose light fits best among all ends, in each direction of projection that is better than its neighbours, best
-    first; none where the image is a point.
+    """Maps (K,6), `params.count` at most, to the line on which a map (6,) lays the measure, but in other ways along it.
+
+    They are those whose light fits best among all ends, in each direction of projection that is better than its
+    neighbours, best first; none where the image is a point.
 
     share: of the points, that the map has; points (P,2): of the measure.
     """
     given, supersample = line, shown.supersample
     line, points, target, rest = (each.double().cpu() for each in (line, points, shown.target, shown.rest))
     course = Course.of(line, points)
-    light, variance = _missing(course.pixels(target, params.aside_px), course.pixels(rest, params.aside_px), supersample)
+    wanted, there = (course.pixels(each, params.aside_px) for each in (target, rest))
+    light, variance = _missing(wanted, there, supersample)
     cells = supersample * (1 + abs(course.slope))  # subpixels of a row that the line crosses
     thrown = shown.points_per_pixel * target.numel() * share
     own = points @ line[:4].view(2, 2)[course.main] + line[4 + course.main]

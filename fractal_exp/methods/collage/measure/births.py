@@ -13,10 +13,11 @@ from .. import maps as affine
 from ..params import BirthParams
 from .bins import halve
 
+
 @dataclass(frozen=True)
 class Birthplace:
-    """Where maps are born: the measure on a fine and a coarse grid, the descents that newborn maps make on each, and how
-    many candidates there are."""
+    """Where maps are born: the measure on a fine and a coarse grid, the descents that newborn maps make on each, and
+    how many candidates there are."""
 
     measure: BinnedMeasure
     coarse: BinnedMeasure
@@ -116,8 +117,8 @@ def _reshaped(maps: Tensor, measure: BinnedMeasure, factors: Tensor) -> Tensor:
 
 def visible_weights(maps: Tensor, weights: Tensor, measure: BinnedMeasure, background: Tensor,
                     tried: tuple[float, ...]) -> Tensor:
-    """The part of the weights (n,), of the shares `tried`, that fits best beside the background (1,G,G), for each of the
-    maps (n,6) alone: of an image thinner than a subpixel hardly anything is seen."""
+    """The part of the weights (n,), of the shares `tried`, that fits best beside the background (1,G,G), for each of
+    the maps (n,6) alone: of an image thinner than a subpixel hardly anything is seen."""
     images = pushforward(maps[:, None].contiguous(), torch.ones_like(maps[:, :1]), measure.samples, measure.size)
     shares = weights.new_tensor(tried)
     errors = torch.stack([collage_error(background + (share * weights)[:, None, None] * images, measure)

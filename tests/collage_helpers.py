@@ -1,0 +1,71 @@
+"""What the tests of collage search share: parts of it with few parameters given."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.image.search import ImageSearch
+from fractal_exp.methods.collage.measure.levels import LEVELS, guess_levels
+from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
+from fractal_exp.methods.collage.method import Collage
+from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.problem import Problem
+from fractal_exp.methods.collage.state import Candidate
+
+PARAMS = CollageParams()
+CAMERA = PARAMS.camera
+DENSITY, COVERAGE, BINARY = (LEVELS[name](CAMERA) for name in ("density", "coverage", "binary"))
+FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1}   # moves
+
+
+def merged(first: dict, second: dict) -> dict:
+    """Nested parameters, those of the second over those of the first."""
+    both = dict(first)
+    for name, value in second.items():
+        before = both.get(name)
+        both[name] = merged(before, value) if isinstance(before, dict) and isinstance(value, dict) else value
+    return both
+
+
+def params(**options) -> CollageParams:
+    return PARAMS.updated(**options)
+
+
+def meaning(image: Tensor) -> str:
+    return guess_levels(image, CAMERA)
+
+
+def objective(image: Tensor, levels=DENSITY, seed: int = 0, renderings: int = 1, **options) -> ImageObjective:
+    return ImageObjective(image, levels, params(**options), seed, renderings)
+
+
+def image_search(image: Tensor, **options) -> ImageSearch:
+    return ImageSearch(objective(image, **options), DENSITY.measure(image), noise=0.1)
+
+
+def measure_search(masses: Tensor, grid: int = 64, seed: int = 0, smaller: float = 1.0, **options) -> MeasureSearch:
+    options = merged({"search": {"proposals": 1, "grid": grid}}, options)
+    return MeasureSearch(masses, Regime.whole(params(**options)), params(**options), seed, smaller)
+
+
+def problem(image: Tensor, **options) -> Problem:
+    levels = LEVELS[options.pop("levels", meaning(image))](CAMERA)
+    return Problem(image, levels, params(**merged(FEW, options)))
+
+
+def small(**options) -> Collage:
+    """A search of two restarts and few moves."""
+    few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2}, "moves": {"count": 2}, "rounds": 1, "previews": 1}
+    return Collage(**merged(few, options))
+
+
+def tied(maps: Tensor, error: float = 0.0) -> Candidate:
+    """A candidate whose weights are its own, and those of |det| + 0.01."""
+    return Candidate(maps, affine.volumes(maps), error)
+
+
+def random(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)

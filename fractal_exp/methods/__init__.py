@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -29,12 +29,14 @@ def load(name: str) -> Callable[..., Method]:
     return getattr(import_module(f"{__package__}.{module}"), function)
 
 
-def check_options(build: Callable[..., Method], name: str, options: Mapping[str, Any]) -> None:
-    """Raise `InputError` on options that a method's building function does not have or that have another type."""
+def check_options(build: Callable[..., Method], name: str, options: Mapping[str, Any],
+                  others: Iterable[str] = ()) -> None:
+    """Raise `InputError` on options that a method's building function does not have or that have another type; others:
+    names beside them that may have been meant."""
     takes = inspect.signature(build).parameters
     for option, value in options.items():
         if option not in takes:
-            near = did_you_mean(option, takes, most=1)
+            near = did_you_mean(option, [*takes, *others], most=1)
             raise InputError(f"the method {name!r} has no option {option!r}{near or ';'} it takes {', '.join(takes)}")
         try:
             _checker(build, option).validate_python(value.item() if isinstance(value, np.generic) else value)

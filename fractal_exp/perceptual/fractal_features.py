@@ -24,7 +24,7 @@ TAPS = (2, 4, 6, 8, 10, 12, 14)           # features are read after each level's
 SMALLEST_PX = 32                          # one whole pixel of the fifth level; the padding fills up the last two
 
 LARGEST_FILE = 2**28                      # bytes of a weight file; this network needs less than a megabyte
-SHIPPED = "fractal_features.safetensors"  # in the folder data/ of this package
+SHIPPED = "fractal_features.safetensors"  # in the folder data/ of fractal_exp
 SHIPPED_SHA256 = "3119823362fcd7c843a7db213329c5900cddd19a8a2c25261adc91b3c8b4e856"
 
 
@@ -81,7 +81,7 @@ def load(path: str | Path | None = None) -> FractalFeatures:
 
 def _shipped() -> bytes:
     """The file in this package, whole and as it was published."""
-    file = resources.files(__package__) / "data" / SHIPPED
+    file = resources.files("fractal_exp.data") / SHIPPED
     remedy = "reinstall fractal-exp, or name a file that fractal-perceptual wrote with perceptual_weights=PATH"
     try:
         data = file.read_bytes()

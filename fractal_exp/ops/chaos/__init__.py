@@ -54,7 +54,7 @@ def chaos_game(
     check_memory(f"a chaos game of {shown(trajectories)} trajectories of {shown(length)} points",
                  codes * trajectories * length * BYTES_OF_A_POINT, linear.device,
                  "lower trajectories or length, or play several games")
-    thresholds = _thresholds(probabilities, batch, maps, linear.device).expand(codes, maps)
+    thresholds = cumulative_thresholds(probabilities, batch, maps, linear.device).expand(codes, maps)
     seeds = _seeds(seed, batch, linear.device).expand(codes)
     run = backends.load(__name__, backends.choose(backend, linear)).chaos_game
     points = run(linear.reshape(codes, maps, 2, 2), offset.reshape(codes, maps, 2), thresholds, seeds,
@@ -77,7 +77,7 @@ def _check_code(linear: Tensor, offset: Tensor) -> tuple[torch.Size, int]:
     return linear.shape[:-3], linear.shape[-3]
 
 
-def _thresholds(probabilities: Tensor | None, batch: torch.Size, maps: int, device: torch.device) -> Tensor:
+def cumulative_thresholds(probabilities: Tensor | None, batch: torch.Size, maps: int, device: torch.device) -> Tensor:
     """The cumulative probabilities in units of 2^-32, int64 (B or 1, N): exact on every device."""
     if probabilities is None:
         return torch.arange(1, maps + 1, device=device)[None] * 2**32 // maps

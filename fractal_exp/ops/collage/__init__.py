@@ -17,6 +17,7 @@ from ... import ops
 from ...errors import InputError
 from ...runtime.checks import check_alike, check_count, check_dense, check_memory, check_tensor, shown
 from .. import backends
+from ..chaos import cumulative_thresholds
 from . import reference
 from .reference import Descent
 
@@ -107,7 +108,7 @@ def orbit_bins(maps: Tensor, probabilities: Tensor, size: int, *, trajectories: 
     _check_size(size)
     check_memory(f"{len(maps)} grids of {size}² cells", 4 * len(maps) * size**2, maps.device, "lower the size")
     if backends.choose(backend, maps) == "cpu":
-        thresholds = ops._thresholds(probabilities, (), maps.shape[1], maps.device)[0]
+        thresholds = cumulative_thresholds(probabilities, (), maps.shape[1], maps.device)[0]
         return _backend("cpu", maps).orbit_bins(maps, thresholds, seed, size, trajectories, length, warmup)
     identity, bins = maps.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), []
     for each in maps:  # one after another, for the sake of memory

@@ -1,8 +1,8 @@
 """fractal-exp: from one image of a self-similar shape to the iterated function system that draws it, at any zoom.
 
 >>> from fractal_exp import View, invert, render                # doctest: +SKIP
->>> code = invert("leaf.png")                                   # doctest: +SKIP
->>> image = render(code, View(center=(0.1, -0.3), zoom=64))     # doctest: +SKIP
+>>> found = invert("leaf.png")                                      # doctest: +SKIP
+>>> image = render(found.code, View(center=(0.1, -0.3), zoom=64))   # doctest: +SKIP
 """
 
 import os
@@ -19,14 +19,20 @@ from .ifs import IFS, View
 
 if TYPE_CHECKING:
     from .api import invert
+    from .inversion import Inversion
     from .perceptual.distances import perceptual_distance
     from .rendering.still import render
 
-__all__ = ["IFS", "InputError", "View", "invert", "perceptual_distance", "render"]
+__all__ = ["IFS", "InputError", "Inversion", "View", "invert", "perceptual_distance", "render"]
 __version__ = "0.1.0"
 
 # What brings numba or more is imported at its first use.
-_LATER = {"invert": ".api", "perceptual_distance": ".perceptual.distances", "render": ".rendering.still"}
+_LATER = {
+    "Inversion": ".inversion",
+    "invert": ".api",
+    "perceptual_distance": ".perceptual.distances",
+    "render": ".rendering.still",
+}
 
 
 def __getattr__(name: str) -> Any:

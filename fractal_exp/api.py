@@ -2,46 +2,90 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from .errors import InputError, did_you_mean
-from .ifs.code import IFS
 from .methods import METHODS, check_options, load
-from .methods.base import OnStep
+from .methods.base import Method, OnStep, Progress, stop_reason
 
 if TYPE_CHECKING:
     import numpy as np
     from torch import Tensor
 
+    from .inversion import Inversion
+
+OWN = ("method", "resolution", "frame", "seed", "seconds", "progress", "on_step")  # of `invert`, whatever the method
+
 
 def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", resolution: int = 256,
-           frame: Literal["fit", "keep"] = "fit", seed: int = 0, seconds: float | None = None,
-           on_step: OnStep | None = None, **options: Any) -> IFS:
+           frame: Literal["fit", "keep"] = "fit", seed: int = 0, seconds: float | None = None, progress: bool = False,
+           on_step: OnStep | None = None, **options: Any) -> Inversion:
     """Recover the code of the self-similar shape on a picture.
 
     image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
     white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
-    image: the shape's longer side spans [-0.75, 0.75]. frame: "keep" takes a square picture as it is framed, as one
-    that `render` or `suite.target` drew; fitting it again would resample its grey levels. seconds: a limit after which
-    the best code so far is returned. on_step is told a `Progress` after every step. options go to the method: for
-    "collage" maps (None: found), at_most (None), islands (5), moves (50), rounds (None: up to 4 or 2, by the picture),
-    detail_moves (25), picture_moves (60), levels ("auto") and memory_gib (None: no limit), see
-    `methods.collage.method.Collage`; for "chaotic" maps (10), starts (10), scouting (120), iterations (800),
-    trajectories (1000), length (110), match_target (True), radii ((1,)), perceptual (None, or fractal, lpips_alex,
-    lpips_squeeze, lpips_vgg) and perceptual_weights (None), see `methods.chaotic.method.laptop`.
+    image: the shape's longer side spans [-0.75, 0.75]; the result's `placement` takes it back to the picture's pixels.
+    frame: "keep" takes a square picture as it is framed, as one that `render` or `suite.target` drew; fitting it again
+    would resample its grey levels. seconds: a limit after which the best code so far is returned. progress: show a
+    bar. on_step is told a `Progress` after every step.
 
+    options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`, those of a
+    component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. For "chaotic" they are the
+    arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800).
+
+    Returns an `Inversion`: the code, its likeness to the picture, how it was found and why the method stopped.
     Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before any work.
     """
     from .images.reading import read_target
+    from .inversion import Inversion, Likeness, warnings_of
+    from .methods.history import History
 
+    build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step)
+    target = read_target(image, resolution, frame=frame)
+    built = build(resolution=resolution, seed=seed, seconds=seconds, **options)
+    with _Bar(progress) as bar:
+        history = History([each for each in (on_step, bar) if each])
+        found = built.reconstruct(target.image, on_step=history)
+        took = history.seconds()
+    stopped = stop_reason(found, seconds, took)
+    likeness = Likeness.of(found.code, target.image, levels=options.get("levels", "auto"), seed=seed)
+    return Inversion(
+        code=found.code, target=target, source=Path(image).absolute() if isinstance(image, str | Path) else image,
+        likeness=likeness, history=history.stages(), stopped=stopped, seconds=took, method=method,
+        options={"seed": seed, "seconds": seconds, "frame": frame, **options}, notes=(*target.notes, *found.notes),
+        warnings=warnings_of(target, likeness, stopped))
+
+
+def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:
+    """What builds the method, or `InputError` if it is unknown or an argument is not of its type."""
     if method not in METHODS:
         raise InputError(f"there is no method {method!r}{did_you_mean(str(method), METHODS) or ';'} choose one of "
                          f"{', '.join(METHODS)}")
     if not (on_step is None or callable(on_step)):
         raise InputError(f"on_step must be a function that takes a Progress, got {on_step!r}")
+    if not isinstance(progress, bool):
+        raise InputError(f"progress must be True or False, got {progress!r}")
     build = load(method)
-    check_options(build, method, options | {"seconds": seconds, "seed": seed})
-    target = read_target(image, resolution, frame=frame).image
-    built = build(resolution=resolution, seed=seed, seconds=seconds, **options)
-    return built.reconstruct(target, on_step=on_step).code
+    check_options(build, method, options, OWN)
+    return build
+
+
+class _Bar:
+    """An `on_step` that draws a bar with the stage and the error; nothing unless it is `wanted`."""
+
+    def __init__(self, wanted: bool):
+        from tqdm import tqdm
+
+        self.bar = tqdm(total=100, disable=not wanted, bar_format="{percentage:3.0f}%|{bar:20}| {elapsed}{postfix}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.bar.close()
+
+    def __call__(self, progress: Progress) -> None:
+        self.bar.n = round(100 * progress.fraction, 1)
+        self.bar.set_postfix_str(progress.describe())

@@ -55,6 +55,9 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "time/fit_seconds"}
     assert not (folder / "checkpoint.safetensors").exists()
     printed = capsys.readouterr().out
+    history = json.loads((folder / "history.json").read_text())
+    assert history["stopped"] == "all 6 iterations done" and [stage["name"] for stage in history["stages"]] == ["fit"]
+    assert "stopped    all 6 iterations done" in printed
     assert "no perceptual term in this objective" in printed and "inverted" in printed and str(folder) in printed
 
     uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
@@ -240,9 +243,9 @@ def test_the_library_fits_in_one_call(picture):
 
     told = []
     small = {"resolution": 32, "maps": 3, "iterations": 4, "starts": 1, "trajectories": 50, "length": 30}
-    code = invert(picture, method="chaotic", **small, on_step=told.append)
+    code = invert(picture, method="chaotic", **small, on_step=told.append).code
     assert len(code) == 3 and len(told) == 4
-    again = invert(np.asarray(Image.open(picture)), method="chaotic", **small)
+    again = invert(np.asarray(Image.open(picture)), method="chaotic", **small).code
     assert torch.equal(code.linear, again.linear)
     with pytest.raises(InputError, match="there is no method 'magic'; choose one of collage, chaotic"):
         invert(picture, method="magic")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS
 from ..images.reading import write_image
+from ..methods.history import StageRecord
 from ..runtime.checkpoint import compare
 from ..runtime.files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
@@ -27,8 +28,8 @@ WHITE = 65535  # of 16 bits
 
 @dataclass(frozen=True)
 class FitFolder:
-    """truth.json or target.png, config.yaml, code.json, per_view.csv, views/, checkpoint.safetensors while the fit
-    runs, finished.json after."""
+    """truth.json or target.png, config.yaml, code.json, history.json (the stages, and why the fit stopped),
+    per_view.csv, views/, checkpoint.safetensors while the fit runs, finished.json after."""
 
     path: Path
 
@@ -98,6 +99,13 @@ class FitFolder:
             return kept
         levels = torch.maximum((image.double() * WHITE).round(), (image > 0).double()).numpy().astype(np.uint16)
         return write_image(kept, levels, bits=16)
+
+    def keep_history(self, stages: Sequence[StageRecord], stopped: str) -> Path:
+        """Keep the stages of the fit and why it stopped, as history.json."""
+        path = self.path / "history.json"
+        write_atomically(path, json.dumps({"stopped": stopped, "stages": [asdict(stage) for stage in stages]},
+                                          indent=1).encode())
+        return path
 
     def remember_run(self, uri: str, run_id: str | None) -> None:
         """Keep which MLflow run this fit logs to, so that a resumed fit goes on with it; no password is written."""

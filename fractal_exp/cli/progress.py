@@ -15,7 +15,6 @@ from ..tracking import Tracker
 from . import interruption
 from .folders import FitFolder
 
-SHOWN = {"loss": "↓", "error": "↓", "temperature": "", "maps": ""}  # by name; an arrow says which way is better
 QUIET_SECONDS = 30       # between two lines where the output is no terminal
 WINDOW = 120             # seconds over which the speed is taken
 SETTLED = 10             # seconds before there is an estimate
@@ -58,12 +57,9 @@ class Reporter:
 
 
 def describe(progress: Progress, left: float | None) -> str:
-    """Time left, stage and what is being improved, in words; ↓ stands after what is better when lower."""
-    parts = [f"about {_duration(left)} left"] if left is not None else []
-    parts += [progress.stage] if progress.stage else []
-    numbers = {name: arrow for name, arrow in SHOWN.items() if name in progress.scalars}
-    parts += [f"{name} {progress.scalars[name]:.3g}{arrow}" for name, arrow in numbers.items()]
-    return ", ".join(parts)
+    """Time left, stage and what is being improved, in words."""
+    parts = [f"about {_duration(left)} left" if left is not None else "", progress.describe()]
+    return ", ".join(part for part in parts if part)
 
 
 class TimeLeft:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -17,7 +16,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from ..evaluation import Perceptual
 from ..images.reading import write_image
-from ..methods.base import CodeReconstruction, Method
+from ..methods.base import CodeReconstruction, Method, stop_reason
+from ..methods.history import History
 from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.files import write_atomically
@@ -82,18 +82,21 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         folder.begin(OmegaConf.to_yaml(config))
         kept = folder.keep_target(target.image, target.truth)
         run.artifact(kept.name, kept)
-        start = time.perf_counter()
         with Reporter(run, folder) as reporter:
-            reconstruction = method.reconstruct(target.image, on_step=reporter,
+            history = History([reporter])
+            reconstruction = method.reconstruct(target.image, on_step=history,
                                                 checkpoint=replace(checkpoint, first=run.secure))
-        seconds = time.perf_counter() - start
+            seconds = history.seconds()
         if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
             run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
+        stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
+        run.artifact("history.json", folder.keep_history(history.stages(), stopped))
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds)
         _keep(folder, run, judgement)
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
     print(f"  {judgement.describe()}")
+    print(f"  stopped    {stopped}")
     print(f"  code       {folder.path / 'code.json'}")
     print(f"  pictures   {folder.views}")
     if where := runs.where(settings):

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from ..runtime.extras import need
 
 MSE_FLOOR = 1e-10            # PSNR of equal images: 100 dB
 SSIM_WINDOW = 11             # of sigma 1.5
@@ -43,6 +44,7 @@ def ssim(images: Tensor, truth: Tensor) -> Tensor:
     Gaussian window 11 × 11 of sigma 1.5, data range 1, averaged where the window fits (Wang et al. 2004; as
     `skimage.metrics.structural_similarity` with Gaussian weights). Raises `InputError` on images below 11 px.
     """
+    need("kornia")
     from kornia.metrics import ssim as ssim_map
 
     _check(images, truth)

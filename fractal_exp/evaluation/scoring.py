@@ -18,6 +18,7 @@ from ..ifs.code import IFS, View
 from ..perceptual import distances as perceptual
 from ..rendering.cache import ImageCache
 from ..rendering.still import check_resolution, points_per_view
+from ..runtime.extras import need
 from . import metrics
 from .views import code_of, evaluation_views
 
@@ -143,6 +144,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
           seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
           device: str = "cpu") -> Scored:
     """`evaluate`, with the images that were compared."""
+    need("kornia", "pandas")
     if align not in ALIGNMENTS:
         raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
     check_resolution(resolution)

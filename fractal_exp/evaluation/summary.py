@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
+from ..runtime.extras import need
 from .views import ZOOM_CLASSES, zoom_class
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
     the frame, and `ceiling_fraction` and `empty_views`. A metric that is absent (NaN) stays absent. Raises `InputError`
     on a table that is no such table or without rows.
     """
+    need("pandas")
     import pandas as pd
 
     missing = [name for name in ("view", "zoom", "f1") if name not in frame]

@@ -86,6 +86,16 @@ class IFS:
         """The number of maps N."""
         return self.linear.shape[0]
 
+    def __repr__(self) -> str:
+        name = f"{self.meta['name']!r}, " if isinstance(self.meta.get("name"), str) else ""
+        return f"IFS({name}{len(self)} map{'s' * (len(self) > 1)})"
+
+    def _repr_png_(self) -> bytes | None:
+        """What a notebook shows: the attractor on its canvas, as PNG. Nothing for a code that is not contractive."""
+        from ..rendering.sheets import portrait
+
+        return portrait(self)
+
     def to(self, device: torch.device | str) -> IFS:
         """The same code on another device."""
         p = None if self.probabilities is None else self.probabilities.to(device)

@@ -16,6 +16,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..runtime.files import replacing
 from .bands import Bands, Profile, open_picture
+from .placement import Placement
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -36,7 +37,7 @@ class Target:
     image (R,R) float32 in [0,1], white shape on black; inverted, whether the picture was black on white; source_size
     (width, height) in pixels, upright; crop_box (x0, y0, x1, y1), the square of the picture that fills the canvas, in
     its pixels from the upper left corner, which may reach beyond it; scale, target pixels per picture pixel; notes,
-    sentences for the log.
+    sentences for the log; warnings, those of the notes that say what may spoil a result.
     """
 
     image: Tensor
@@ -45,6 +46,24 @@ class Target:
     crop_box: tuple[float, float, float, float]
     scale: float
     notes: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def placement(self) -> Placement:
+        """What takes pixels of the picture to the canvas and back."""
+        return Placement(self.source_size, self.crop_box)
+
+
+class _Notes(list[str]):
+    """Sentences for the log, some of them warnings."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.warnings: list[str] = []
+
+    def warn(self, sentence: str) -> None:
+        self.append(sentence)
+        self.warnings.append(sentence)
 
 
 def read_target(
@@ -77,11 +96,8 @@ def read_target(
     resolution = check_resolution(resolution)
     _check_options(invert, threshold, padding, frame)
     name = f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
-    notes: list[str] = []
-    if isinstance(source, str | Path):
-        pixels = open_picture(Path(source), notes, _check_pixels)
-    else:
-        pixels = Bands.of_array(_check_pixels(source, name))
+    notes = _Notes()
+    pixels = _open(source, notes, name)
     height, width = pixels.height, pixels.width
     if min(height, width) < MIN_SIDE:
         raise InputError(f"{name} must be at least {MIN_SIDE} px on each side, got {width}×{height}; take a larger one")
@@ -102,11 +118,29 @@ def read_target(
         notes.append(f"binary at the threshold {threshold:g}")
     x, y, side = (0.0, 0.0, float(width)) if frame == "keep" else _window(profile, level, padding, notes)
     if side < resolution:
-        notes.append(f"enlarged {resolution / side:.3g} times by linear interpolation: the picture has no finer detail")
+        notes.warn(f"enlarged {resolution / side:.3g} times by linear interpolation: the picture has no finer detail")
     if level > MIN_CONTRAST:
-        notes.append(f"the background is not black but {level:.2f}; a threshold would clear it")
+        notes.warn(f"the background is not black but {level:.2f}; a threshold would clear it")
     image = torch.from_numpy(_resample(grey, x, y, side, resolution, level))
-    return Target(image, inverted, (width, height), (x, y, x + side, y + side), resolution / side, tuple(notes))
+    return Target(image, inverted, (width, height), (x, y, x + side, y + side), resolution / side, tuple(notes),
+                  tuple(notes.warnings))
+
+
+def read_colour(source: str | Path | np.ndarray | Tensor, backdrop: float = 0.0) -> np.ndarray:
+    """The upright picture in its colours at its own size, (H,W,3) uint8.
+
+    source: as for `read_target`; backdrop: the grey level in [0,1] that transparent parts are laid on. Raises
+    `InputError` where the picture cannot be read.
+    """
+    pixels = _open(source, _Notes(), "the image")
+
+    def coloured(band: np.ndarray) -> np.ndarray:
+        levels = np.atleast_3d(_unit(band))
+        if pixels.channels == 4:
+            levels = levels[..., :3] * levels[..., 3:] + np.float32(backdrop) * (1 - levels[..., 3:])
+        return np.rint(255 * np.broadcast_to(levels, (*levels.shape[:2], 3))).astype(np.uint8)
+
+    return np.concatenate([coloured(band) for band in pixels])
 
 
 def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8, 16] = 8) -> Path:
@@ -146,6 +180,12 @@ def _check_options(invert: Any, threshold: Any, padding: Any, frame: Any) -> Non
         raise InputError(f"padding must be at least 0 and below 1 (0.25 leaves the shape 75%), got {padding!r}")
     if frame not in ("fit", "keep"):
         raise InputError(f'frame must be "fit" or "keep", got {frame!r}')
+
+
+def _open(source: str | Path | np.ndarray | Tensor, notes: _Notes, name: str) -> Bands:
+    if isinstance(source, str | Path):
+        return open_picture(Path(source), notes, _check_pixels)
+    return Bands.of_array(_check_pixels(source, name))
 
 
 def _check_pixels(image: Any, name: str) -> np.ndarray:
@@ -233,7 +273,7 @@ def _check_contrast(profile: Profile, name: str) -> None:
                          "stands out from its background")
 
 
-def _background(grey: Bands, profile: Profile, invert: bool | str, notes: list[str]) -> tuple[float, bool, bool]:
+def _background(grey: Bands, profile: Profile, invert: bool | str, notes: _Notes) -> tuple[float, bool, bool]:
     """The background's level, whether the picture is to be inverted, so that its shape is white, and whether even then
     most of what deviates from the background is darker."""
     level = float(np.median(profile.border))
@@ -246,11 +286,10 @@ def _background(grey: Bands, profile: Profile, invert: bool | str, notes: list[s
     inverted = brighter < 0.5 if invert == "auto" else bool(invert)
     steady = float((np.abs(profile.border - level) < (profile.high - profile.low) / 4).mean())
     said = "black shape on white: inverted" if inverted else "white shape on black"
-    if invert != "auto":
-        said += ", as asked"
-    elif max(brighter, 1 - brighter) < 0.75 or steady < 0.75:
-        said += f", but the border leaves doubt; invert={str(not inverted).lower()} takes it the other way"
-    notes.append(said)
+    if invert == "auto" and (max(brighter, 1 - brighter) < 0.75 or steady < 0.75):
+        notes.warn(f"{said}, but the border leaves doubt; invert={str(not inverted).lower()} takes it the other way")
+    else:
+        notes.append(said if invert == "auto" else f"{said}, as asked")
     return level, inverted, (1 - brighter if inverted else brighter) < 0.5
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from torch import Tensor
 
+from ..runtime.extras import need
 from .reading import check_resolution, read_target
 
 FIELD_LEVEL = 40             # of the red channel: what is darker is the camera's mask, not the eye
@@ -32,6 +33,7 @@ def snowflake(resolution: int) -> Tensor:
 
     Raises the `InputError` of `read_target` on an unusable resolution.
     """
+    need("matplotlib")
     from matplotlib import font_manager
     from PIL import Image, ImageDraw, ImageFont
 
@@ -45,6 +47,7 @@ def snowflake(resolution: int) -> Tensor:
 
 def _vessels() -> np.ndarray:
     """The mask (1411,1411) of the vessels."""
+    need("skimage")
     from scipy import ndimage
     from skimage import data, filters, measure, morphology
 

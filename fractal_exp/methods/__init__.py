@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -29,13 +29,22 @@ def load(name: str) -> Callable[..., Method]:
     return getattr(import_module(f"{__package__}.{module}"), function)
 
 
-def check_options(build: Callable[..., Method], name: str, options: Mapping[str, Any]) -> None:
-    """Raise `InputError` on options that a method's building function does not have or that have another type."""
-    takes = inspect.signature(build).parameters
+def check_options(build: Callable[..., Method], name: str, options: Mapping[str, Any],
+                  others: Iterable[str] = ()) -> None:
+    """Raise `InputError` on options that a method's building function does not have or that have another type; others:
+    names beside them that may have been meant."""
+    takes = {key: each for key, each in inspect.signature(build).parameters.items() if each.kind != each.VAR_KEYWORD}
+    params = inspect.signature(build, eval_str=True).return_annotation.Params
+    if params is not None:
+        own = {key: value for key, value in options.items() if key in params.model_fields}
+        params().updated(**own)
+        others = [*others, *params.model_fields]
+        options = {key: value for key, value in options.items() if key not in own}
     for option, value in options.items():
         if option not in takes:
-            near = did_you_mean(option, takes, most=1)
-            raise InputError(f"the method {name!r} has no option {option!r}{near or ';'} it takes {', '.join(takes)}")
+            near = did_you_mean(option, [*takes, *others], most=1)
+            raise InputError(f"the method {name!r} has no option {option!r}{near or ';'} it takes "
+                             f"{', '.join([*takes, *(params.model_fields if params else ())])}")
         try:
             _checker(build, option).validate_python(value.item() if isinstance(value, np.generic) else value)
         except ValueError as error:

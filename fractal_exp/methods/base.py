@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -12,6 +13,11 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..runtime.checkpoint import Checkpoint
+from ..runtime.params import Params
+
+SHOWN = {"loss": "↓", "error": "↓", "temperature": "", "maps": ""}  # scalars; an arrow says which way is better
+ALL_DONE = "all stages done"
+LATE = 0.95  # of a time limit: a method that ends after it, and does not say why, has skipped what was left
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,11 @@ class Progress:
     preview: Tensor | None = None
     stage: str | None = None
     code: IFS | None = None
+
+    def describe(self) -> str:
+        """The stage and what is being improved, in words; ↓ stands after what is better when lower."""
+        told = [f"{name} {self.scalars[name]:.3g}{arrow}" for name, arrow in SHOWN.items() if name in self.scalars]
+        return ", ".join([*([self.stage] if self.stage else []), *told])
 
 
 OnStep = Callable[[Progress], None]
@@ -45,9 +56,14 @@ class Reconstruction(ABC):
 
 @dataclass(frozen=True)
 class CodeReconstruction(Reconstruction):
-    """A reconstruction that is an IFS, in the frame of the input image."""
+    """A reconstruction that is an IFS, in the frame of the input image.
+
+    stopped: why the work ended, in words; empty where the method does not say. notes: sentences for the user.
+    """
 
     code: IFS
+    stopped: str = ""
+    notes: tuple[str, ...] = ()
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:
@@ -58,7 +74,12 @@ class CodeReconstruction(Reconstruction):
 
 
 class Method(ABC):
-    """How a reconstruction is got from an image. A method knows no tracker, no file names and no configuration."""
+    """How a reconstruction is got from an image. A method knows no tracker, no file names and no configuration.
+
+    Params: the class of its parameters, where it has one; its fields are options of the constructor.
+    """
+
+    Params: ClassVar[type[Params] | None] = None
 
     def check(self, target: Tensor) -> None:
         """Raise the `InputError` that `reconstruct` would raise on this image, without any work."""
@@ -72,6 +93,18 @@ class Method(ABC):
         on_step is called after every step; with a checkpoint the work is saved as it says and can be resumed. Raises
         `InputError` on an unusable image before any work, and `FitDiverged` if the work breaks down.
         """
+
+
+def stop_reason(reconstruction: Reconstruction, limit: float | None, seconds: float) -> str:
+    """Why a method stopped, in words: as it says itself, or by the time that it took against its limit in seconds."""
+    if isinstance(reconstruction, CodeReconstruction) and reconstruction.stopped:
+        return reconstruction.stopped
+    return time_is_up(limit) if limit is not None and seconds > LATE * limit else ALL_DONE
+
+
+def time_is_up(limit: float) -> str:
+    """The reason of a method that its time limit in seconds has ended."""
+    return f"the time limit of {limit:g} s was reached"
 
 
 def check_device(device: str) -> str:

@@ -19,6 +19,7 @@ from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
 from ..errors import InputError
+from ..runtime.extras import need
 from . import fractal_features
 from .feature_distance import unit_distance
 
@@ -124,6 +125,7 @@ class Backbone:
 
     def layers(self, path: Path) -> nn.Sequential:
         """The backbone's layers up to the last tap, with the weights of a file."""
+        need("torchvision")
         from torchvision.models import get_model
 
         with torch.device("meta"):  # no memory, and no draw from the global random generator
@@ -191,6 +193,7 @@ class _HalvingConvFunction(torch.autograd.Function):
 
 def _heads(name: str) -> list[Tensor]:
     """The channel weights (C,) of every layer, which travel inside the lpips package."""
+    need("lpips")
     package = Path(importlib.util.find_spec("lpips").origin).parent  # importing it would cost a second
     state = torch.load(package / "weights" / "v0.1" / f"{name}.pth", map_location="cpu", weights_only=True)
     return [nn.Parameter(state[f"lin{layer}.model.1.weight"].flatten()) for layer in range(len(state))]
@@ -198,6 +201,7 @@ def _heads(name: str) -> list[Tensor]:
 
 def _cached_checkpoint(backbone: Backbone) -> Path:
     """torchvision's file of ImageNet weights in torch's cache, downloaded if it is not there."""
+    need("torchvision")
     from torchvision.models import get_model_weights
 
     url = get_model_weights(backbone.model)["IMAGENET1K_V1"].url

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
+from ..runtime.extras import need
 from ..runtime.files import replacing
 from .still import render_with_info, tone_map, white_level
 
@@ -55,6 +56,7 @@ def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int = 30) -
     The file appears when the last frame is written. Raises `InputError` on another suffix or a folder that cannot be
     written.
     """
+    need("imageio", "imageio_ffmpeg")
     import imageio
 
     path = check_film(path, 2, fps)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,9 @@ from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
 from ..errors import InputError
+from ..ifs import attractor
+from ..ifs.code import IFS
+from .still import render_with_info
 
 LEAST_FONT = 9                             # pixels high
 GAP = 4                                    # pixels between pictures
@@ -78,3 +82,20 @@ def _fitted(caption: str, width: int, font: ImageFont.FreeTypeFont) -> tuple[str
         kept -= 1
         text = caption[:(kept + 1) // 2].rstrip() + "…" + caption[len(caption) - kept // 2:].lstrip()
     return text, font
+
+
+def portrait(code: IFS, side: int = 256) -> bytes | None:
+    """The attractor of a code, brought to the canvas, as the bytes of a PNG; None if the code is not contractive."""
+    try:
+        framed = attractor.normalize(code)
+    except InputError:
+        return None
+    return png(render_with_info(framed, resolution=side)[0])
+
+
+def png(image: Tensor | np.ndarray) -> bytes:
+    """An image (H,W) in [0,1], or (H,W,3) uint8, as the bytes of a PNG."""
+    pixels = image if isinstance(image, np.ndarray) else np.rint(255 * image.numpy()).astype(np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, format="PNG")
+    return file.getvalue()

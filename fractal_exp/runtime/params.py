@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
@@ -42,11 +43,11 @@ class Params(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _lists_are_tuples(cls, values: Any) -> Any:
-        """As YAML and JSON write them."""
+    def _as_written(cls, values: Any) -> Any:
+        """As YAML and JSON write them; and NumPy's numbers are numbers."""
         if not isinstance(values, dict):
             return values
-        return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+        return {name: _plain(value) for name, value in values.items()}
 
     def updated(self, **values: Any) -> Self:
         """The same with other values, those of nested parameters as mappings; checked."""
@@ -61,6 +62,10 @@ class Params(BaseModel):
                 yield name, info
             else:
                 yield from ((f"{name}.{below}", each) for below, each in inner.leaves())
+
+
+def _plain(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value.item() if isinstance(value, np.generic) else value
 
 
 def nested(info: FieldInfo) -> type[Params] | None:

@@ -6,6 +6,8 @@ import logging
 import os
 from typing import TYPE_CHECKING
 
+from ..runtime.extras import need
+
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
@@ -30,6 +32,7 @@ def configure() -> None:
 
 def connect(uri: str) -> MlflowClient:
     """A client of the store at `uri`. MLflow's global state stays untouched: one process can talk to several stores."""
+    need("mlflow")
     configure()
     from mlflow import MlflowClient
 

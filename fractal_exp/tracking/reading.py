@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from ..errors import InputError
+from ..runtime.extras import need
 from ..runtime.files import check_file
 from .addresses import database_path, shown
 from .client import connect
@@ -25,6 +26,7 @@ def runs_frame(uri: str, experiment: str, where: str = "") -> pd.DataFrame:
     `where` is an MLflow search filter, e.g. "tags.variant = 'full'". The newest run comes first. Raises `InputError`
     on an experiment that the store does not have.
     """
+    need("pandas")
     import pandas as pd
 
     client = connect(uri)
@@ -72,6 +74,7 @@ def comparison_address(uri: str, experiment: str, parent_run_id: str) -> str:
 
 def read_series(uri: str, run_id: str, name: str) -> pd.DataFrame:
     """Every value of one metric: columns step, value, time (UTC), in order of step. Empty if never logged."""
+    need("pandas")
     import pandas as pd
 
     history = connect(uri).get_metric_history(run_id, name)
@@ -106,6 +109,7 @@ def read_artifact(uri: str, run_id: str, name: str, most_bytes: int | None = Non
 
 def read_table(uri: str, run_id: str, name: str) -> pd.DataFrame:
     """A frame that was logged by `table`. Raises `InputError` if the run has none of that name."""
+    need("pandas")
     import pandas as pd
 
     return pd.read_json(io.BytesIO(read_artifact(uri, run_id, name)), orient="split", precise_float=True)

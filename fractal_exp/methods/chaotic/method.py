@@ -15,7 +15,16 @@ from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint, Snapshot
 from ...runtime.precision import full_precision
 from ...runtime.seeds import derive, generator
-from ..base import CodeReconstruction, FitDiverged, Method, OnStep, Progress, check_device, check_target
+from ..base import (
+    CodeReconstruction,
+    FitDiverged,
+    Method,
+    OnStep,
+    Progress,
+    check_device,
+    check_target,
+    time_is_up,
+)
 from .best_states import BestStates
 from .losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
 from .model import SVD, ForwardModel, Parameterization, Parameters
@@ -120,7 +129,8 @@ class Chaotic(Method):
         self._some(best.states)
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
-        return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive())
+        stopped = f"all {total} iterations done" if iteration == total else time_is_up(self.seconds)
+        return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive(), stopped)
 
     def _radius(self, iteration: float) -> float:
         """Of the splats at this iteration, or where time has come as far as that."""

@@ -9,10 +9,9 @@ from torch import Tensor
 from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.deadline import Deadline
-from ...runtime.params import Params
 from ..base import CodeReconstruction, Method, OnStep, check_device, check_target
 from .course import Teller
-from .measure.levels import LEVELS, guess_levels
+from .measure.levels import levels_of
 from .params import CollageParams
 from .pipeline import Pipeline
 from .problem import Problem
@@ -33,7 +32,7 @@ class Collage(Method):
     Raises `InputError` on values out of range.
     """
 
-    Params: type[Params] = CollageParams
+    Params = CollageParams
 
     def __init__(self, *, seconds: float | None = None, seed: int = 0, previews: int = 10, device: str = "cpu",
                  **options: Any):
@@ -54,8 +53,7 @@ class Collage(Method):
                     ) -> CodeReconstruction:
         self.check(target)
         image, params = check_target(target).to(self.device), self.params
-        meaning = guess_levels(image, params.camera) if params.levels == "auto" else params.levels
-        levels = LEVELS[meaning](params.camera)
+        levels = levels_of(image, params.levels, params.camera)
         problem = Problem(image, levels, params, self.seed, self.deadline())
         snapshot = checkpoint.load() if checkpoint else None
         told = State.of(snapshot, self.device) if snapshot else State()

@@ -103,6 +103,11 @@ class Binary(Levels):
 LEVELS: dict[str, type[Levels]] = {"density": Density, "coverage": Coverage, "binary": Binary}
 
 
+def levels_of(image: Tensor, name: str, camera: CameraParams) -> Levels:
+    """What the grey levels of an image (R,R) mean, by name; "auto": as they look."""
+    return LEVELS[guess_levels(image, camera) if name == "auto" else name](camera)
+
+
 def guess_levels(image: Tensor, camera: CameraParams) -> str:
     """"binary" if there are no greys; "density" if many pixels that are lit all around are not white, as in a rendering
     by the chaos game; else "coverage", as in an anti-aliased image."""

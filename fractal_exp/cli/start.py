@@ -1,0 +1,13 @@
+"""The commands, each imported when it is started: one whose libraries are missing says in a line what to install."""
+
+from functools import partial
+
+from ..runtime.extras import start
+
+train = partial(start, "fractal-train", "fractal_exp.cli.train")
+sweep = partial(start, "fractal-sweep", "fractal_exp.cli.sweep")
+report = partial(start, "fractal-report", "fractal_exp.cli.report")
+evaluate = partial(start, "fractal-evaluate", "fractal_exp.cli.evaluate")
+render = partial(start, "fractal-render", "fractal_exp.cli.render")
+suite = partial(start, "fractal-suite", "fractal_exp.cli.suite")
+perceptual = partial(start, "fractal-perceptual", "fractal_exp.cli.perceptual")

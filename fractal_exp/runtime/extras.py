@@ -1,0 +1,42 @@
+"""What this package can do only with one of its extras installed (pyproject.toml says what each of them brings)."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+
+from ..errors import InputError
+
+EXTRAS = {  # the libraries that are imported where they are used -> the extra that brings them
+    "hydra": "study", "joblib": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study",
+    "omegaconf": "study", "pandas": "study", "pyarrow": "study", "skimage": "study", "yaml": "study",
+    "lpips": "perceptual", "torchvision": "perceptual",
+    "imageio": "video", "imageio_ffmpeg": "video",
+}
+
+
+def need(*libraries: str) -> None:
+    """Raise `InputError`, naming the extra to install, unless these libraries are installed. Nothing is imported."""
+    for library in libraries:
+        if find_spec(library) is None:
+            raise InputError(f"{library} is not installed; {remedy(library)}")
+
+
+def remedy(library: str) -> str:
+    """The command that installs a library of an extra, in words."""
+    return f"pip install 'fractal-exp[{EXTRAS[library]}]' brings it"
+
+
+def start(program: str, module: str) -> None:
+    """Run `main` of a module, the command line `program`; if a library of an extra is missing, say so in one line and
+    exit with status 2."""
+    try:
+        main = import_module(module).main
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS:
+            raise
+        print(f"{program}: error: {library} is not installed; {remedy(library)}", file=sys.stderr)
+        raise SystemExit(2) from None
+    main()

@@ -1,0 +1,255 @@
+"""What `invert` returns."""
+
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.images import Placement, read_target
+from fractal_exp.inversion import Likeness
+from fractal_exp.methods.base import CodeReconstruction, Method, Progress, stop_reason
+
+QUICK = {"resolution": 64, "islands": 1, "moves": 2, "rounds": 1, "detail_moves": 1, "picture_moves": 1}
+SIZE = (180, 120)  # of the picture, in pixels
+
+
+def triangle_picture() -> np.ndarray:
+    """A Sierpinski triangle of 80 px, black on white, off the middle of a wide picture: (120,180) uint8."""
+    shape = render(attractor.normalize(codes.known("sierpinski_triangle")), resolution=107, points_in_view=300_000)
+    pixels = np.full(SIZE[::-1], 255, np.uint8)
+    pixels[10:117, 70:177] = 255 - np.rint(255 * shape.numpy()).astype(np.uint8)
+    return pixels
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("picture") / "triangle.png"
+    Image.fromarray(triangle_picture()).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def told() -> list[Progress]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(path, told) -> Inversion:
+    return invert(path, **QUICK, on_step=told.append)
+
+
+class Knows(Method):
+    """A method that knows its answer."""
+
+    def __init__(self, answer: CodeReconstruction):
+        self.answer = answer
+
+    def reconstruct(self, target, *, on_step=None, checkpoint=None):
+        for step, stage in enumerate(("look", "look", "polish"), 1):
+            on_step(Progress(step, step / 3, {"score": 1 / step, "maps": 3.0}, stage=stage))
+        return self.answer
+
+
+@pytest.fixture
+def known(monkeypatch):
+    """`invert` with a method whose answer is the triangle."""
+    def invert_knowing(image, stopped="", notes=(), code=None, **options):
+        code = attractor.normalize(codes.known("sierpinski_triangle")) if code is None else code
+        answer = Knows(CodeReconstruction(code, stopped, notes))
+
+        def build(*, resolution: int, seed: int, seconds: float | None = None):
+            return answer
+
+        monkeypatch.setattr("fractal_exp.api.load", lambda name: build)
+        return invert(image, **options)
+    return invert_knowing
+
+
+def test_its_history_is_what_the_method_told(found, told):
+    ends = [step for step in told if step.code is not None]
+    assert len(found.history) == len(ends) >= 4
+    for stage, end in zip(found.history, ends, strict=True):
+        assert (stage.name, stage.maps) == (end.stage, len(end.code)) and stage.seconds >= 0
+        assert (stage.score, stage.error) == (end.scalars["score"], end.scalars["error"])
+    assert sum(stage.seconds for stage in found.history) <= found.seconds
+    assert torch.equal(found.code.linear, ends[-1].code.linear)
+
+
+def test_stages_are_told_apart_by_their_names_where_no_code_is_handed_over(known):
+    found = known(triangle_picture())
+    assert [(stage.name, stage.score, stage.maps, stage.error) for stage in found.history] == [
+        ("look", 0.5, 3, None), ("polish", pytest.approx(1 / 3), 3, None)]
+
+
+def test_a_method_without_stages_has_one():
+    found = invert(triangle_picture(), method="chaotic", resolution=32, maps=2, iterations=3, starts=1,
+                   trajectories=50, length=30)
+    [stage] = found.history
+    assert stage.name == "fit" and stage.score > 0 and stage.maps is None
+    assert found.stopped == "all 3 iterations done"
+
+
+def test_it_says_why_it_stopped(known, found):
+    assert found.stopped == "all stages done"
+    assert known(triangle_picture(), stopped="the error reached 0").stopped == "the error reached 0"
+    code = CodeReconstruction(found.code)
+    assert stop_reason(code, 60.0, 61.0) == "the time limit of 60 s was reached"
+    assert stop_reason(code, 60.0, 20.0) == stop_reason(code, None, 61.0) == "all stages done"
+
+
+def test_the_time_limit_of_the_chaotic_method_is_named():
+    found = invert(triangle_picture(), method="chaotic", resolution=32, maps=2, iterations=1_000_000, starts=1,
+                   trajectories=50, length=30, seconds=0.2)
+    assert found.stopped == "the time limit of 0.2 s was reached"
+
+
+def test_it_prints_one_line(found):
+    line = str(found)
+    assert "\n" not in line and f"F1 {found.likeness.f1:.3f}" in line and f"{len(found.code)} maps" in line
+    assert f"{found.seconds:.0f} s" in line and line.endswith(found.stopped) and line in repr(found)
+
+
+@pytest.mark.parametrize("kind", ["grey", "binary"])
+def test_the_true_code_is_as_like_as_another_rendering_of_it(kind):
+    code = attractor.normalize(codes.known("heighway_dragon"))
+    true = Likeness.of(code, suite.target(code, 128, kind))
+    assert 0.7 < true.noise_ratio < 1.4 and true.f1 > 0.97 and true.iou == pytest.approx(true.f1 / (2 - true.f1))
+    assert "to within a rendering's own noise" in true.verdict
+    other = Likeness.of(attractor.normalize(codes.known("fern")), suite.target(code, 128, kind))
+    assert other.noise_ratio > 30 and other.f1 < 0.8 and "far from the input" in other.verdict
+
+
+def test_a_code_that_is_far_off_is_warned_of(known):
+    target = suite.target(codes.known("sierpinski_triangle"), 64).numpy()
+    assert known(target, resolution=64, frame="keep").warnings == ()
+    fern = attractor.normalize(codes.known("fern"))
+    [warning] = known(target, resolution=64, frame="keep", stopped="asked to", code=fern).warnings
+    assert "far from the input" in warning and "(asked to)" in warning
+
+
+def test_notes_and_warnings_of_the_picture_and_of_the_method_are_kept(known):
+    found = known(triangle_picture(), notes=("a symmetry was found",), resolution=256)
+    assert "black shape on white: inverted" in found.notes and "a symmetry was found" in found.notes
+    assert any("linear interpolation" in warning for warning in found.warnings)
+
+
+def test_pixels_go_to_the_canvas_and_back(found):
+    placement = found.placement
+    assert placement.size == SIZE
+    corners = placement.to_canvas([(70 + 107 * 0.125, 10 + 107 * 0.125), (70 + 107 * 0.875, 10 + 107 * 0.875)])
+    # the triangle spans 75% of the canvas by width; it is less high, and centred
+    np.testing.assert_allclose(corners[:, 0], [-0.75, 0.75], atol=0.03)
+    assert corners[0, 1] > 0 > corners[1, 1], "y points up"
+    points = np.random.default_rng(0).uniform(-1, 1, (5, 3, 2))
+    np.testing.assert_allclose(placement.to_canvas(placement.to_pixels(points)), points, atol=1e-12)
+
+
+@pytest.mark.parametrize("points", [[1.0, 2.0, 3.0], 5.0, [["a", "b"]]])
+def test_points_of_another_shape_are_refused(points):
+    placement = Placement((10, 10), (0, 0, 10, 10))
+    for function in (placement.to_canvas, placement.to_pixels):
+        with pytest.raises(InputError, match="points must"):
+            function(points)
+
+
+def test_a_picture_that_is_kept_as_framed_fills_the_canvas():
+    placement = read_target(np.eye(48, dtype=np.float32), 32, frame="keep").placement
+    np.testing.assert_allclose(placement.to_canvas([(0, 0), (48, 48)]), [(-1, 1), (1, -1)])
+    assert placement.view() == View()
+
+
+@pytest.mark.parametrize("of", [np.asarray, str])
+def test_the_overlay_lies_on_the_shape_of_the_picture(of, path, known, tmp_path):
+    picture = triangle_picture()
+    found = known(picture if of is np.asarray else path)
+    written = tmp_path / "overlay.png"
+    overlay = np.asarray(found.overlay(written, colour=(255, 0, 0), opacity=1.0))
+    assert overlay.shape == (*SIZE[::-1], 3) and np.array_equal(np.asarray(Image.open(written)), overlay)
+    red, blue = overlay[..., 0].astype(int), overlay[..., 2].astype(int)
+    dark, coloured = 255 - picture.astype(int), red - blue
+    agreement = {(x, y): (dark * np.roll(coloured, (y, x), (0, 1))).sum() for x in range(-3, 4) for y in range(-3, 4)}
+    assert max(agreement, key=agreement.get) == (0, 0)
+    assert (coloured > 128).sum() > 500
+    assert np.array_equal(overlay[:9], np.repeat(picture[:9, :, None], 3, -1)), "elsewhere the picture is as it was"
+
+
+def test_the_overlay_of_a_coloured_picture_keeps_its_colours(known):
+    picture = np.zeros((*SIZE[::-1], 4), np.uint8)
+    picture[..., 1], picture[..., 3] = 255 - triangle_picture(), 255
+    picture[:5] = 0  # transparent, laid on black as the shape is white
+    overlay = np.asarray(known(picture).overlay(opacity=0.001))
+    np.testing.assert_allclose(overlay, picture[..., :3], atol=1)
+
+
+def test_an_overlay_is_refused_before_it_is_drawn(known, path, tmp_path):
+    found = known(path)
+    with pytest.raises(InputError, match="opacity must be above 0 and at most 1, got 2"):
+        found.overlay(opacity=2)
+    with pytest.raises(InputError, match="colour must be"):
+        found.overlay(colour=(1, 2))
+    other = tmp_path / "other.png"
+    Image.fromarray(triangle_picture()[:100]).save(other)
+    object.__setattr__(found, "source", other)
+    with pytest.raises(InputError, match="has 180×100 pixels now, and had 180×120"):
+        found.overlay()
+
+
+def test_it_is_rendered_and_judged_like_a_code(known):
+    found = known(triangle_picture())
+    view = View((0.1, 0.2), 3.0)
+    assert torch.equal(found.render(view, resolution=64), render(found.code, view, resolution=64))
+    frame = evaluation.evaluate(found, codes.known("sierpinski_triangle"), resolution=64, points_in_view=20_000)
+    assert frame["f1"].min() > 0.9
+
+
+@pytest.mark.parametrize("name", ["folder", "leaf.json"])
+def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, name):
+    found = known(path, notes=("a note",), seconds=np.float64(9))
+    written = found.save(tmp_path / name)
+    whole = written / "inversion.json" if name == "folder" else written
+    for file in [whole, *([written / "code.json"] if name == "folder" else [])]:
+        assert torch.equal(IFS.load(file).linear, found.code.linear)
+    facts = json.loads(whole.read_text())["meta"]["inversion"]
+    assert facts == found.facts()
+    assert facts["likeness"] == {"f1": found.likeness.f1, "iou": found.likeness.iou,
+                                 "noise_ratio": found.likeness.noise_ratio}
+    assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}
+    assert facts["source"] == str(path) and facts["stopped"] == "all stages done" and "a note" in facts["notes"]
+    assert [stage["name"] for stage in facts["stages"]] == ["look", "polish"] and facts["options"]["seconds"] == 9
+    if name == "folder":
+        assert "inversion" not in json.loads((written / "code.json").read_text())["meta"]
+
+
+def test_a_notebook_shows_it_and_its_code(found):
+    for thing in (found, found.code):
+        picture = Image.open(io.BytesIO(thing._repr_png_()))
+        assert np.asarray(picture).std() > 10
+    assert repr(codes.known("fern")) == "IFS('fern', 4 maps)" and repr(found.code) == f"IFS({len(found.code)} maps)"
+    wild = IFS(torch.eye(2)[None] * 2, torch.zeros(1, 2))
+    assert wild._repr_png_() is None and repr(wild) == "IFS(1 map)"
+
+
+def test_a_bar_is_shown_where_it_is_asked_for(known, capsys):
+    known(triangle_picture())
+    assert capsys.readouterr().err == ""
+    known(triangle_picture(), progress=True)
+    assert "100%" in (shown := capsys.readouterr().err) and "polish" in shown
+    with pytest.raises(InputError, match="progress must be True or False, got 'yes'"):
+        invert(triangle_picture(), progress="yes")
+
+
+def test_a_misspelt_argument_of_invert_itself_is_known():
+    with pytest.raises(InputError, match="has no option 'progres'; did you mean 'progress'?"):
+        invert(triangle_picture(), progres=True)
+
+
+def test_a_likeness_is_never_without_a_verdict():
+    verdicts = [Likeness(f1, f1, noise_ratio).verdict for f1, noise_ratio in
+                ((0.99, 1.0), (0.99, 3.0), (0.9, 3.0), (0.0, math.inf))]
+    assert len(set(verdicts)) == 4 and all(verdicts)

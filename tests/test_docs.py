@@ -1,0 +1,146 @@
+"""The documentation: links lead somewhere, the site builds and loads nothing from elsewhere, and its code runs."""
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.dataclasses import dataclass
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+EXTENDING = sorted((DOCS / "extending").glob("*.md"))
+LARGEST_PICTURES = 3_000_000  # bytes of all that a clone fetches for the pages
+LINK = re.compile(r'\]\((?!https?:|#)([^)#\s]+)|<img src="([^"]+)"')
+BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+
+spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
+hooks = importlib.util.module_from_spec(spec)
+sys.modules["hooks"] = hooks
+spec.loader.exec_module(hooks)
+
+
+@dataclass(frozen=True)
+class Births:
+    """How maps are born.
+
+    More about it."""
+
+    candidates: Annotated[int, Field(ge=1, description="candidates of a birth")] = 48
+    blobs: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """The share of candidates that take
+    the place | size of a blob."""
+
+
+class Params(BaseModel):
+    """All of them."""
+
+    model_config = ConfigDict(frozen=True)
+
+    births: Births = Births()
+    step: float = Field(0.05, description="of a difference", json_schema_extra={"unit": "px"})
+    levels: Literal["auto", "binary"] | None = Field(None, description="what greys mean")
+    on: bool = Field(True, description="whether to search at all")
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.name)
+def test_every_link_of_a_page_leads_to_a_file(page):
+    found = {path or image for path, image in LINK.findall(page.read_text())}
+    assert [path for path in sorted(found) if not (page.parent / path).exists()] == []
+
+
+def test_the_readme_is_short_and_its_pictures_are_small():
+    assert len((ROOT / "README.md").read_text().split()) <= 900
+    pictures = [path for path in (DOCS / "images").rglob("*") if path.is_file()]
+    assert pictures and sum(path.stat().st_size for path in pictures) < LARGEST_PICTURES
+
+
+def test_a_parameter_class_becomes_tables_with_ranges_units_and_meanings():
+    assert hooks.parameter_tables(Params, "method") == (
+        hooks.HEAD
+        + "| `method.step` | `0.05` |  | px | of a difference |\n"
+        "| `method.levels` | `None` | `auto`, `binary`, none |  | what greys mean |\n"
+        "| `method.on` | `True` | true, false |  | whether to search at all |\n"
+        "\n**`method.births`**: How maps are born.\n\n"
+        + hooks.HEAD
+        + "| `method.births.candidates` | `48` | ≥ 1 |  | candidates of a birth |\n"
+        "| `method.births.blobs` | `0.5` | > 0 and ≤ 1 |  | The share of candidates that take the place \\| size of a "
+        "blob. |\n")
+
+
+def test_a_line_of_a_page_asks_for_the_tables_and_a_comment_does_not():
+    page = f"before\n\n[parameters: {__name__}.Params method]\n\n<!-- [parameters: nowhere.Nothing] -->\n"
+    assert hooks.on_page_markdown(page) == (
+        f"before\n\n{hooks.parameter_tables(Params, 'method')}\n\n<!-- [parameters: nowhere.Nothing] -->\n")
+
+
+def test_a_field_without_a_meaning_is_named():
+    class Bare(BaseModel):
+        number: int = 3
+
+    with pytest.raises(ValueError, match="Bare.number has no description"):
+        hooks.parameter_tables(Bare)
+
+
+def test_formulas_become_mathml_with_their_numbers():
+    pytest.importorskip("latex2mathml", reason="formulas need `pip install 'fractal-exp[docs]'`")
+    page = hooks.on_page_content('<p><span class="arithmatex">\\(a &lt; b_1\\)</span></p>'
+                                 '<div class="arithmatex">\\[\nc = \\sqrt{d} \\tag{7}\n\\]</div>')
+    assert page.count("<math") == 2 and "<msub>" in page and "<msqrt>" in page and "&#x0003C;" in page
+    assert '<span class="number">(7)</span>' in page and "\\" not in page
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, built strictly."""
+    pytest.importorskip("mkdocs", reason="the site needs `pip install 'fractal-exp[docs]'`")
+    folder = tmp_path_factory.mktemp("site")
+    built = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", folder], cwd=ROOT,
+                           capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr
+    return folder
+
+
+@pytest.mark.slow
+def test_the_site_builds_strictly_and_shows_formulas_and_signatures(site):
+    assert "<math" in (site / "collage.html").read_text()
+    assert "points_in_view" in (site / "api.html").read_text()
+    assert not (site / "hooks.py").exists()
+
+
+@pytest.mark.slow
+def test_no_page_loads_anything_from_another_host(site):
+    pages = sorted(site.rglob("*.html"))
+    assert len(pages) > 15
+    for page in pages:
+        text = page.read_text()
+        loaded = re.findall(r"<(?:script|link|img|iframe|source)\b[^>]*(?:src|href)=\"((?:https?:)?//[^\"]*)", text)
+        assert loaded == [] and 'class="mermaid"' not in text, page.name  # the theme would fetch mermaid
+    for sheet in site.rglob("*.css"):
+        assert re.findall(r"(?:url\(|@import )[\"']?(?:https?:)?//[^)\"']*", sheet.read_text()) == [], sheet.name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [*EXTENDING, DOCS / "evaluation.md"], ids=lambda page: page.stem)
+def test_the_code_of_a_page_runs(page, tmp_path):
+    """A block with a title is a file; other Python blocks run as one program, shell blocks one after another."""
+    program, commands = "", []
+    for language, title, text in BLOCK.findall(page.read_text()):
+        if title:
+            (tmp_path / title).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / title).write_text(text)
+        elif language == "python":
+            program += text
+        elif language == "sh":
+            commands.append(text)
+    (tmp_path / "program.py").write_text(program)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for command in (f"{sys.executable} program.py", *commands):
+        ran = subprocess.run(["bash", "-euc", command], cwd=tmp_path, env=os.environ | {"PATH": path},
+                             capture_output=True, text=True)
+        assert ran.returncode == 0, f"{command}\n{ran.stderr}"

@@ -1,11 +1,11 @@
 """Makes the pictures of the documentation, with the project's own commands.
 
-    python docs/figures.py fits      fit the classics of the gallery: docs/codes/, benchmarks/results/gallery.jsonl
-    python docs/figures.py gallery   docs/images/gallery/: target, recovered code and two zooms, from the codes
-    python docs/figures.py hero      docs/images/hero.png
-    python docs/figures.py zoom      docs/images/zoom.webp, a film into a recovered code
-    python docs/figures.py stages    docs/images/stages.png: a target, and the code after each stage of collage search
-    python docs/figures.py retina outputs/fits     docs/images/retina.png, from what `make run` left
+    python -m docs.figures fits      fit the classics of the gallery: docs/codes/, benchmarks/results/gallery.jsonl
+    python -m docs.figures gallery   docs/images/gallery/: target, recovered code and two zooms, from the codes
+    python -m docs.figures hero      docs/images/hero.png
+    python -m docs.figures zoom      docs/images/zoom.webp, a film into a recovered code
+    python -m docs.figures stages    docs/images/stages.png: a target, and the code after each stage of collage search
+    python -m docs.figures retina outputs/fits   docs/images/retina.png, from what `make run` left
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import torch
 from PIL import Image, ImageDraw, ImageFont, ImageSequence
 from torch import Tensor
 
+from benchmarks.environment import environment
 from fractal_exp import IFS, View, codes, render, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering.sheets import comparison_strip, difference
@@ -37,7 +38,7 @@ SUITE = ROOT / "benchmarks" / "results" / "collage_2025_grey" / "codes.jsonl"
 BIN = Path(sys.executable).parent
 
 CLASSICS = ("fern", "maple_leaf", "heighway_dragon", "tree", "koch_snowflake", "rauzy", "gosper_island", "culcita",
-            "spiral", "pentaflake", "levy_c_curve", "cyclosorus")
+            "spiral", "pentaflake", "levy_c_curve")
 SUITE_GALLERY = (2, 11, 22, 23, 37, 53, 57, 62)
 HERO = ("fern", 11, 23, 62, 37)
 SPIRALS = ("spiral", 11, 22)      # flat maps: elsewhere than in the spiral's eye, deep zooms show nothing but stripes
@@ -108,7 +109,8 @@ def keep_fits(folder: Path) -> None:
     CODES.mkdir(exist_ok=True)
     for name in CLASSICS:
         shutil.copy(folder / name / "code.json", CODES / f"{name}.json")
-    RECORD.write_text("".join(json.dumps(row) + "\n" for row in scores.to_dict("records")))
+    machine = environment("cpu")
+    RECORD.write_text("".join(json.dumps(row | {"environment": machine}) + "\n" for row in scores.to_dict("records")))
 
 
 def gallery() -> None:
@@ -199,4 +201,6 @@ def _run(command: str, *arguments: str) -> None:
 
 if __name__ == "__main__":
     parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "stages": stages, "retina": retina}
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
     parts[sys.argv[1]](*map(Path, sys.argv[2:]))

@@ -23,6 +23,7 @@ from typing import Any, Literal, get_args, get_origin
 
 INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
+TOGETHER = re.compile(r"(<math[^>]*>(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 TAG = re.compile(r"\\tag\{(\w+)\}")
 PARAMETERS = re.compile(r"^\[parameters: ([\w.]+)\.(\w+)(?: ([\w.]+))?\]$", re.MULTILINE)
 HEAD = "| name | default | range | unit | meaning |\n|---|---|---|---|---|\n"
@@ -36,7 +37,9 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 def on_page_content(content: str, **_: Any) -> str:
     """Turn formulas into MathML."""
-    return DISPLAY.sub(_display, INLINE.sub(lambda found: _mathml(found[1], "inline"), content))
+    content = TOGETHER.sub(r'<span class="together">\1</span>', INLINE.sub(lambda found: _mathml(found[1], "inline"),
+                                                                           content))
+    return DISPLAY.sub(_display, content)
 
 
 def _display(found: re.Match) -> str:

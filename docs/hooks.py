@@ -97,8 +97,10 @@ def _fields(owner: type) -> dict[str, Any]:
 
 
 def _parameter_class(annotation: Any) -> type | None:
-    found = isinstance(annotation, type) and (is_dataclass(annotation) or hasattr(annotation, "model_fields"))
-    return annotation if found else None
+    """The parameter class that a field holds, also where it may hold none."""
+    candidates = (annotation, *get_args(annotation))
+    return next((each for each in candidates if isinstance(each, type)
+                 and (is_dataclass(each) or hasattr(each, "model_fields"))), None)
 
 
 def _row(owner: type, dotted: str, name: str, field: Any) -> Row:
@@ -137,7 +139,11 @@ def _choices(annotation: Any) -> Iterator[str]:
 
 
 def _summary(owner: type) -> str:
-    return (inspect.getdoc(owner) or owner.__name__).split("\n\n")[0].replace("\n", " ")
+    """The first paragraph of a class's own docstring; a dataclass without one has its signature there."""
+    text = owner.__dict__.get("__doc__") or ""
+    if not text or text.startswith(f"{owner.__name__}("):
+        raise ValueError(f"{owner.__name__} has no docstring")
+    return " ".join(inspect.cleandoc(text).split("\n\n")[0].split())
 
 
 def _docstrings(owner: type) -> dict[str, str]:

@@ -79,12 +79,29 @@ def test_a_line_of_a_page_asks_for_the_tables_and_a_comment_does_not():
         f"before\n\n{hooks.parameter_tables(Params, 'method')}\n\n<!-- [parameters: nowhere.Nothing] -->\n")
 
 
-def test_a_field_without_a_meaning_is_named():
+def test_a_part_that_may_be_absent_has_its_table_too():
+    class Whole(BaseModel):
+        births: Births | None = None
+
+    assert hooks.parameter_tables(Whole) == "\n**`births`**: How maps are born.\n\n" + hooks.parameter_tables(
+        Births, "births")
+
+
+def test_what_nobody_documents_is_named():
+    @dataclass(frozen=True)
+    class Part:
+        pass
+
     class Bare(BaseModel):
         number: int = 3
 
+    class Whole(BaseModel):
+        part: Part = Part()
+
     with pytest.raises(ValueError, match="Bare.number has no description"):
         hooks.parameter_tables(Bare)
+    with pytest.raises(ValueError, match="Part has no docstring"):
+        hooks.parameter_tables(Whole)
 
 
 def test_formulas_become_mathml_with_their_numbers():

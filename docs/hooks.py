@@ -13,20 +13,23 @@ from __future__ import annotations
 import ast
 import html
 import inspect
+import json
 import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
 from importlib import import_module
 from types import NoneType
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 TOGETHER = re.compile(r"(<math[^>]*>(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 TAG = re.compile(r"\\tag\{(\w+)\}")
 PARAMETERS = re.compile(r"^\[parameters: ([\w.]+)\.(\w+)(?: ([\w.]+))?\]$", re.MULTILINE)
-HEAD = "| name | default | range | unit | meaning |\n|---|---|---|---|---|\n"
+
+SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+REQUIRED = object()
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
@@ -55,36 +58,70 @@ def _mathml(latex: str, display: str) -> str:
     return convert(html.unescape(latex).strip(), display=display)
 
 
+def parameter_tables(owner: type, prefix: str = "", default: Any = None) -> str:
+    """Markdown tables of a parameter class: its own fields, then those of every component.
+
+    default: the instance whose values are the defaults, that of the class itself if none is given. Components of one
+    class share a table. Raises `ValueError` for what nothing documents, since a table without its meaning helps nobody.
+    """
+    rows, components = [], {}
+    for name, field in _fields(owner).items():
+        value = getattr(default, name) if default is not None else _default(field)
+        entry = Entry(f"{prefix}.{name}" if prefix else name, value, field, _meaning(owner, name, field))
+        inner = _parameter_class(field.annotation)
+        if inner is None:
+            rows.append(entry)
+        else:
+            components.setdefault(inner, []).append(entry)
+    parts = [_table(rows)] if rows else []
+    for inner, entries in components.items():
+        parts += [_component(inner, entries[0])] if len(entries) == 1 else [_shared_table(inner, entries)]
+    return "\n\n".join(parts)
+
+
 @dataclass(frozen=True)
-class Row:
-    """A field of a parameter class, in words."""
+class Entry:
+    """A field of a parameter class: its full name, default and meaning; `field` is pydantic's description."""
 
     name: str
-    default: str
-    range: str
-    unit: str
+    default: Any
+    field: Any
     meaning: str
 
-    def __str__(self) -> str:
-        cells = (f"`{self.name}`", self.default, self.range, self.unit, self.meaning)
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    @property
+    def unit(self) -> str:
+        """What the field's `json_schema_extra` calls its unit."""
+        extra = self.field.json_schema_extra
+        return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
-def parameter_tables(owner: type, prefix: str = "") -> str:
-    """Markdown tables of a parameter class: its own fields, then those of every class that a field holds.
+def _table(entries: list[Entry]) -> str:
+    units = any(entry.unit for entry in entries)
+    head = ["name", "default", "range", *(["unit"] if units else []), "meaning"]
+    return _markdown(head, [[f"`{entry.name}`", _shown(entry.default), _range(entry.field),
+                             *([entry.unit] if units else []), _documented(entry.name, entry.meaning)]
+                            for entry in entries])
 
-    Raises `ValueError` for a field that nothing documents, since a table without its meaning helps nobody.
-    """
-    fields, rows, parts = _fields(owner), [], []
-    for name, field in fields.items():
-        dotted = f"{prefix}.{name}" if prefix else name
-        inner = _parameter_class(field.annotation)
-        if inner is not None:
-            parts.append(f"\n**`{dotted}`**: {_summary(inner)}\n\n{parameter_tables(inner, dotted)}")
-        else:
-            rows.append(_row(owner, dotted, name, field))
-    table = HEAD + "".join(f"{row}\n" for row in rows) if rows else ""
-    return table + "".join(parts)
+
+def _component(inner: type, entry: Entry) -> str:
+    about = entry.meaning or _summary(inner)
+    return f"**`{entry.name}`**: {about}\n\n{parameter_tables(inner, entry.name, entry.default)}"
+
+
+def _shared_table(inner: type, entries: list[Entry]) -> str:
+    """One row for each component of a class, one column for each of its fields."""
+    fields = _fields(inner)
+    columns = [f"`{name}`: {_documented(f'{inner.__name__}.{name}', _meaning(inner, name, field))}"
+               + (f" ({bounds})" if (bounds := _range(field)) else "") for name, field in fields.items()]
+    rows = [[f"`{entry.name}`", *(_shown(getattr(entry.default, name)) for name in fields),
+             _documented(entry.name, entry.meaning)] for entry in entries]
+    return (f"**{_summary(inner)}** Each of these has\n\n" + "".join(f"- {column}\n" for column in columns) + "\n"
+            + _markdown(["name", *(f"`.{name}`" for name in fields), "of"], rows))
+
+
+def _markdown(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _fields(owner: type) -> dict[str, Any]:
@@ -103,36 +140,55 @@ def _parameter_class(annotation: Any) -> type | None:
                  and (is_dataclass(each) or hasattr(each, "model_fields"))), None)
 
 
-def _row(owner: type, dotted: str, name: str, field: Any) -> Row:
-    meaning = field.description or _docstrings(owner).get(name)
+def _meaning(owner: type, name: str, field: Any) -> str:
+    return " ".join((field.description or _docstrings(owner).get(name, "")).split())
+
+
+def _documented(name: str, meaning: str) -> str:
     if not meaning:
-        raise ValueError(f"{owner.__name__}.{name} has no description and no docstring")
-    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    return Row(dotted, _default(field), _range(field), str(extra.get("unit", "")), " ".join(meaning.split()))
+        raise ValueError(f"{name} has no description and no docstring")
+    return meaning
 
 
-def _default(field: Any) -> str:
-    if field.is_required():
+def _default(field: Any) -> Any:
+    return REQUIRED if field.is_required() else field.get_default(call_default_factory=True)
+
+
+def _shown(value: Any) -> str:
+    """A value as the command line takes it."""
+    if value is REQUIRED:
         return "required"
-    return f"`{field.get_default(call_default_factory=True)!r}`"
+    if isinstance(value, float):
+        return f"`{value:g}`"
+    return f"`{value if isinstance(value, str) else json.dumps(value)}`"
 
 
 def _range(field: Any) -> str:
     """The bounds of a number, or the values that a field may take."""
-    choices = list(_choices(field.annotation))
-    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-    bounds = [f"{sign} {getattr(limit, key):g}" for key, sign in signs.items() for limit in field.metadata
-              if getattr(limit, key, None) is not None]
-    return ", ".join(([" and ".join(bounds)] if bounds else []) + choices)
+    bounds, choices = _bounds(field.metadata), list(_choices(field.annotation))
+    return ", ".join(([bounds] if bounds else []) + choices)
+
+
+def _bounds(metadata: Any) -> str:
+    return " and ".join(f"{sign} {getattr(limit, key):g}" for key, sign in SIGNS.items() for limit in metadata
+                        if getattr(limit, key, None) is not None)
 
 
 def _choices(annotation: Any) -> Iterator[str]:
     if annotation is bool:
         yield "true, false"
     elif annotation is NoneType:
-        yield "none"
+        yield "null"
     elif get_origin(annotation) is Literal:
         yield from (f"`{choice}`" for choice in get_args(annotation))
+    elif get_origin(annotation) is Annotated:
+        inner, *notes = get_args(annotation)
+        bounds = _bounds(limit for note in notes for limit in getattr(note, "metadata", [note]))
+        yield from ([bounds] if bounds else [])
+        yield from _choices(inner)
+    elif get_origin(annotation) is tuple:
+        yield from (f"each {found}" for found in dict.fromkeys(", ".join(_choices(inner))
+                                                               for inner in get_args(annotation)) if found)
     else:
         for inner in get_args(annotation):
             yield from _choices(inner)

@@ -25,16 +25,26 @@ sys.modules["hooks"] = hooks
 spec.loader.exec_module(hooks)
 
 
+Amount = Annotated[float, Field(ge=0)]
+
+
+class Descent(BaseModel):
+    """A descent."""
+
+    steps: int = Field(ge=1, description="Steps.")
+    rate: float = Field(0.5, description="Rate.")
+
+
 @dataclass(frozen=True)
 class Births:
     """How maps are born.
 
     More about it."""
 
-    candidates: Annotated[int, Field(ge=1, description="candidates of a birth")] = 48
-    blobs: Annotated[float, Field(gt=0, le=1)] = 0.5
-    """The share of candidates that take
-    the place | size of a blob."""
+    candidates: Annotated[int, Field(ge=1, description="Candidates of a birth.")] = 48
+    blobs: Annotated[float, Field(gt=0, le=1)] = 1 / 3
+    """Share of candidates with
+    the |det| of a blob."""
 
 
 class Params(BaseModel):
@@ -42,10 +52,14 @@ class Params(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    births: Births = Births()
-    step: float = Field(0.05, description="of a difference", json_schema_extra={"unit": "px"})
-    levels: Literal["auto", "binary"] | None = Field(None, description="what greys mean")
-    on: bool = Field(True, description="whether to search at all")
+    births: Births = Births(candidates=7)
+    first: Descent = Field(Descent(steps=150), description="The start.")
+    then: Descent = Field(Descent(steps=25, rate=0.25), description="The rest.")
+    step: float = Field(0.05, description="Of a difference.", json_schema_extra={"unit": "px"})
+    maps: Annotated[int, Field(ge=2)] | None = Field(None, description="How many.")
+    sizes: tuple[Amount, Amount] = Field((0.1, 1.0), description="From to.")
+    levels: Literal["auto", "binary"] = Field("auto", description="What greys mean.")
+    on: bool = Field(True, description="Whether at all.")
 
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], ids=lambda page: page.name)
@@ -61,16 +75,31 @@ def test_the_readme_is_short_and_its_pictures_are_small():
 
 
 def test_a_parameter_class_becomes_tables_with_ranges_units_and_meanings():
-    assert hooks.parameter_tables(Params, "method") == (
-        hooks.HEAD
-        + "| `method.step` | `0.05` |  | px | of a difference |\n"
-        "| `method.levels` | `None` | `auto`, `binary`, none |  | what greys mean |\n"
-        "| `method.on` | `True` | true, false |  | whether to search at all |\n"
-        "\n**`method.births`**: How maps are born.\n\n"
-        + hooks.HEAD
-        + "| `method.births.candidates` | `48` | ≥ 1 |  | candidates of a birth |\n"
-        "| `method.births.blobs` | `0.5` | > 0 and ≤ 1 |  | The share of candidates that take the place \\| size of a "
-        "blob. |\n")
+    assert hooks.parameter_tables(Params, "method") == """\
+| name | default | range | unit | meaning |
+| --- | --- | --- | --- | --- |
+| `method.step` | `0.05` |  | px | Of a difference. |
+| `method.maps` | `null` | ≥ 2, null |  | How many. |
+| `method.sizes` | `[0.1, 1.0]` | each ≥ 0 |  | From to. |
+| `method.levels` | `auto` | `auto`, `binary` |  | What greys mean. |
+| `method.on` | `true` | true, false |  | Whether at all. |
+
+**`method.births`**: How maps are born.
+
+| name | default | range | meaning |
+| --- | --- | --- | --- |
+| `method.births.candidates` | `7` | ≥ 1 | Candidates of a birth. |
+| `method.births.blobs` | `0.333333` | > 0 and ≤ 1 | Share of candidates with the \\|det\\| of a blob. |
+
+**A descent.** Each of these has
+
+- `steps`: Steps. (≥ 1)
+- `rate`: Rate.
+
+| name | `.steps` | `.rate` | of |
+| --- | --- | --- | --- |
+| `method.first` | `150` | `0.5` | The start. |
+| `method.then` | `25` | `0.25` | The rest. |"""
 
 
 def test_a_line_of_a_page_asks_for_the_tables_and_a_comment_does_not():
@@ -79,12 +108,17 @@ def test_a_line_of_a_page_asks_for_the_tables_and_a_comment_does_not():
         f"before\n\n{hooks.parameter_tables(Params, 'method')}\n\n<!-- [parameters: nowhere.Nothing] -->\n")
 
 
-def test_a_part_that_may_be_absent_has_its_table_too():
+def test_a_component_that_may_be_absent_has_its_table_too():
     class Whole(BaseModel):
-        births: Births | None = None
+        descent: Descent | None = None
 
-    assert hooks.parameter_tables(Whole) == "\n**`births`**: How maps are born.\n\n" + hooks.parameter_tables(
-        Births, "births")
+    assert hooks.parameter_tables(Whole) == """\
+**`descent`**: A descent.
+
+| name | default | range | meaning |
+| --- | --- | --- | --- |
+| `descent.steps` | required | ≥ 1 | Steps. |
+| `descent.rate` | `0.5` |  | Rate. |"""
 
 
 def test_what_nobody_documents_is_named():
@@ -98,7 +132,7 @@ def test_what_nobody_documents_is_named():
     class Whole(BaseModel):
         part: Part = Part()
 
-    with pytest.raises(ValueError, match="Bare.number has no description"):
+    with pytest.raises(ValueError, match="number has no description"):
         hooks.parameter_tables(Bare)
     with pytest.raises(ValueError, match="Part has no docstring"):
         hooks.parameter_tables(Whole)
@@ -161,3 +195,18 @@ def test_the_code_of_a_page_runs(page, tmp_path):
         ran = subprocess.run(["bash", "-euc", command], cwd=tmp_path, env=os.environ | {"PATH": path},
                              capture_output=True, text=True)
         assert ran.returncode == 0, f"{command}\n{ran.stderr}"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("fractal_exp.inversion") is None, reason="invert returns a bare code here")
+def test_the_quick_start_runs_on_a_picture(tmp_path):
+    from fractal_exp import codes, suite
+    from fractal_exp.images import write_image
+
+    write_image(tmp_path / "leaf.png", suite.target(codes.known("maple_leaf"), 256))
+    page = (DOCS / "quickstart.md").read_text()
+    program = "".join(text for language, _, text in BLOCK.findall(page) if language == "python")
+    ran = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert "F1 0.9" in ran.stdout and "maps" in ran.stdout
+    assert (tmp_path / "leaf.json").exists() and (tmp_path / "leaf-overlay.png").exists()

@@ -29,6 +29,7 @@ TAG = re.compile(r"\\tag\{(\w+)\}")
 PARAMETERS = re.compile(r"^\[parameters: ([\w.]+)\.(\w+)(?: ([\w.]+))?\]$", re.MULTILINE)
 
 SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+SPACE = "\N{NO-BREAK SPACE}"
 REQUIRED = object()
 
 
@@ -170,8 +171,11 @@ def _range(field: Any) -> str:
 
 
 def _bounds(metadata: Any) -> str:
-    return " and ".join(f"{sign} {getattr(limit, key):g}" for key, sign in SIGNS.items() for limit in metadata
-                        if getattr(limit, key, None) is not None)
+    found = {key: f"{getattr(limit, key):g}" for limit in metadata for key in SIGNS
+             if getattr(limit, key, None) is not None}
+    if found.keys() == {"ge", "le"}:
+        return f"{found['ge']} … {found['le']}"
+    return ", ".join(f"{sign}{SPACE}{found[key]}" for key, sign in SIGNS.items() if key in found)
 
 
 def _choices(annotation: Any) -> Iterator[str]:

@@ -55,7 +55,7 @@ class Params(BaseModel):
     births: Births = Births(candidates=7)
     first: Descent = Field(Descent(steps=150), description="The start.")
     then: Descent = Field(Descent(steps=25, rate=0.25), description="The rest.")
-    step: float = Field(0.05, description="Of a difference.", json_schema_extra={"unit": "px"})
+    step: float = Field(0.05, ge=0, le=1, description="Of a difference.", json_schema_extra={"unit": "px"})
     maps: Annotated[int, Field(ge=2)] | None = Field(None, description="How many.")
     sizes: tuple[Amount, Amount] = Field((0.1, 1.0), description="From to.")
     levels: Literal["auto", "binary"] = Field("auto", description="What greys mean.")
@@ -74,13 +74,18 @@ def test_the_readme_is_short_and_its_pictures_are_small():
     assert pictures and sum(path.stat().st_size for path in pictures) < LARGEST_PICTURES
 
 
+def tables(owner, prefix=""):
+    """The tables of a class, with ~ for the spaces that do not break."""
+    return hooks.parameter_tables(owner, prefix).replace(hooks.SPACE, "~")
+
+
 def test_a_parameter_class_becomes_tables_with_ranges_units_and_meanings():
-    assert hooks.parameter_tables(Params, "method") == """\
+    assert tables(Params, "method") == """\
 | name | default | range | unit | meaning |
 | --- | --- | --- | --- | --- |
-| `method.step` | `0.05` |  | px | Of a difference. |
-| `method.maps` | `null` | ≥ 2, null |  | How many. |
-| `method.sizes` | `[0.1, 1.0]` | each ≥ 0 |  | From to. |
+| `method.step` | `0.05` | 0 … 1 | px | Of a difference. |
+| `method.maps` | `null` | ≥~2, null |  | How many. |
+| `method.sizes` | `[0.1, 1.0]` | each ≥~0 |  | From to. |
 | `method.levels` | `auto` | `auto`, `binary` |  | What greys mean. |
 | `method.on` | `true` | true, false |  | Whether at all. |
 
@@ -88,12 +93,12 @@ def test_a_parameter_class_becomes_tables_with_ranges_units_and_meanings():
 
 | name | default | range | meaning |
 | --- | --- | --- | --- |
-| `method.births.candidates` | `7` | ≥ 1 | Candidates of a birth. |
-| `method.births.blobs` | `0.333333` | > 0 and ≤ 1 | Share of candidates with the \\|det\\| of a blob. |
+| `method.births.candidates` | `7` | ≥~1 | Candidates of a birth. |
+| `method.births.blobs` | `0.333333` | >~0, ≤~1 | Share of candidates with the \\|det\\| of a blob. |
 
 **A descent.** Each of these has
 
-- `steps`: Steps. (≥ 1)
+- `steps`: Steps. (≥~1)
 - `rate`: Rate.
 
 | name | `.steps` | `.rate` | of |
@@ -112,12 +117,12 @@ def test_a_component_that_may_be_absent_has_its_table_too():
     class Whole(BaseModel):
         descent: Descent | None = None
 
-    assert hooks.parameter_tables(Whole) == """\
+    assert tables(Whole) == """\
 **`descent`**: A descent.
 
 | name | default | range | meaning |
 | --- | --- | --- | --- |
-| `descent.steps` | required | ≥ 1 | Steps. |
+| `descent.steps` | required | ≥~1 | Steps. |
 | `descent.rate` | `0.5` |  | Rate. |"""
 
 

@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+DOCS_READY := $(VENV)/.docs-ready
 PYTEST_ARGS ?=
 PORT ?= 5000
 SCALE ?= laptop
@@ -11,7 +12,7 @@ WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run ablations test test-all mutations test-launchers dashboard bench bench-gpu lint clean
+.PHONY: help setup run ablations test test-all mutations test-launchers dashboard docs bench bench-gpu lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -49,6 +50,13 @@ test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for
 
 dashboard: $(READY) ## Serve the runs in the browser, best F1 first (PORT=5000, STUDY=name for another than the newest)
 	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT) $(if $(STUDY),--study $(STUDY))
+
+$(DOCS_READY): $(READY) pyproject.toml
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
+docs: $(DOCS_READY) ## Build the documentation in build/site; once installed, this needs no network
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 bench: $(READY) ## Time operators, an iteration and the renderer against their twins
 	@$(BIN)/python -m benchmarks.ops

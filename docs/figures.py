@@ -1,59 +1,206 @@
-"""Draws the pictures of the documentation.
+"""Makes the pictures of the documentation, with the project's own commands.
 
-    python docs/figures.py fits outputs/fits     docs/fits.png, from what `make run` left
-    python docs/figures.py collage               docs/collage.png: a target, and the code after each stage of the search
+    python -m docs.figures fits      fit the classics of the gallery: docs/codes/, benchmarks/results/gallery.jsonl
+    python -m docs.figures gallery   docs/images/gallery/: target, recovered code and two zooms, from the codes
+    python -m docs.figures hero      docs/images/hero.png
+    python -m docs.figures zoom      docs/images/zoom.webp, a film into a recovered code
+    python -m docs.figures stages    docs/images/stages.png: a target, and the code after each stage of collage search
+    python -m docs.figures retina outputs/fits   docs/images/retina.png, from what `make run` left
 """
 
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
 import sys
+import tempfile
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import torch
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont, ImageSequence
+from torch import Tensor
 
-from fractal_exp import View, render, suite
+from benchmarks.environment import environment
+from fractal_exp import IFS, View, codes, render, suite
 from fractal_exp.ifs import attractor
-from fractal_exp.images import write_image
-from fractal_exp.methods.collage.method import Collage
-from fractal_exp.rendering.sheets import comparison_strip
+from fractal_exp.rendering.sheets import comparison_strip, difference
+from fractal_exp.rendering.zoom import rich_point
 
-HERE = Path(__file__).parent
-FITS = {"retina": "blood vessels, skimage.data.retina()", "fern": "Barnsley's fern"}
-STAGES = {"search": "after the search at 64 x 64", "detail": "after the search at 128 x 128",
-          "picture": "after the picture"}
-SUITE_SEED, FRACTAL = 101, 7
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+CODES, IMAGES = DOCS / "codes", DOCS / "images"
+RECORD = ROOT / "benchmarks" / "results" / "gallery.jsonl"
+SUITE = ROOT / "benchmarks" / "results" / "collage_2025_grey" / "codes.jsonl"
+BIN = Path(sys.executable).parent
+
+CLASSICS = ("fern", "maple_leaf", "heighway_dragon", "tree", "koch_snowflake", "rauzy", "gosper_island", "culcita",
+            "spiral", "pentaflake", "levy_c_curve")
+SUITE_GALLERY = (2, 11, 22, 23, 37, 53, 57, 62)
+HERO = ("fern", 11, 23, 62, 37)
+SPIRALS = ("spiral", 11, 22)      # flat maps: elsewhere than in the spiral's eye, deep zooms show nothing but stripes
+HERO_ZOOM = 1000
+ZOOMS = (16, 1024)
+FILM = 23
+LEVELS = 16                       # grey levels of a picture's palette
+STAGES_SUITE, STAGES_INDEX = 101, 7
 
 
-def read(folder: Path, name: str) -> torch.Tensor:
-    """A grey picture of a fit, (R,R) in [0,1]."""
-    return torch.from_numpy(np.asarray(Image.open(folder / "views" / f"{name}.png").convert("L")) / np.float32(255))
+@dataclass(frozen=True)
+class Recovered:
+    """A fractal of the gallery: the true code, and the code that collage search found in its image of 256²."""
+
+    key: str | int
+    name: str
+    truth: IFS
+    code: IFS
+
+    def panels(self, side: int, zooms: tuple[float, ...]) -> list[np.ndarray]:
+        """The target, the recovered code, and the recovered code at each zoom: (side, side, 3) uint8 each."""
+        views = [View(), *(View(self.center(max(zooms)), zoom) for zoom in zooms)]
+        drawn = [render(self.code, view, resolution=side, supersample=suite.TARGET_SUPERSAMPLE) for view in views]
+        target = suite.target(self.truth, 256)
+        return [np.asarray(_picture(target).resize((side, side), Image.Resampling.LANCZOS).convert("RGB")),
+                *(np.asarray(_picture(image).convert("RGB")) for image in drawn)]
+
+    def center(self, zoom: float) -> tuple[float, float]:
+        """Where to zoom: a point with much to see around it, or the fixed point of the largest map."""
+        if self.key not in SPIRALS:
+            return rich_point(self.code, end_zoom=zoom)
+        largest = int(torch.linalg.det(self.code.linear).abs().argmax())
+        linear, offset = self.code.linear[largest].double(), self.code.offset[largest].double()
+        x, y = torch.linalg.solve(torch.eye(2, dtype=torch.float64) - linear, offset).tolist()
+        return x, y
 
 
-def fits(folder: Path) -> None:
-    """Target, result and difference of both fits of `make run`."""
-    folders = [next(folder.glob(f"{name}-collage-*-laptop-*")) for name in FITS]
-    images, truth = (torch.stack([read(each, name) for each in folders]) for name in ("result", "target"))
-    write_image(HERE / "fits.png", comparison_strip(images, truth, list(FITS.values())))
+def classic(name: str) -> Recovered:
+    """A classic and the code in docs/codes."""
+    return Recovered(name, name, replace(codes.known(name), probabilities=None), IFS.load(CODES / f"{name}.json"))
 
 
-def collage() -> None:
-    """The codes of one search, whole and four times closer, beside the truth."""
-    truth = attractor.normalize(suite.random_suite(FRACTAL + 1, SUITE_SEED)[FRACTAL])
-    found = {}
+def of_suite(index: int) -> Recovered:
+    """A fractal of the published suite and the code in the suite's results."""
+    code = json.loads(SUITE.read_text().splitlines()[index])["code"]
+    return Recovered(index, f"suite-{index:03d}", suite.random_suite(index + 1)[index],
+                     IFS(code["linear"], code["offset"], code.get("probabilities")))
+
+
+def find(key: str | int) -> Recovered:
+    return classic(key) if isinstance(key, str) else of_suite(key)
+
+
+def fits() -> None:
+    """Fit every classic of the gallery, judge the codes, and keep codes and scores."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name in CLASSICS:
+            _run("fractal-train", "method=collage", f"target.name={name}", "tracking=none", f"output={folder}",
+                 "study=gallery", f"name={name}")
+        keep_fits(Path(folder) / "gallery")
+
+
+def keep_fits(folder: Path) -> None:
+    """Judge the fits in a folder, and keep their codes and scores."""
+    with tempfile.TemporaryDirectory() as judged:
+        _run("fractal-evaluate", str(folder), "--out", judged)
+        scores = pd.read_csv(Path(judged) / "codes.csv")
+    CODES.mkdir(exist_ok=True)
+    for name in CLASSICS:
+        shutil.copy(folder / name / "code.json", CODES / f"{name}.json")
+    machine = environment("cpu")
+    RECORD.write_text("".join(json.dumps(row | {"environment": machine}) + "\n" for row in scores.to_dict("records")))
+
+
+def gallery() -> None:
+    """A strip of four panels for every fractal of the gallery."""
+    (IMAGES / "gallery").mkdir(parents=True, exist_ok=True)
+    for key in (*CLASSICS, *SUITE_GALLERY):
+        each = find(key)
+        panels = each.panels(240, ZOOMS)
+        gap = np.full((240, 6, 3), 90, np.uint8)
+        _save(IMAGES / "gallery" / f"{each.name}.png",
+              np.concatenate([part for panel in panels for part in (gap, panel)][1:], 1))
+
+
+def hero() -> None:
+    """A column for each of several fractals: target, recovered code, deep zoom."""
+    side, gap, left = 230, 8, 118
+    notes = ("one image,\n256 x 256", "the code\nfound in it", f"that code,\n{HERO_ZOOM} times\ncloser")
+    sheet = Image.new("RGB", (left + len(HERO) * (side + gap), len(notes) * (side + gap) - gap))
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=20)
+    for row, note in enumerate(notes):
+        pen.multiline_text((12, row * (side + gap) + side // 2), note, fill=(205, 205, 205), font=font, anchor="lm")
+    for column, key in enumerate(HERO):
+        for row, panel in enumerate(find(key).panels(side, (HERO_ZOOM,))):
+            sheet.paste(Image.fromarray(panel), (left + column * (side + gap), row * (side + gap)))
+    _save(IMAGES / "hero.png", np.asarray(sheet))
+
+
+def zoom() -> None:
+    """A film by `fractal-render`, packed as an animated WebP."""
+    with tempfile.TemporaryDirectory() as folder:
+        code, film = Path(folder) / "code.json", Path(folder) / "zoom.gif"
+        of_suite(FILM).code.save(code)
+        _run("fractal-render", str(code), str(film), "--size", "320", "--seconds", "8", "--fps", "12", "--zoom", "1e5",
+             "--frame", "own")
+        frames = [frame.convert("RGB") for frame in ImageSequence.Iterator(Image.open(film))]
+        frames[0].save(IMAGES / "zoom.webp", save_all=True, append_images=frames[1:], duration=1000 // 12, loop=0,
+                       quality=30, method=6)
+
+
+def stages() -> None:
+    """Columns: the truth, and the code after each stage. Rows: whole, four times closer, and where that differs."""
+    from fractal_exp.methods import load
+
+    truth = attractor.normalize(suite.random_suite(STAGES_INDEX + 1, STAGES_SUITE)[STAGES_INDEX])
+    found: dict[str, IFS] = {}
 
     def keep(progress) -> None:  # noqa: ANN001
         if progress.code is not None:
             found[progress.stage] = progress.code
 
-    Collage().reconstruct(suite.target(truth, 256), on_step=keep)
-    images, targets, captions = [], [], []
-    for view, closer in ((View(), ""), (View(center=(-0.2, -0.15), zoom=4.0), ", four times closer")):
-        for stage, caption in STAGES.items():
-            images.append(render(found[stage], view, resolution=512, seed=1))
-            targets.append(render(truth, view, resolution=512))
-            captions.append(caption + closer)
-    write_image(HERE / "collage.png", comparison_strip(torch.stack(images), torch.stack(targets), captions, side=220))
+    load("collage")(resolution=256).reconstruct(suite.target(truth, 256), on_step=keep)
+    views = View(), View(center=(-0.2, -0.15), zoom=4.0)
+    columns = [truth, *list(found.values())[:3]]
+    images = [[render(code, view, resolution=400, seed=number) for number, code in enumerate(columns)]
+              for view in views]
+    cells = [np.asarray(_picture(image).convert("RGB")) for row in images for image in row]
+    close = images[1]
+    cells += [np.zeros_like(cells[0]), *(np.rint(255 * difference(image, close[0])).astype(np.uint8)
+                                         for image in close[1:])]
+    side = 200
+    cells = [np.asarray(Image.fromarray(cell).resize((side, side), Image.Resampling.BOX)) for cell in cells]
+    rows = [np.concatenate(cells[k:k + len(columns)], 1) for k in range(0, len(cells), len(columns))]
+    _save(IMAGES / "stages.png", np.concatenate(rows), 64)
+
+
+def retina(folder: Path) -> None:
+    """Target, result and difference of the fit of the retina's vessels."""
+    views = next(folder.glob("retina-collage-*-laptop-*")) / "views"
+    image, truth = (torch.from_numpy(np.asarray(Image.open(views / f"{name}.png").convert("L")) / np.float32(255))
+                    for name in ("result", "target"))
+    _save(IMAGES / "retina.png", comparison_strip(image[None], truth[None], ["blood vessels of a retina"]), 64)
+
+
+def _picture(image: Tensor) -> Image.Image:
+    """A grey image (R,R) in [0,1]. The square root lifts the faint parts, which a small picture would lose."""
+    return Image.fromarray((image.sqrt() * 255).round().to(torch.uint8).numpy())
+
+
+def _save(path: Path, image: np.ndarray, colours: int = LEVELS) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(image).quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1024:.0f} KiB")
+
+
+def _run(command: str, *arguments: str) -> None:
+    subprocess.run([BIN / command, *arguments], check=True)
 
 
 if __name__ == "__main__":
-    {"fits": lambda: fits(Path(sys.argv[2])), "collage": collage}[sys.argv[1]]()
+    parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "stages": stages, "retina": retina}
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    parts[sys.argv[1]](*map(Path, sys.argv[2:]))

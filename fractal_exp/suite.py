@@ -1,4 +1,4 @@
-"""The random suite: a hundred codes that anybody can draw again, and their target images."""
+"""The random suite: a hundred codes that anybody can make again, and their target images."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ SUITE_COUNT = 100
 def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
     """`count` random codes of 3 to 10 maps, drawn one after the other from one NumPy PCG64 generator.
 
-    The distribution is that of Anderson and Farrell, "Improving Fractal Pre-training" (WACV 2022, section 4): singular
-    values that share a budget sum_i (s1_i + 2 s2_i) ~ U((5+N)/2, (6+N)/2), orthonormal factors of uniform angle with
-    reflections, offsets uniform in [-1,1]²; nothing is rejected. Codes are as drawn: `attractor.normalize` brings them
-    to the canvas. A shorter suite of the same seed is the beginning of a longer one. Raises `InputError` unless
-    `count` is at least 1 and `seed` at least 0.
+    The distribution is that of Anderson and Farrell, "Improving Fractal Pre-training" (WACV 2022, section 4). Singular
+    values share a budget sum_i (s1_i + 2 s2_i) ~ U((5+N)/2, (6+N)/2). Orthonormal factors have a uniform angle and may
+    reflect. Offsets are uniform in [-1,1]². Nothing is rejected. `attractor.normalize` brings a code to the canvas. A
+    shorter suite is the beginning of a longer one of the same seed. Raises `InputError` unless `count` is at least 1
+    and `seed` at least 0.
     """
     if count < 1:
         raise InputError(f"a suite has at least 1 fractal, got count={count}")
@@ -41,10 +41,10 @@ def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
 def target(code: IFS, resolution: int = 1024, kind: str = "grey", *, seed: int = 0) -> Tensor:
     """The target image (R,R) in [0,1], float32, of a code: what a method is given to reconstruct.
 
-    The code is brought to the canvas by `attractor.normalize` and drawn with its own map probabilities, |det| + 0.01
-    where it has none, 16 × 16 supersampling and 50 million · (R/1024)² points (Section 5 of the paper). So few points
-    leave the picture unsaturated: a `grey` target I carries the density of the invariant measure, about -log(1 - I)
-    points a supersampled pixel. A `binary` one is I > 0.25. Raises `InputError` on another kind, a resolution below 1
+    The code is brought to the canvas by `attractor.normalize`. It is rendered with its own probabilities (|det| + 0.01
+    if it has none), 16 × 16 subpixels a pixel and 50 million · (R/1024)² points (section 5 of the paper). So few points
+    leave the image unsaturated: a "grey" target I shows the density of the invariant measure, about -log(1 - I) points
+    a subpixel. A "binary" target is I > 0.25. Raises `InputError` on another kind, a resolution below 1
     or a code that is not contractive.
     """
     if kind not in TARGET_KINDS:

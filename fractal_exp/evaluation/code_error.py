@@ -30,10 +30,13 @@ TRAJECTORIES, LENGTH, WARMUP = 2000, 60, 50  # 20 000 points: sizes and displace
 class CodeError:
     """How a recovered code differs from the true one.
 
-    pairs: (recovered map, true map, mean displacement in pixels of the input) of the best assignment; matters: for each
-    true map, whether the picture shows it; missed: true maps that matter and are not found; spurious: recovered maps
-    that change their attractor and are near no true one; improbable: true maps that matter, are found and
-    have another probability; f1 of the whole view against the truth, and ceiling_f1, that of the truth against itself.
+    - pairs: (recovered map, true map, mean displacement in pixels of the input) of the best assignment.
+    - matters: for each true map, whether the image shows it.
+    - missed: true maps that matter and are not found.
+    - spurious: recovered maps that change the attractor and are near no true map.
+    - improbable: true maps that matter and are found, but with another probability.
+    - f1: of the whole view against the truth.
+    - ceiling_f1: of the truth against itself, rendered with other points.
     """
 
     pairs: tuple[tuple[int, int, float], ...]
@@ -65,7 +68,7 @@ class CodeError:
 
 
 def at_ceiling(score: float, ceiling: float) -> bool:
-    """Whether an F1 is within .01 of what the truth has against itself, drawn with other points."""
+    """Whether an F1 is within .01 of that of the truth against itself, rendered with other points."""
     return score >= ceiling - CEILING_GAP
 
 
@@ -73,19 +76,18 @@ def code_error(recovered: IFS, truth: IFS, *, resolution: int, align: str = "bbo
                ) -> CodeError:
     """Match recovered maps to true ones, measure how far apart they are, and say whether the true code is recovered.
 
-    The truth is taken in the frame of the input (`attractor.normalize`), the recovered code likewise (align="bbox") or
-    in its own frame (align="none", for methods that return a code in the input's frame). The displacement of a pair is
-    the mean over the true attractor of |g_i(x) - f_j(x)|, in pixels of an input of `resolution`; the pairs are those
-    of least total displacement (Hungarian algorithm).
+    The truth is brought to the canvas (`attractor.normalize`), and so is the recovered code with align="bbox". With
+    align="none" it stays in its own frame, for methods that return a code in the frame of the input. The displacement
+    of a pair is the mean over the true attractor of |g_i(x) - f_j(x)|, in pixels of an input of `resolution`. The pairs
+    are those of least total displacement (Hungarian algorithm).
 
-    A true map is found if its partner is within `tolerances`. Probabilities are compared as the chaos game uses them,
-    those of a code without any being |det| + 0.01, since they decide what a picture of so many points shows: a found
-    map's may differ by a factor of 1.25. Where neither code states any they follow from the maps and are not compared.
-    Maps that coincide share what the chaos game gives them, so that their sum may be right instead. Pictures of both
-    codes, in the whole view, must agree to within .01 of the truth's own F1.
+    A true map is found if its partner is within `tolerances`. The probability of a found map may differ by a factor of
+    1.25. Probabilities are compared as the chaos game uses them, |det| + 0.01 for a code without any; if neither code
+    states any, they follow from the maps and are not compared. Maps that coincide share their probability, so their sum
+    may be right instead. The F1 of the whole view must be within .01 of the truth's own.
 
-    Another code of the same attractor (by a symmetry, say) is far from the true one in this measure, see
-    `CodeError.equivalent`. Raises `InputError` if a code is not contractive.
+    Another code of the same attractor may be far from the true one in this sense; see `CodeError.equivalent`. Raises
+    `InputError` if a code is not contractive.
     """
     from scipy.optimize import linear_sum_assignment
 

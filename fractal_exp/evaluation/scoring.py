@@ -32,7 +32,7 @@ Distance = Callable[[Tensor, Tensor], Tensor]
 
 
 class Renderable(Protocol):
-    """Anything with a picture of every view: an `IFS` is drawn by `render`, what else there is draws itself."""
+    """Anything with an image of every view. `render` renders an `IFS`; anything else renders itself."""
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:
@@ -41,7 +41,7 @@ class Renderable(Protocol):
 
 @dataclass(frozen=True)
 class Constant:
-    """A picture of one grey level at every view: what any method must beat."""
+    """An image of one grey level at every view: what any method must beat."""
 
     value: float
 
@@ -110,7 +110,7 @@ class Perceptual:
 
 @dataclass(frozen=True)
 class Scored:
-    """A reconstruction and its truth, drawn at the same views: images (V,R,R) each, and the distance to measure."""
+    """A reconstruction and its truth, rendered at the same views: images (V,R,R) each, and the distance to measure."""
 
     views: dict[str, View]
     images: Tensor
@@ -163,22 +163,24 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
              points_in_view: int | None = None, supersample: int = 8, views: str = "attractor", align: str = "bbox",
              seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
              device: str = "cpu") -> pd.DataFrame:
-    """Compare a reconstruction with its truth on the seven views of the truth: a table of one row a view.
+    """Compare a reconstruction with its truth on the seven views of the truth: a table with one row a view.
 
-    Columns: view (its name), zoom, center_x, center_y, empty, then f1, iou, psnr (dB), ssim and lpips of the inner 75%
-    (see `metrics`); `attrs` say which perceptual distance was used, or why there is none and its column is NaN. The
-    distance "fractal" is not LPIPS: it stands in a column of its own, fractal_distance. A pair of pictures that are
-    both black in their inner 75% says nothing: `empty` is True and all its scores are NaN, so that means leave it out.
+    The columns are view (its name), zoom, center_x, center_y, empty, and then f1, iou, psnr (dB), ssim and lpips of the
+    inner 75% (see `metrics`). A pair of images that are both black there says nothing: `empty` is True and all its
+    scores are NaN, so that means leave it out. The distance "fractal" is not LPIPS; its column is fractal_distance. The
+    `attrs` of the table name the perceptual distance, or say why there is none and its column is NaN.
 
-    `points_in_view` (None: 50 million · (resolution/1024)²) and `supersample` are those of `render`. views:
-    "attractor", "released" or "uniform", see `evaluation_views`; only "released" may stand beside published figures. A
-    true code is brought to the canvas (`attractor.normalize`), as it is for the input of a method; align
-    says the same of the reconstruction: "bbox" frames its code by the box of its own attractor, as in the paper, "none"
-    takes it in the frame of the input. The views' seed is that of the truth alone (`views_seed`) unless given.
-    perceptual: a loaded `Perceptual`, or the name of a distance. cache: a folder that keeps the truth's images.
-    device: where codes are drawn, "cpu" or "cuda", see `render`.
+    - resolution, points_in_view, supersample, device: as in `render`.
+    - views: "attractor", "released" or "uniform", see `evaluation_views`. Only "released" is comparable with published
+      figures.
+    - align: the frame of the reconstruction. "bbox" brings its code to the canvas by the box of its own attractor, as
+      in the paper. "none" takes it as it is, in the frame of the input. The truth is always brought to the canvas
+      (`attractor.normalize`), as it is for the input of a method.
+    - seed: of the views; by default it depends on the truth alone (`views_seed`).
+    - perceptual: a loaded `Perceptual`, or the name of a distance.
+    - cache: a folder that keeps the images of the truth.
 
-    Raises `InputError` on an unknown choice, sizes that cannot be drawn or are too small for the distance, or a code
+    Raises `InputError` on an unknown choice, a size that cannot be rendered or is too small for the distance, or a code
     that is not contractive.
     """
     return score(reconstruction, truth, resolution=resolution, points_in_view=points_in_view, supersample=supersample,

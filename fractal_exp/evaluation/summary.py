@@ -1,4 +1,4 @@
-"""What tables of views come to: means with their uncertainty, by class of zoom."""
+"""Summaries of tables of views: means with their intervals, by range of zoom."""
 
 from __future__ import annotations
 
@@ -27,15 +27,20 @@ def metric_columns(frame: pd.DataFrame) -> list[str]:
 
 
 def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
-    """Mean scores of per-view tables (see `evaluate`), over all views and by class of zoom.
+    """Mean scores of per-view tables (see `evaluate`), over all views and by range of zoom.
 
-    `frame` holds the rows of one fractal, or of several told apart by a column `fractal`. One row a class of zoom
-    (all, whole, 1-2x, 2-4x, 4-8x) and metric: mean over the views; std, the spread of the fractals' means; low and
-    high, the bootstrap 95% interval of the mean, drawn over fractals, since views of one fractal are no independent
-    samples (Efron's percentile interval, 9999 resamples; NaN for a single fractal); views and fractals, their numbers;
-    empty, the number of views that are empty in truth and result: they are left out of all else. `attrs` keep those of
-    the frame, and `ceiling_fraction` and `empty_views`. A metric that is absent (NaN) stays absent. Raises `InputError`
-    on a table that is no such table or without rows.
+    `frame` has the rows of one fractal, or of several with a column `fractal`. The result has one row for each range of
+    zoom (all, whole, 1-2x, 2-4x, 4-8x) and metric, with these columns:
+
+    - mean: over the views.
+    - std: the spread of the means of the fractals.
+    - low, high: the bootstrap 95% interval of the mean, by resampling fractals, because the views of one fractal are
+      not independent (Efron's percentile interval, 9999 resamples; NaN for a single fractal).
+    - views, fractals: their numbers.
+    - empty: the number of views that are empty in truth and result. They are left out of everything else.
+
+    `attrs` are those of the frame, with `ceiling_fraction` and `empty_views`. A metric that is absent (NaN) stays
+    absent. Raises `InputError` on a table without rows or without the columns of `evaluate`.
     """
     need("pandas")
     import pandas as pd

@@ -61,13 +61,12 @@ def check_kind(kind: str) -> str:
 def evaluation_views(truth: Any, kind: str = "attractor", *, seed: int | None = None) -> dict[str, View]:
     """The seven views of a fractal by name: the whole canvas, and two with zooms from each of U[1,2], U[2,4], U[4,8].
 
-    truth: an `IFS` in any frame, or what has one as `code`; the views are those of `attractor.normalize` of it. kind
-    says where the centres of the six closer views lie:
-    - "attractor": on points of the truth's attractor, drawn by its invariant measure. No such view is empty; its window
-      may reach beyond the canvas.
-    - "released": uniform in |center| <= (1 - 1/zoom) / zoom, as the authors' program draws them.
-    - "uniform": uniform as long as the window stays on the canvas. About one in nine of the random suite is empty.
-    seed: of the zooms and centres (default: `views_seed` of the truth); all kinds share the zooms of a seed.
+    - truth: an `IFS` in any frame, or an object with one as `code`. The views are those of its `attractor.normalize`.
+    - kind: where the six closer views are centred. "attractor" takes points of the true attractor, drawn by its
+      invariant measure; no such view is empty, and its window may reach beyond the canvas. "released" is uniform in
+      |center| <= (1 - 1/zoom) / zoom, as in the authors' program. "uniform" is uniform as long as the window stays on
+      the canvas; about one such view in nine of the random suite is empty.
+    - seed: of the zooms and centres; by default `views_seed` of the truth. All kinds share the zooms of a seed.
 
     Raises `InputError` on another kind, a negative seed, a truth that is no code without a seed or with views on its
     attractor, or one that is not contractive.

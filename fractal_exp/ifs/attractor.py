@@ -20,7 +20,7 @@ LETTERS = 2000            # of a random address
 
 
 def bounding_disc(code: IFS) -> tuple[np.ndarray, float]:
-    """A disc (center (2,), radius) that is certain to hold the attractor: every map sends it into itself.
+    """A disc (center (2,), radius) that certainly contains the attractor: every map sends it into itself.
 
     With |f_i(c) - c| = d_i and largest singular value s_i, any radius r >= d_i / (1 - s_i) will do (Hutchinson 1981).
     Raises `InputError` if the code is not contractive.
@@ -52,11 +52,11 @@ def support_function(code: IFS) -> np.ndarray:
 def visible_box(code: IFS) -> np.ndarray:
     """The box (x_min, y_min, x_max, y_max), float64, of the words that a million points would visit.
 
-    It holds f_w(c) for every word w of chance p_w >= 1e-6, c the mean of the invariant measure. This is the kind of
-    box that the paper normalises by, that of many sampled points, without their luck: it depends neither on a seed nor
-    on the order of the maps. The attractor's own box may be far larger: a map with a singular value near 1
-    stretches the attractor into tails of chance 1e-8 that no picture ever shows (over the random suite the two differ
-    by more than 1% of the side for a quarter of the codes). Raises `InputError` if the code is not contractive.
+    It contains f_w(c) for every word w of probability p_w >= 1e-6, where c is the mean of the invariant measure. The
+    paper normalises by the box of many sampled points; this box is like it, but depends neither on a seed nor on the
+    order of the maps. The box of the whole attractor may be far larger: a map with a singular value near 1 stretches
+    the attractor into tails of probability 1e-8 that no image ever shows. For a quarter of the codes of the random
+    suite the two boxes differ by more than 1% of the side. Raises `InputError` if the code is not contractive.
     """
     (right, _), (top, _), (left, _), (bottom, _) = visible_tips(code)
     return np.array([-left, -bottom, right, top])

@@ -57,10 +57,12 @@ class View:
 class IFS:
     """An iterated function system of N affine maps f_i(x) = `linear`[i] x + `offset`[i].
 
-    linear (N,2,2) and offset (N,2), finite, kept as float32 tensors; probabilities (N,) of the chaos game, at least 0
-    and summing to 1, or None for p_i proportional to |det M_i| + 0.01; meta holds free JSON notes (name, source).
-    Raises `InputError` on other shapes, N < 1, non-finite numbers or probabilities that are none. Contractivity is
-    not asked for here but by `check_contractive`, where it is needed.
+    - linear (N,2,2) and offset (N,2): finite, kept as float32 tensors.
+    - probabilities (N,): of the chaos game, at least 0, with sum 1. None makes p_i proportional to |det M_i| + 0.01.
+    - meta: free notes that JSON can hold, such as a name and a source.
+
+    Raises `InputError` on other shapes, N < 1, numbers that are not finite, or wrong probabilities. Maps need not be
+    contractive here; `check_contractive` is called where they must be.
     """
 
     linear: Tensor
@@ -126,7 +128,7 @@ class IFS:
     def similar(self, scale: float, shift: tuple[float, float]) -> IFS:
         """The code whose attractor is scale · A + shift: matrices stay, offsets change by conjugation.
 
-        Computed in float64, since float32 would blur deep zooms.
+        It is computed in float64, because float32 would blur deep zooms.
         """
         t = torch.tensor(shift, dtype=torch.float64, device=self.offset.device)
         offset = scale * self.offset.double() + t - self.linear.double() @ t
@@ -158,8 +160,9 @@ class IFS:
     def from_json(cls, data: Any) -> IFS:
         """A contractive code from plain data in this package's format or one of the two public spellings.
 
-        Those are a mapping with `ifs_m` (N,2,2) or (N,4), `ifs_t` (N,2) and optionally `ifs_p` (N,), and a list of
-        rows `a b c d e f [p]` meaning x' = a x + b y + e, y' = c x + d y + f. Raises `InputError` on anything else.
+        The public spellings are a mapping with `ifs_m` (N,2,2) or (N,4), `ifs_t` (N,2) and optionally `ifs_p` (N,),
+        and a list of rows `a b c d e f [p]` meaning x' = a x + b y + e, y' = c x + d y + f. Raises `InputError` on
+        anything else.
         """
         if isinstance(data, list):
             code = _from_rows(data)

@@ -79,22 +79,24 @@ def points_per_view(resolution: int) -> int:
 
 def render(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
            supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Tensor:
-    """Draw a view (default: the whole canvas) of a code's attractor: an image (resolution, resolution), float32.
+    """Render a view of a code's attractor: an image (resolution, resolution), float32, on the CPU.
 
-    `points_in_view` points of the chaos game land in the window (None: 50 million · (resolution / 1024)²); how rare
-    they are on the attractor does not matter, see `fractal_exp.ops.histogram`. Modes:
-    - `occupancy`: a pixel is the share, in [0,1], of its supersample² parts that any point has hit;
-    - `density`: the points in a pixel over the mean of the window, so the invariant measure's density relative to a
-      uniform one, in [0, resolution²]. `tone_map` makes a picture of it. `supersample` has no say.
-    device: "cpu", or "cuda" to throw the points on an NVIDIA GPU, other ones of the same distribution; views that
-    have to be searched for points are drawn by the CPU all the same. The image is on the CPU.
-    The same seed gives the same image on any number of threads. Tensors that require gradients are drawn by their
-    values: the image carries no gradient (`fractal_exp.ops` draws differentiably). A view that holds no point of the
-    attractor is black, and one whose points cannot be had with reasonable work holds fewer: both are logged as
-    warnings, and `render_with_info` returns them as data.
+    - view: the window; the whole canvas by default.
+    - points_in_view: how many points of the chaos game land in the window, 50 million · (resolution / 1024)² by
+      default. It does not matter how small a part of the attractor is in the window.
+    - supersample: subpixels along a side of a pixel. The mode "density" has none.
+    - mode: "occupancy" gives the share, in [0,1], of the subpixels of a pixel that a point has hit. "density" gives the
+      points in a pixel over their mean in the window, in [0, resolution²]: the density of the invariant measure
+      relative to a uniform one. `tone_map` makes an image of it.
+    - device: "cpu" or "cuda". A GPU throws other points of the same distribution. Views in which points have to be
+      searched for are rendered by the CPU in any case.
 
-    Raises `InputError` if what is given is no IFS, the code is not contractive, the zoom exceeds 1e12, a size is below
-    1 or too large for this machine's memory, or the device is none that can draw.
+    The same seed gives the same image on any number of threads. The image carries no gradient; the functions of
+    `fractal_exp.ops` are differentiable. A view without a point of the attractor is black. A view whose points would
+    take too much work gets fewer. Both are logged as warnings, and `render_with_info` returns them as data.
+
+    Raises `InputError` on anything but an IFS, a code that is not contractive, a zoom above 1e12, a size below 1 or too
+    large for the memory, or a device that cannot render.
     """
     image, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view,
                                    supersample=supersample, seed=seed, mode=mode, device=device)

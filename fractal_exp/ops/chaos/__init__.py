@@ -29,17 +29,17 @@ def chaos_game(
 ) -> Tensor:                               # (…, P, 2)
     """Points of the attractors of IFS codes by the chaos game (Barnsley 1988; Section 4.1 of the paper).
 
-    Every trajectory starts uniformly on the canvas [-1,1]² and `length` times applies a map drawn at random; its
-    points from `warmup` on are kept, P = trajectories · (length - warmup), trajectory by trajectory. `probabilities`
-    are those of the maps, uniform if None; no gradient flows to them. Gradients reach `linear` and `offset` through
-    all steps, warm-up included. A point that runs away, as one of a code that is not contractive may, is held at
-    coordinates of ±1e6, where its gradient ends, so that nothing overflows.
+    Every trajectory starts at a uniform point of the canvas [-1,1]² and applies a random map `length` times. Its points
+    from `warmup` on are kept, trajectory by trajectory: P = trajectories · (length - warmup). `probabilities` are those
+    of the maps, uniform by default; no gradient flows to them. Gradients reach `linear` and `offset` through all steps,
+    warm-up included. If a code is not contractive, points may run away. They stop at coordinates of ±1e6, where their
+    gradient ends, so that nothing overflows.
 
-    A trajectory's random numbers depend on the seed and its number alone, on every backend and device: with an int
-    all codes share starts and uniform variates (common random numbers), with a tensor each code has its own seed.
-    The `cpu` backend repeats bit for bit, points and gradients, whatever the number of threads, and so does `cuda` on
-    GPUs of one kind; of `torch` this holds for the points alone. Given `probabilities` are read on the CPU, which waits
-    for a GPU that they lie on; a seed that is to change in a CUDA graph has to be a tensor.
+    The random numbers of a trajectory depend on the seed and on its number alone, on every backend and device. With an
+    int, all codes share starts and uniform variates (common random numbers). With a tensor, each code has its own seed.
+    The `cpu` backend repeats bit for bit, points and gradients, on any number of threads, and so does `cuda` on GPUs of
+    one kind. The `torch` backend repeats the points alone. `probabilities` are read on the CPU, which waits for the GPU
+    if they are there. A seed that is to change in a CUDA graph must be a tensor.
 
     Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, warmup outside 0 … length - 1,
     probabilities that are negative or do not sum to 1, counts that take more memory than there is, or a backend that

@@ -23,16 +23,16 @@ def splat(
     supersample: int = 5,
     backend: str = "auto",
 ) -> Tensor:                               # (…, R, R)
-    """Draw points as isotropic Gaussians, white on black: images in [0,1] of the canvas [-1,1]², the y axis up.
+    """Render points as isotropic Gaussians, white on black: images in [0,1] of the canvas [-1,1]², the y axis up.
 
-    On a grid of `supersample` · R pixels a side, point k at distance r (in pixels of that grid) has the opacity
-    alpha_k = min(0.99, exp(-r² / 2 sigma_px²)), nothing where that is under 1/255, and a pixel is 1 - prod (1 -
-    alpha_k) (Kerbl et al. 2023 with one colour; Section 4.2 of the paper); the mean of supersample² pixels is a pixel
-    of the image. The gradient does not stop where alpha meets 0.99: it is that of the unclamped Gaussian. Points
-    beyond the canvas are drawn as far as they reach into it; infinite and NaN points are not, with zero gradient.
+    The grid has `supersample` · R subpixels a side. At distance r from point k, in subpixels, the opacity is alpha_k =
+    min(0.99, exp(-r² / 2 sigma_px²)), or 0 where that is below 1/255. A subpixel is 1 - prod_k (1 - alpha_k), and a
+    pixel of the image is the mean of its supersample² subpixels (Kerbl et al. 2023 with one colour; section 4.2 of the
+    paper). The gradient is that of the unclamped Gaussian, so it does not stop where alpha reaches 0.99. Points beyond
+    the canvas count as far as they reach into it. Infinite and NaN points are left out and have a zero gradient.
 
-    The `cpu` backend repeats bit for bit whatever the number of threads, and so does `cuda` on GPUs of one kind, since
-    it has no atomics; `torch` on a GPU adds with atomics and need not.
+    The `cpu` backend repeats bit for bit on any number of threads, and so does `cuda` on GPUs of one kind, because it
+    has no atomics. The `torch` backend adds with atomics on a GPU, so it may not repeat.
 
     Raises `InputError` on wrong shapes or dtypes, resolution or supersample below 1, sigma_px that is not a finite
     number from 0.001 on, sizes that take more memory than there is, or a backend that cannot take the tensor.

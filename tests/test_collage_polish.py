@@ -126,7 +126,7 @@ def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
         again = ImageSearch(picture, search.masses, noise=0.1)
         live = search.step(now, number)
         resumed = again.step(Candidate(now.maps, now.weights, now.error, now.score), number)
-        assert torch.equal(live.maps, resumed.maps) and torch.equal(live.weights, resumed.weights)
+        assert torch.equal(live.maps, resumed.maps) and torch.equal(live.probabilities, resumed.probabilities)
 
 
 def test_a_polished_code_loses_what_neither_picture_nor_frame_asks_for(triangle):

@@ -48,7 +48,7 @@ def test_every_choice_composes_and_passes_its_schema(group):
 
 def test_a_fit_that_begins_with_collage_search_has_one_start_and_a_name_of_its_own():
     config = plain("init=collage", "scale=smoke")
-    assert config["method"]["starts"] == 1 and config["method"]["init"]["moves"] == 8
+    assert config["method"]["starts"] == 1 and config["method"]["init"]["search"]["moves"] == 8
     assert configuration.method_name(config["method"]) == "collage-chaotic"
     assert configuration.method_name(plain()["method"]) == "chaotic"
     with pytest.raises(InputError, match="take method=chaotic"):

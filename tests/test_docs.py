@@ -203,7 +203,6 @@ def test_the_code_of_a_page_runs(page, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(importlib.util.find_spec("fractal_exp.inversion") is None, reason="invert returns a bare code here")
 def test_the_quick_start_runs_on_a_picture(tmp_path):
     from fractal_exp import codes, suite
     from fractal_exp.images import write_image

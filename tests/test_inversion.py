@@ -15,7 +15,8 @@ from fractal_exp.images import Placement, read_target
 from fractal_exp.inversion import Likeness
 from fractal_exp.methods.base import CodeReconstruction, Method, Progress, stop_reason
 
-QUICK = {"resolution": 64, "islands": 1, "moves": 2, "rounds": 1, "detail_moves": 1, "picture_moves": 1}
+QUICK = {"resolution": 64, "rounds": 1,
+         "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1}}
 SIZE = (180, 120)  # of the picture, in pixels
 
 

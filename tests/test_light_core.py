@@ -31,8 +31,8 @@ import numpy as np
 from fractal_exp import View, codes, invert, render, suite
 from fractal_exp.evaluation import evaluate
 from fractal_exp.errors import InputError
-found = invert(suite.target(codes.known("sierpinski_triangle"), 64), resolution=64, frame="keep", islands=1, moves=1,
-               rounds=1, detail_moves=0, picture_moves=0, progress=True)
+found = invert(suite.target(codes.known("sierpinski_triangle"), 64), resolution=64, frame="keep", rounds=1,
+               search={"restarts": 1, "moves": 1, "detail_moves": 0}, moves={"count": 0}, progress=True)
 assert found.history and render(found.code, View(zoom=3), resolution=32).shape == (32, 32)
 found.overlay("overlay.png")
 found.save("found")

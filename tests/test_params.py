@@ -6,12 +6,13 @@ import fractal_exp.conf
 import pytest
 import torch
 import yaml
-from collage_helpers import problem, small
+from collage_helpers import image_search, small, tied
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from fractal_exp import InputError
 from fractal_exp.cli import configuration
+from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.moves import MOVES
 from fractal_exp.methods.collage.params import CollageParams, hydra_config
 from fractal_exp.runtime.params import Params
@@ -19,6 +20,9 @@ from fractal_exp.runtime.params import Params
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
 PARTS = sorted(path.stem for path in (CONF / "without").glob("*.yaml"))
 FULL = "nothing"
+
+
+configuration.register()
 
 
 def composed(*words: str) -> dict:
@@ -36,7 +40,7 @@ def test_hydra_has_every_parameter_with_its_docstring():
         "python -m fractal_exp.methods.collage.params > conf/method/collage.yaml")
     settings = leaves(composed()["method"])
     for name, info in CollageParams.leaves():
-        assert info.description and info.description[0].isupper() or info.description[0].islower(), name
+        assert info.description, name
         assert name in settings, name
 
 
@@ -65,18 +69,13 @@ def test_a_search_without_a_part_ends_with_a_code(part, triangle):
 
 
 def test_every_move_has_odds_of_its_own():
-    assert set(MOVES) <= set(CollageParams().moves.model_fields_set | set(type(CollageParams().moves).model_fields))
+    assert set(MOVES) <= set(type(CollageParams().moves).model_fields)
 
 
 def test_no_move_is_made_where_all_are_switched_off(triangle):
-    given = problem(triangle[1], moves=dict.fromkeys(MOVES, 0.0))
-    from collage_helpers import image_search, tied
-
-    from fractal_exp.methods.collage import maps as affine
-
     search = image_search(triangle[1], moves=dict.fromkeys(MOVES, 0.0))
     now = search.judged(tied(affine.from_code(triangle[0])))
-    assert given.params.moves.birth == 0 and search.step(now, 0) is now
+    assert search.step(now, 0) is now
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -187,7 +187,7 @@ SQUARE = np.pad(np.ones((32, 20), np.float32), ((16, 16), (22, 22)))
     ({"map": 3}, "the method 'collage' has no option 'map'; did you mean 'maps'"),
     ({"seconds": "a"}, "seconds must be a number or None, got 'a'"),
     ({"seed": 1.5}, "seed must be a whole number, got 1.5"),
-    ({"maps": True}, "maps must be a whole number or None, got True"),
+    ({"maps": True}, "maps must be a whole number, got True"),
     ({"method": "colage"}, "there is no method 'colage'; did you mean 'collage'"),
     ({"on_step": 3}, "on_step must be a function"),
     ({"seed": np.int64(3), "maps": 1}, "maps must be at least 2, got 1"),
@@ -200,7 +200,7 @@ def test_a_wrong_option_of_invert_is_named(options, message):
 def test_a_defect_inside_a_method_is_not_blamed_on_the_options(monkeypatch):
     from fractal_exp.methods.collage import method as collage
 
-    def broken(*, resolution: int, seed: int, seconds: float | None = None):
+    def broken(*, resolution: int, seed: int, seconds: float | None = None) -> collage.Collage:
         raise TypeError("of ours")
     monkeypatch.setattr(collage, "laptop", broken)
     with pytest.raises(TypeError, match="of ours"):

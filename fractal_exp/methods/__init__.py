@@ -34,7 +34,7 @@ def check_options(build: Callable[..., Method], name: str, options: Mapping[str,
     """Raise `InputError` on options that a method's building function does not have or that have another type; others:
     names beside them that may have been meant."""
     takes = {key: each for key, each in inspect.signature(build).parameters.items() if each.kind != each.VAR_KEYWORD}
-    params = inspect.signature(build, eval_str=True).return_annotation.Params
+    params = getattr(inspect.signature(build, eval_str=True).return_annotation, "Params", None)
     if params is not None:
         own = {key: value for key, value in options.items() if key in params.model_fields}
         params().updated(**own)

@@ -486,11 +486,11 @@ class CollageParams(Params):
     """All parameters of collage search."""
 
     maps: Annotated[int, Field(ge=2)] | None = None
-    """Number of maps; none: found."""
+    """Number of maps; null: found."""
     at_most: Annotated[int, Field(ge=2)] | None = None
-    """Upper bound of the number of maps; none: no bound."""
+    """Upper bound of the number of maps; null: no bound."""
     rounds: Positive | None = None
-    """Rounds at most; none: as `stages` says for the meaning of the grey levels."""
+    """Rounds at most; null: as `stages` says for the meaning of the grey levels."""
     levels: Literal["auto", "density", "coverage", "binary"] = "auto"
     """What grey levels mean: the density of a chaos game's points, the covered share of a pixel, or nothing (black and
     white)."""

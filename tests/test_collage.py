@@ -113,16 +113,22 @@ def small(**options):
                    | options)
 
 
-def test_a_seed_repeats_and_another_differs(triangle):
+@pytest.fixture(scope="module")
+def whole(triangle):
+    """What a small search of the triangle tells from beginning to end, and the code that it returns."""
+    told = []
+    return told, small().reconstruct(triangle[1], on_step=told.append).code
+
+
+def test_a_seed_repeats_and_another_differs(triangle, whole):
     _, image = triangle
-    a, b, c = (small(seed=seed).reconstruct(image).code for seed in (0, 0, 1))
+    a, (b, c) = whole[1], (small(seed=seed).reconstruct(image).code for seed in (0, 1))
     assert torch.equal(a.linear, b.linear) and torch.equal(a.offset, b.offset)
     assert len(a) != len(c) or not torch.equal(a.linear, c.linear)
 
 
-def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, tmp_path, monkeypatch):
-    _, image = triangle
-    whole = small().reconstruct(image).code
+def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, whole, tmp_path, monkeypatch):
+    (_, image), (_, whole) = triangle, whole
     path = tmp_path / "checkpoint.safetensors"
 
     def interrupt(*_):
@@ -150,10 +156,10 @@ def test_small_and_odd_pictures_are_taken(size):
     assert len(small().reconstruct(image).code) >= 2
 
 
-@pytest.mark.parametrize("stop", [1, 4, 8, 10, 12])  # in each island, the closing moves, the details, the picture
-def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, stop):
-    _, image = triangle
-    whole = small().reconstruct(image).code
+@pytest.mark.parametrize("stop", [1, pytest.param(4, marks=pytest.mark.slow), 8, 10, 12])
+def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, whole, tmp_path, stop):
+    """In each island, the closing moves, the details, the picture."""
+    (_, image), (_, whole) = triangle, whole
 
     def interrupt(progress):
         if progress.step >= stop and progress.code is None:
@@ -166,26 +172,38 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, s
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
-def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, tmp_path, monkeypatch):
-    _, image = triangle
-    monkeypatch.setattr(stages, "LARGEST", 64)
-    monkeypatch.setattr(stages, "FULL", 96)
+LARGE = {"LARGEST": 64, "FULL": 96}  # with these, the triangle's image is a large one
+
+
+@pytest.fixture(scope="module")
+def whole_large(triangle):
+    """What a search of a large picture tells, and the code that it returns."""
     told = []
-    whole = small().reconstruct(image, on_step=told.append).code
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in LARGE.items():
+            patch.setattr(stages, name, value)
+        return told, small().reconstruct(triangle[1], on_step=told.append).code
+
+
+@pytest.mark.parametrize("stage", [pytest.param("detail", marks=pytest.mark.slow), "approach",
+                                   pytest.param("picture", marks=pytest.mark.slow), "full size"])
+def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, whole_large, tmp_path,
+                                                                              monkeypatch, stage):
+    (_, image), (told, whole) = triangle, whole_large
+    for name, value in LARGE.items():
+        monkeypatch.setattr(stages, name, value)
     ends = [progress.stage for progress in told if progress.code is not None]
     assert ends[-5:] == ["detail", "approach", "picture", "full size", "last digits"]
-    for number in range(len(ends) - 5, len(ends) - 1):
-        left = iter(range(number))
 
-        def interrupt(progress, left=left):
-            if progress.code is not None and next(left, None) is None:
-                raise KeyboardInterrupt
+    def interrupt(progress):
+        if progress.code is not None and progress.stage == stage:
+            raise KeyboardInterrupt
 
-        path = tmp_path / f"{number}.safetensors"
-        with pytest.raises(KeyboardInterrupt):
-            small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
-        resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
-        assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+    path = tmp_path / "checkpoint.safetensors"
+    with pytest.raises(KeyboardInterrupt):
+        small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
+    resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+    assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
 def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
@@ -255,10 +273,8 @@ def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     assert len(invert(image, resolution=64, islands=1, moves=2, rounds=1, picture_moves=0)) >= 2
 
 
-def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
-    _, image = triangle
-    told = []
-    found = small().reconstruct(image, on_step=told.append).code
+def test_each_stage_tells_its_code_and_the_last_is_returned(whole):
+    told, found = whole
     ends = [p for p in told if p.code is not None]
     assert [p.stage for p in ends] == ["search", "search", "search", "detail", "picture", "last digits"]
     assert torch.equal(ends[-1].code.linear, found.linear)

@@ -9,6 +9,9 @@ PORT ?= 5000
 SCALE ?= laptop
 COUNT ?= 4
 WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
+# Whole files go to one process, which makes what their tests share once, in the order of their names: the longest, with
+# few tests each, are not left for the end. More than eight processes would wait for the longest.
+PYTEST := -m pytest -n $(WORKERS) --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
@@ -34,11 +37,11 @@ ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=p
 	@$(BIN)/fractal-sweep ablations scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) \
 	  $(SWEEP_ARGS)
 
-test: $(READY) ## Run the tests
-	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+test: $(READY) ## Run the tests, one process a core (WORKERS=2; PYTEST_ARGS='-k fern')
+	@$(BIN)/python $(PYTEST) $(PYTEST_ARGS)
 
-test-all: $(READY) ## Run the slow tests too: campaigns of kills, full disks, mutated files and hostile arguments
-	@$(BIN)/python -m pytest -m 'slow or not slow' $(PYTEST_ARGS)
+test-all: $(READY) ## Run the slow tests too: campaigns, more cases of the same, whole sweeps and rehearsals
+	@$(BIN)/python $(PYTEST) -m 'slow or not slow' $(PYTEST_ARGS)
 
 mutations: $(READY) ## Make small mistakes in a copy of the code, one at a time, and see whether the tests notice
 	@$(BIN)/python tests/mutations/run.py

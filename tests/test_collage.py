@@ -108,16 +108,22 @@ def test_a_checkpoint_of_other_stages_is_refused(triangle):
             State.of(other, "cpu")
 
 
-def test_a_seed_repeats_and_another_differs(triangle):
+@pytest.fixture(scope="module")
+def whole(triangle):
+    """What a small search of the triangle tells from beginning to end, and the code that it returns."""
+    told = []
+    return told, small().reconstruct(triangle[1], on_step=told.append).code
+
+
+def test_a_seed_repeats_and_another_differs(triangle, whole):
     _, image = triangle
-    a, b, c = (small(seed=seed).reconstruct(image).code for seed in (0, 0, 1))
+    a, (b, c) = whole[1], (small(seed=seed).reconstruct(image).code for seed in (0, 1))
     assert torch.equal(a.linear, b.linear) and torch.equal(a.offset, b.offset)
     assert len(a) != len(c) or not torch.equal(a.linear, c.linear)
 
 
-def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, tmp_path, monkeypatch):
-    _, image = triangle
-    whole = small().reconstruct(image).code
+def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, whole, tmp_path, monkeypatch):
+    (_, image), (_, whole) = triangle, whole
     path = tmp_path / "checkpoint.safetensors"
 
     def interrupt(*_):
@@ -145,10 +151,10 @@ def test_small_and_odd_pictures_are_taken(size):
     assert len(small().reconstruct(image).code) >= 2
 
 
-@pytest.mark.parametrize("stop", [1, 4, 8, 10, 12])  # in each island, the closing moves, the details, the picture
-def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, stop):
-    _, image = triangle
-    whole = small().reconstruct(image).code
+@pytest.mark.parametrize("stop", [1, pytest.param(4, marks=pytest.mark.slow), 8, 10, 12])
+def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, whole, tmp_path, stop):
+    """In each island, the closing moves, the details, the picture."""
+    (_, image), (_, whole) = triangle, whole
 
     def interrupt(progress):
         if progress.step >= stop and progress.code is None:
@@ -161,25 +167,32 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, tmp_path, s
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
-def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, tmp_path):
-    _, image = triangle
-    sizes = {"stages": {"largest_side": 64, "full_side": 96}}
+LARGE = {"stages": {"largest_side": 64, "full_side": 96}}  # with these, the triangle's image is a large one
+
+
+@pytest.fixture(scope="module")
+def whole_large(triangle):
+    """What a search of a large picture tells, and the code that it returns."""
     told = []
-    whole = small(**sizes).reconstruct(image, on_step=told.append).code
+    return told, small(**LARGE).reconstruct(triangle[1], on_step=told.append).code
+
+
+@pytest.mark.parametrize("stage", [pytest.param("detail", marks=pytest.mark.slow), "approach",
+                                   pytest.param("image", marks=pytest.mark.slow), "full size"])
+def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, whole_large, tmp_path, stage):
+    (_, image), (told, whole) = triangle, whole_large
     ends = [progress.stage for progress in told if progress.code is not None]
     assert ends[-5:] == ["detail", "approach", "image", "full size", "last digits"]
-    for number in range(len(ends) - 5, len(ends) - 1):
-        left = iter(range(number))
 
-        def interrupt(progress, left=left):
-            if progress.code is not None and next(left, None) is None:
-                raise KeyboardInterrupt
+    def interrupt(progress):
+        if progress.code is not None and progress.stage == stage:
+            raise KeyboardInterrupt
 
-        path = tmp_path / f"{number}.safetensors"
-        with pytest.raises(KeyboardInterrupt):
-            small(**sizes).reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
-        resumed = small(**sizes).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
-        assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+    path = tmp_path / "checkpoint.safetensors"
+    with pytest.raises(KeyboardInterrupt):
+        small(**LARGE).reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
+    resumed = small(**LARGE).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+    assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
 def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
@@ -248,10 +261,8 @@ def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     assert found.method == "collage" and len(found.code) >= 2
 
 
-def test_each_stage_tells_its_code_and_the_last_is_returned(triangle):
-    _, image = triangle
-    told = []
-    found = small().reconstruct(image, on_step=told.append).code
+def test_each_stage_tells_its_code_and_the_last_is_returned(whole):
+    told, found = whole
     ends = [p for p in told if p.code is not None]
     assert [p.stage for p in ends] == ["search", "search", "search", "detail", "image", "last digits"]
     assert torch.equal(ends[-1].code.linear, found.linear)

@@ -54,10 +54,12 @@ def test_kernels_run_from_an_installation_that_cannot_be_written(tmp_path):
 
 SEARCHED = """
 import fractal_exp, hashlib, torch
-from fractal_exp import attractor, codes, ops, suite, threads
-from fractal_exp.collage import maps as affine
-from fractal_exp.collage.measure import LEVELS, binned
+from fractal_exp import codes, ops, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.measure import LEVELS, binned
 from fractal_exp.ops.collage import Descent, descend, pushforward
+from fractal_exp.runtime import threads
 threads.use(1)
 code = attractor.normalize(codes.known("fern"))
 measure = binned(LEVELS["density"].measure(suite.target(code, 128)), 64)

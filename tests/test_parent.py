@@ -5,7 +5,7 @@ import sys
 
 WORKER = """
 import sys, time
-from fractal_exp.apps import parent
+from fractal_exp.cli import parent
 
 parent.POLL_SECONDS = 0.01
 parent.follow(int(sys.argv[1]))

@@ -84,7 +84,7 @@ OPTIONS = [{}, {"invert": True}, {"threshold": 0.4}, {"padding": 0.0}, {"invert"
 
 @pytest.mark.parametrize("channels", [None, 3, 4])
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
-@pytest.mark.parametrize("band", [2**20, 997])
+@pytest.mark.parametrize("band", [pytest.param(2**20, marks=pytest.mark.slow), 997])
 def test_bands_give_what_the_whole_picture_gives(tmp_path, monkeypatch, channels, options, band):
     monkeypatch.setattr(picture_bands, "BAND_PIXELS", band)
     for shape, resolution in (((233, 411), 64), (((64, 48)), 128), ((300, 300), 300)):

@@ -12,7 +12,7 @@ from fractal_exp.runtime import threads
 
 @pytest.mark.skipif(threads.available() < 2, reason="one core: there is nothing to limit")
 def test_a_limit_holds_for_both_pools_even_after_torch_has_worked():
-    program = ("import fractal_exp, torch; from fractal_exp import threads; torch.rand(999, 999).sum(); "
+    program = ("import fractal_exp, torch; from fractal_exp.runtime import threads; torch.rand(999, 999).sum(); "
                "threads.use(1); import numba; torch.rand(999, 999).sum(); "
                "print(torch.get_num_threads(), numba.get_num_threads())")
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout == "1 1\n"

@@ -138,6 +138,7 @@ def test_what_a_lost_store_did_not_take_is_kept_and_delivered(uri, start, tmp_pa
     assert (tmp_path / f"undelivered-{run_id}" / "0-preview").read_bytes().startswith(b"\x89PNG")
     assert get(uri, run_id).info.status == "RUNNING"
 
+    monkeypatch.setattr(outbox, "LAST_WAIT", 60.0)  # this store answers, if late on a busy machine
     assert tracking.deliver(tmp_path) == [run_id]
     ended = get(uri, run_id)
     assert ended.info.status == "FAILED" and ended.data.tags["error"] == "RuntimeError: broke"

@@ -68,11 +68,12 @@ def test_the_frame_is_that_of_targets_and_of_nothing_else(fern, triangle):
 
 def test_the_slopes_of_a_misfit_are_its_differences(fern):
     code, image = fern
-    frame, maps, chances = Frame.of(image, PARAMS.frame), affine.from_code(code).double(), code.sampling_probabilities()
-    slopes = frame.jacobian(maps, chances)
+    frame, maps = Frame.of(image, PARAMS.frame), affine.from_code(code).double()
+    probabilities = code.sampling_probabilities()
+    slopes = frame.jacobian(maps, probabilities)
     direction = torch.randn(maps.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
     step = 1e-4
-    ends = [frame.misfit(maps + sign * step * direction, chances) for sign in (1, -1)]
+    ends = [frame.misfit(maps + sign * step * direction, probabilities) for sign in (1, -1)]
     torch.testing.assert_close((ends[0] - ends[1]) / (2 * step), (slopes * direction).sum((1, 2)), rtol=0.02, atol=0.05)
 
 

@@ -10,30 +10,30 @@ from ..ops.histogram.cpu import box_mean
 from ..runtime.jit import kernel
 
 WARMUP = 32
-MAX_MAPS = 10  # rows of the tables below; the rest have no chance
+MAX_MAPS = 10  # rows of the tables below; the rest have no probability
 
 
-def thresholds(chances: np.ndarray) -> np.ndarray:
-    """Cumulative chances (B,N) in units of 2^-32, int64, of chances (B,N) that sum to 1."""
-    cumulative = chances.astype(np.float64).cumsum(-1)
+def thresholds(probabilities: np.ndarray) -> np.ndarray:
+    """Cumulative probabilities (B,N) in units of 2^-32, int64, of probabilities (B,N) that sum to 1."""
+    cumulative = probabilities.astype(np.float64).cumsum(-1)
     return np.round(cumulative / cumulative[:, -1:] * 2**32).astype(np.int64)
 
 
-def orbit(maps: np.ndarray, chances: np.ndarray, seeds: np.ndarray, count: int) -> np.ndarray:
-    """Points (B,count,2) of the codes maps (B,N,6), rows a b c d e f. Two codes of one seed and the same chances get
-    points of the same addresses."""
+def orbit(maps: np.ndarray, probabilities: np.ndarray, seeds: np.ndarray, count: int) -> np.ndarray:
+    """Points (B,count,2) of the codes maps (B,N,6), rows a b c d e f. Two codes of one seed and the same probabilities
+    get points of the same addresses."""
     points = np.empty((len(maps), count, 2))
-    cumulative = thresholds(chances)
+    cumulative = thresholds(probabilities)
     _orbit(maps, cumulative, guide_of(cumulative), seeds, points)
     return points
 
 
-def draw(maps: np.ndarray, chances: np.ndarray, seeds: np.ndarray, points: np.ndarray, resolution: int,
+def draw(maps: np.ndarray, probabilities: np.ndarray, seeds: np.ndarray, points: np.ndarray, resolution: int,
          factor: int) -> np.ndarray:
     """Images (B,R,R) float32 of the canvas: a pixel is the share of its factor² parts that any of points[b] points of
     the code maps[b] (N,6) has hit."""
     images = np.empty((len(maps), resolution, resolution), np.float32)
-    cumulative = thresholds(chances)
+    cumulative = thresholds(probabilities)
     canvas = np.zeros((len(maps), resolution * factor, resolution * factor), np.uint8)
     _draw(maps, cumulative, guide_of(cumulative), seeds, points, canvas)
     for image, parts in zip(images, canvas, strict=True):

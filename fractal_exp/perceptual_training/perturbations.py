@@ -5,28 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from ..ifs.attractor import FRAME_SIDE
+from ..ifs.code import PROBABILITY_FLOOR
 from .drawing import MAX_MAPS, orbit
 
 Maps = np.ndarray  # (N,6), rows a b c d e f of x' = a x + b y + e, y' = c x + d y + f, float64
 
 POINTS = 2048          # of an attractor, to frame it and to measure displacements by
 LARGEST_SINGULAR = 0.99
-CHANCE_FLOOR = 0.01    # as of `IFS.sampling_probabilities`
 KINDS = ("all", "one", "rotation", "translation", "scale")
 
 
-def chances(maps: Maps) -> np.ndarray:
-    """The chances (N,) of the maps, |det| + 0.01 normalised."""
-    p = np.abs(maps[:, 0] * maps[:, 3] - maps[:, 1] * maps[:, 2]) + CHANCE_FLOOR
+def probabilities(maps: Maps) -> np.ndarray:
+    """The probabilities (N,) of the maps, |det| + 0.01 normalised."""
+    p = np.abs(maps[:, 0] * maps[:, 3] - maps[:, 1] * maps[:, 2]) + PROBABILITY_FLOOR
     return p / p.sum()
 
 
 def table(codes: list[Maps], weights: list[np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """The maps (B,10,6) of many codes and their chances (B,10), filled up with maps of no chance."""
+    """The maps (B,10,6) of many codes and their probabilities (B,10), filled up with maps of no probability."""
     maps, p = np.zeros((len(codes), MAX_MAPS, 6)), np.zeros((len(codes), MAX_MAPS))
     for row, code in enumerate(codes):
         maps[row, :len(code)] = code
-        p[row, :len(code)] = chances(code) if weights is None else weights[row]
+        p[row, :len(code)] = probabilities(code) if weights is None else weights[row]
     return maps, p
 
 
@@ -77,7 +77,7 @@ def contractive(maps: Maps) -> Maps:
 def orbits_of_one_address(truth: Maps, copies: list[Maps], seed: int) -> np.ndarray:
     """Points (1 + C,2048,2) of a code and of copies with as many maps, point by point of the same addresses."""
     codes = [truth, *copies]
-    maps, p = table(codes, [chances(truth)] * len(codes))
+    maps, p = table(codes, [probabilities(truth)] * len(codes))
     return orbit(maps, p, np.full(len(codes), seed, np.int64), POINTS)
 
 

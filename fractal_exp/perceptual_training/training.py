@@ -77,7 +77,7 @@ class Recipe:
         if min(self.resolutions) < SMALLEST_PX:
             raise InputError(f"resolutions must be at least 32, the network's smallest image, got {self.resolutions}")
         if min(self.resolution_chances) < 0 or not sum(self.resolution_chances) > 0:
-            raise InputError(f"chances must not be negative nor all 0, got {self.resolution_chances}")
+            raise InputError(f"probabilities must not be negative nor all 0, got {self.resolution_chances}")
         for name in ("classification", "contrastive", "ranking", "weight_decay", "path_chance", "fine"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):

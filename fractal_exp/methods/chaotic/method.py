@@ -40,7 +40,7 @@ class Chaotic(Method):
     and time is further on (and a run can no longer be repeated bit for bit).
 
     init: a method whose code, of however many maps, the run begins with instead of random parameters; it is handed the
-    same target, and there is one start. The model plays all maps alike, whatever the code's own chances.
+    same target, and there is one start. The model plays all maps alike, whatever the code's own probabilities.
 
     starts: with more than one, each start is first followed for `scouting` iterations (without phases of
     annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most

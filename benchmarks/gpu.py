@@ -29,8 +29,8 @@ from fractal_exp import View, codes, ops, suite
 from fractal_exp.evaluation.metrics import f1, inner_crop
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import Progress
-from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
-from fractal_exp.methods.chaotic.method import Chaotic, Problem
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, PerceptualTerm, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.method import Chaotic, FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
 from fractal_exp.methods.chaotic.optimizers import Alternating
 from fractal_exp.methods.collage.method import Collage
@@ -170,10 +170,10 @@ def measured_rates(sizes: Sizes, timer: Timer) -> dict[str, float]:
     return {"bytes_per_second": 2e3 * 4 * sizes.copy / copy, "flops_per_second": 2e3 * sizes.product**3 / product}
 
 
-def perceptual_term(kind: str, weights: str | None) -> Perceptual | None:
+def perceptual_term(kind: str, weights: str | None) -> PerceptualTerm | None:
     """The term of that name; with weights "random" one of the same cost that judges nothing."""
     if kind == "none" or weights != "random":
-        return None if kind == "none" else Perceptual(kind, weights)
+        return None if kind == "none" else PerceptualTerm(kind, weights)
     from torchvision.models import get_model
 
     backbone = next(b for b in perceptual._BACKBONES if b.kind == kind)
@@ -184,13 +184,13 @@ def perceptual_term(kind: str, weights: str | None) -> Perceptual | None:
         x = layer(x)
         if count in backbone.taps:
             heads.append(torch.nn.Parameter(torch.rand(x.shape[1])))
-    term = Perceptual.__new__(Perceptual)
+    term = PerceptualTerm.__new__(PerceptualTerm)
     torch.nn.Module.__init__(term)
     term.distance = perceptual.PerceptualDistance(f"{kind}_random", layers, backbone.taps, heads, backbone.smallest_px)
     return term
 
 
-def paper_method(sizes: Sizes, term: Perceptual | None, iterations: int, cuda_graph: bool = True,
+def paper_method(sizes: Sizes, term: PerceptualTerm | None, iterations: int, cuda_graph: bool = True,
                  seed: int = 0) -> Chaotic:
     """The paper's method with all losses."""
     model = ForwardModel(SVD(), maps=10, resolution=sizes.resolution, trajectories=sizes.trajectories,
@@ -209,7 +209,7 @@ def some_target(method: Chaotic) -> Tensor:
 
 
 @full_precision()  # as in a fit
-def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer, rates: dict[str, float]) -> dict:
+def time_iteration(sizes: Sizes, term: PerceptualTerm | None, timer: Timer, rates: dict[str, float]) -> dict:
     """One gradient step of the paper's method, replayed and plain, and the memory that it takes. Its floor is that of
     its chaos game and splat, without the losses."""
     result = {}
@@ -217,7 +217,7 @@ def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer, rates: d
         torch.cuda.reset_peak_memory_stats()
     for name, cuda_graph in (("graph_ms", True), ("plain_ms", False)):
         method, number = paper_method(sizes, term, 1, cuda_graph), iter(range(10**9))
-        problem = Problem(method.model, method.objective, some_target(method).to(sizes.device))
+        problem = FitProblem(method.model, method.objective, some_target(method).to(sizes.device))
         method.optimizer.start({k: v.to(sizes.device) for k, v in SVD().initial(
             10, torch.Generator().manual_seed(0)).items()}, 0)
         for _ in range(5):
@@ -231,7 +231,7 @@ def time_iteration(sizes: Sizes, term: Perceptual | None, timer: Timer, rates: d
     return result | floor(game.megabytes + splat.megabytes, game.megaflops + splat.megaflops, rates, result["graph_ms"])
 
 
-def time_fit(sizes: Sizes, term: Perceptual | None, iterations: int) -> dict:
+def time_fit(sizes: Sizes, term: PerceptualTerm | None, iterations: int) -> dict:
     """Wall seconds of a whole fit, phases of annealing and bookkeeping included."""
     method = paper_method(sizes, term, iterations)
     target = some_target(method)

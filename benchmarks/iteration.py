@@ -16,8 +16,8 @@ from pathlib import Path
 
 import torch
 
-from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Perceptual, Regularizer, WeightedSum
-from fractal_exp.methods.chaotic.method import Problem
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, PerceptualTerm, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.method import FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
 from fractal_exp.methods.chaotic.optimizers import Alternating
 from fractal_exp.runtime import threads
@@ -28,7 +28,7 @@ SCALES = {
 }
 
 
-def iteration_seconds(backend: str, scale: str, perceptual: Perceptual | None, repeats: int) -> list[float]:
+def iteration_seconds(backend: str, scale: str, perceptual: PerceptualTerm | None, repeats: int) -> list[float]:
     """Wall seconds of `repeats` iterations after one that warms up (and compiles)."""
     model = ForwardModel(SVD(), maps=10, backend=backend, **SCALES[scale])
     terms = {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": perceptual, "regularizer": Regularizer()}
@@ -36,7 +36,7 @@ def iteration_seconds(backend: str, scale: str, perceptual: Perceptual | None, r
     raw = SVD().initial(10, torch.Generator().manual_seed(0))
     with torch.no_grad():
         target = ForwardModel(SVD(), maps=10, **SCALES[scale])(SVD().initial(10, torch.Generator().manual_seed(1)), 0)
-    problem, optimizer = Problem(model, objective, target.image), Alternating()
+    problem, optimizer = FitProblem(model, objective, target.image), Alternating()
     optimizer.start(raw, 0)
     seconds = []
     for i in range(repeats + 1):
@@ -56,7 +56,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="append the result to this file, one JSON object a line")
     args = parser.parse_args()
     count = threads.use()
-    perceptual = None if args.perceptual == "none" else Perceptual(args.perceptual, args.weights)
+    perceptual = None if args.perceptual == "none" else PerceptualTerm(args.perceptual, args.weights)
     result = {"scale": args.scale, "perceptual": args.perceptual, "threads": count, "torch": torch.__version__,
               "machine": platform.processor() or platform.machine()}
     result["auto_seconds"] = statistics.median(iteration_seconds("auto", args.scale, perceptual, args.repeats))

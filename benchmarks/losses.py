@@ -21,7 +21,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from fractal_exp.methods.chaotic.losses import DSSIM, MSE, MipMSE, Moments, Perceptual, Regularizer, Term
+from fractal_exp.methods.chaotic.losses import DSSIM, MSE, MipMSE, Moments, PerceptualTerm, Regularizer, Term
 from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual.distances import kinds
 from fractal_exp.runtime import threads
@@ -103,7 +103,7 @@ def main() -> None:
     features = random_features(arguments.kind)
     with tempfile.TemporaryDirectory() as folder:
         torch.save(features, Path(folder) / "random.pth")
-        perceptual = Perceptual(arguments.kind, str(Path(folder) / "random.pth"))
+        perceptual = PerceptualTerm(arguments.kind, str(Path(folder) / "random.pth"))
     library_perceptual = None if arguments.ours else library_lpips(arguments.kind, features)
     terms = [
         ("mse", MSE(), library_mse), ("mip mse", MipMSE(), library_mip_mse),

@@ -10,7 +10,7 @@ from fractal_exp import View, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.chaotic.cuda_graph import WARM_UP
 from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Regularizer, WeightedSum
-from fractal_exp.methods.chaotic.method import Chaotic, Problem
+from fractal_exp.methods.chaotic.method import Chaotic, FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
 from fractal_exp.methods.chaotic.optimizers import Alternating, Annealing, GradientDescent
 from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
@@ -260,7 +260,7 @@ def test_candidates_rendered_together_lead_to_where_single_ones_do():
     for together in 1, 8:
         fit = small_fit(Alternating(every=5, candidates=8, annealing=Annealing(sharpness=1000), together=together,
                                     cuda_graph=False), "cuda")
-        problem, optimizer = Problem(fit.model, fit.objective, small_target().cuda()), fit.optimizer
+        problem, optimizer = FitProblem(fit.model, fit.objective, small_target().cuda()), fit.optimizer
         optimizer.start({k: v.cuda() for k, v in SVD().initial(4, torch.Generator().manual_seed(0)).items()}, 0)
         rates = [optimizer.step(problem, i, 1 - i / 80).accepted for i in range(40)]
         outcomes.append([rate for rate in rates if rate is not None])
@@ -277,7 +277,7 @@ def test_a_fit_begins_as_on_the_cpu():
 
 def test_a_recorded_iteration_waits_for_nothing():
     fit = small_fit(GradientDescent(), "cuda")
-    problem = Problem(fit.model, fit.objective, small_target().cuda())
+    problem = FitProblem(fit.model, fit.objective, small_target().cuda())
     fit.optimizer.start({k: v.cuda() for k, v in SVD().initial(4, torch.Generator().manual_seed(0)).items()}, 0)
     for i in range(WARM_UP + 1):
         fit.optimizer.step(problem, i, 1.0)

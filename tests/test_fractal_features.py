@@ -14,8 +14,8 @@ from safetensors.torch import load_file, save_file
 from fractal_exp import InputError, perceptual_distance
 from fractal_exp.codes import known
 from fractal_exp.evaluation import evaluate, summarize
-from fractal_exp.evaluation.scoring import Perceptual as Measured
-from fractal_exp.methods.chaotic.losses import Perceptual
+from fractal_exp.evaluation.scoring import Perceptual
+from fractal_exp.methods.chaotic.losses import PerceptualTerm
 from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
@@ -151,7 +151,7 @@ def test_features_that_do_not_go_together_are_refused(a, b, weights, message):
 
 def test_the_term_keeps_the_features_of_its_target(monkeypatch):
     a, b = images(2, 64, 64)
-    term = Perceptual("fractal").prepare(b)
+    term = PerceptualTerm("fractal").prepare(b)
     calls, features = [], term.distance.features
     monkeypatch.setattr(term.distance, "features", lambda image: calls.append(1) or features(image))
     rendering = Rendering(a, torch.zeros(1, 2), torch.zeros(1, 2), torch.zeros(1, 2))
@@ -160,7 +160,7 @@ def test_the_term_keeps_the_features_of_its_target(monkeypatch):
 
 
 def test_it_has_a_column_of_its_own():
-    assert Measured.load("fractal").column == "fractal_distance"
+    assert Perceptual.load("fractal").column == "fractal_distance"
     code = known("fern")
     summary = summarize(evaluate(code, code, resolution=64, points_in_view=50_000, perceptual="fractal"))
     lines = summary[summary.zoom_class == "all"].set_index("metric")
@@ -185,8 +185,8 @@ def test_pictures_whose_inner_part_is_too_small_are_not_drawn(monkeypatch):
     monkeypatch.setattr("fractal_exp.evaluation.scoring._draw", lambda *_: pytest.fail("drew"))
     with pytest.raises(InputError, match="inner 31 px of 41; raise resolution to 42.*perceptual=none"):
         evaluate(known("fern"), known("fern"), resolution=41, perceptual="fractal")
-    Measured.load("fractal").check(42)
-    Measured.load("none").check(1)
+    Perceptual.load("fractal").check(42)
+    Perceptual.load("none").check(1)
 
 
 @pytest.mark.parametrize("value, message", [(float("nan"), "a holds NaN"), (2.0, r"a must lie in \[0,1\]")])

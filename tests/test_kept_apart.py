@@ -11,7 +11,7 @@ from omegaconf import open_dict
 
 from fractal_exp.cli import configuration, jobs
 from fractal_exp.cli.folders import FitFolder
-from fractal_exp.cli.sweeps import Sweep
+from fractal_exp.cli.sweeps import RunningSweep
 from fractal_exp.tracking.outbox import BATCH, Outbox
 
 
@@ -27,7 +27,7 @@ def planned(output: Path, *overrides: str):
         config = compose("seeds", [word for word in words if word != "seed=0,1"], return_hydra_config=True)
         with open_dict(config):
             config.hydra.overrides.task = words
-        sweep = Sweep(config)
+        sweep = RunningSweep(config)
         try:
             yield sweep
         finally:

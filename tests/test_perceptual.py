@@ -12,7 +12,7 @@ from safetensors.torch import save_file
 from torchvision.models import get_model
 
 from fractal_exp.errors import InputError
-from fractal_exp.methods.chaotic.losses import Perceptual, perceptual_term
+from fractal_exp.methods.chaotic.losses import PerceptualTerm, perceptual_term
 from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual.distances import WeightsUnavailable
@@ -165,7 +165,7 @@ def test_loading_is_silent_frozen_and_draws_no_random_numbers(kind, weights, cap
 
 def test_the_term_compares_with_features_computed_once(weights):
     a, target = images(3, 24, 1), images(1, 24, 2)[0]
-    term = Perceptual("lpips_squeeze", str(weights["lpips_squeeze"])).prepare(target)
+    term = PerceptualTerm("lpips_squeeze", str(weights["lpips_squeeze"])).prepare(target)
     expected = perceptual.load("lpips_squeeze", weights["lpips_squeeze"])(a, target)
     calls = []
     term.distance.layers.register_forward_pre_hook(lambda *_: calls.append(1))
@@ -178,7 +178,7 @@ def test_the_term_compares_with_features_computed_once(weights):
 
 
 def test_the_term_follows_the_dtype_of_its_target(weights):
-    term = Perceptual("lpips_squeeze", str(weights["lpips_squeeze"])).prepare(images(1, 20, 2, torch.float64)[0])
+    term = PerceptualTerm("lpips_squeeze", str(weights["lpips_squeeze"])).prepare(images(1, 20, 2, torch.float64)[0])
     image = images(1, 20, 1, torch.float64).requires_grad_()
     empty = torch.zeros(1, 1, 2)
     assert torch.autograd.gradcheck(lambda x: term(Rendering(x, empty, empty, empty)), image, fast_mode=True)

@@ -9,7 +9,7 @@ from pretended_gpu import GPU, pretended
 from test_chaotic import OPTIMIZERS, fit
 
 from fractal_exp import codes, suite
-from fractal_exp.methods.chaotic.method import Problem
+from fractal_exp.methods.chaotic.method import FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive
 from fractal_exp.methods.chaotic.optimizers import GradientDescent
 from fractal_exp.methods.collage.method import Collage
@@ -76,14 +76,14 @@ def test_steps_that_wait_are_not_recorded(target, monkeypatch, parameterization,
         method.model.backend = backend
         start = parameterization.initial(3, torch.Generator().manual_seed(0))
         method.optimizer.start({name: value.to("cuda") for name, value in start.items()}, 0)
-        problem = Problem(method.model, method.objective, target.to("cuda"))
+        problem = FitProblem(method.model, method.objective, target.to("cuda"))
         assert method.optimizer._records(problem) is expected
 
 
 def test_a_gradient_step_waits_for_nothing(target):
     with pretended() as waits:
         method = fit(GradientDescent(cuda_graph=False), device="cuda")
-        problem = Problem(method.model, method.objective, target.to("cuda"))
+        problem = FitProblem(method.model, method.objective, target.to("cuda"))
         start = SVD().initial(3, torch.Generator().manual_seed(0))
         method.optimizer.start({name: value.to("cuda") for name, value in start.items()}, 0)
         method.optimizer.step(problem, 0, 1.0)

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from fractal_exp.methods.chaotic.losses import MSE, WeightedSum
-from fractal_exp.methods.chaotic.method import Chaotic, Problem
+from fractal_exp.methods.chaotic.method import Chaotic, FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Parameterization
 from fractal_exp.methods.chaotic.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
 
@@ -125,5 +125,5 @@ def test_the_best_states_of_a_fit_are_all_judged_on_the_same_fresh_points():
 def test_annealing_compares_mean_squared_errors():
     model = ForwardModel(SVD(), resolution=32, maps=3, trajectories=30, length=30)
     target, raw = torch.rand(32, 32), SVD().initial(3, torch.Generator().manual_seed(5))
-    energy = Problem(model, WeightedSum({"mse": 5}, {"mse": MSE()}), target).energy(raw, 4)
+    energy = FitProblem(model, WeightedSum({"mse": 5}, {"mse": MSE()}), target).energy(raw, 4)
     torch.testing.assert_close(energy, torch.nn.functional.mse_loss(model(raw, 4).image, target))

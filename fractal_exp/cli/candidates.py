@@ -19,7 +19,7 @@ from .records import Aim, Read
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class Submission:
     """A recovered code, what to call it, and what it was to be: a code, or the picture that it was fitted to."""
 
     name: str
@@ -27,7 +27,7 @@ class Candidate:
     aim: Aim
 
 
-def gather(sources: list[str], truth: str | None, output: str | Path) -> list[Candidate]:
+def gather(sources: list[str], truth: str | None, output: str | Path) -> list[Submission]:
     """All codes that `sources` name: JSON files, folders of them, folders of fits, run:ID in the store of `output`.
 
     truth: a code (`read_code`) for all of them, a classic with its probabilities by area, as targets are drawn unless
@@ -43,14 +43,14 @@ def gather(sources: list[str], truth: str | None, output: str | Path) -> list[Ca
     return found
 
 
-def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[Candidate]:
+def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[Submission]:
     if source.startswith("run:"):
         run_id = source.removeprefix("run:")
         yield _fit(run_id, f"run {run_id}", _run_reader(run_id, output), truth)
         return
     path = Path(source).absolute()
     if not path.is_dir():
-        yield Candidate(path.stem, IFS.load(path), _aim(path.stem, truth))
+        yield Submission(path.stem, IFS.load(path), _aim(path.stem, truth))
         return
     finished = [path] if (path / records.FINISHED).exists() else sorted(
         record.parent for record in path.glob(f"*/{records.FINISHED}"))
@@ -60,14 +60,14 @@ def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[
     if not finished and not files:
         raise InputError(f"{path} holds neither codes (*.json) nor finished fits (*/{records.FINISHED})")
     for file in files:
-        yield Candidate(file.stem, IFS.load(file), _aim(file.stem, truth))
+        yield Submission(file.stem, IFS.load(file), _aim(file.stem, truth))
 
 
-def _fit(name: str, where: str, read: Read, truth: str | None) -> Candidate:
+def _fit(name: str, where: str, read: Read, truth: str | None) -> Submission:
     code = records.read_code(read, records.CODE, where)
     if code is None:
         raise InputError(f"{where} holds no {records.CODE}")
-    return Candidate(name, code, records.read_aim(read, where) if truth is None else _aim(name, truth))
+    return Submission(name, code, records.read_aim(read, where) if truth is None else _aim(name, truth))
 
 
 def _folder_reader(folder: Path) -> Read:

@@ -28,7 +28,7 @@ from ..runtime import threads
 from ..runtime.checks import check_count
 from ..runtime.files import write_atomically
 from . import records
-from .candidates import Candidate, gather
+from .candidates import Submission, gather
 from .commands import command, command_parser, make_folder
 from .judging import against_input, f1_in_words
 
@@ -126,7 +126,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         print(f"{report}\n\n{folder}")
 
 
-def _judge_all(candidates: list[Candidate], options: argparse.Namespace, distance: Perceptual, cache: str,
+def _judge_all(candidates: list[Submission], options: argparse.Namespace, distance: Perceptual, cache: str,
                strips: Path, run: tracking.Tracker) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All rows of all views, with columns method, fractal and perceptual, the distance's name; and a row a code."""
     import pandas as pd
@@ -152,7 +152,7 @@ def _judge_all(candidates: list[Candidate], options: argparse.Namespace, distanc
     return per_view, pd.DataFrame(codes)
 
 
-def _errors(candidate: Candidate, options: argparse.Namespace, scores: pd.DataFrame, ceiling: pd.DataFrame
+def _errors(candidate: Submission, options: argparse.Namespace, scores: pd.DataFrame, ceiling: pd.DataFrame
             ) -> dict[str, object]:
     truth = candidate.aim.truth
     error = code_error(candidate.code, truth, resolution=options.resolution, align=options.align,
@@ -172,7 +172,7 @@ def _strip(name: str, scored: Scored) -> torch.Tensor:
     return comparison_strip(scored.images[rows], scored.truth[rows], captions)
 
 
-def _judge_pictures(candidates: list[Candidate], options: argparse.Namespace, distance: Perceptual, strips: Path,
+def _judge_pictures(candidates: list[Submission], options: argparse.Namespace, distance: Perceptual, strips: Path,
                     run: tracking.Tracker) -> pd.DataFrame:
     """A row for each fit of a picture and each of the two trivial pictures, against the fit's input: columns fractal,
     method, against, input (the file), resolution, then the scores."""

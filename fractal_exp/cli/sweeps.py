@@ -39,7 +39,7 @@ class OpenSweep(Callback):
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         try:
-            opened.append(Sweep(config))
+            opened.append(RunningSweep(config))
         except InputError as error:  # Hydra would make a mere warning of it
             print(f"fractal-sweep: error: {error}", file=sys.stderr)
             raise SystemExit(2) from None
@@ -48,10 +48,10 @@ class OpenSweep(Callback):
             raise SystemExit(1) from None
 
 
-opened: list[Sweep] = []  # by Hydra's callback, which can return nothing; `fractal-sweep` closes them
+opened: list[RunningSweep] = []  # by Hydra's callback, which can return nothing; `fractal-sweep` closes them
 
 
-class Sweep:
+class RunningSweep:
     """One sweep: its jobs, its folder, its parent run."""
 
     def __init__(self, config: DictConfig) -> None:

@@ -153,7 +153,7 @@ class DSSIM(Term):
         return _dssim(rendering.image, self.target, self.statistics)
 
 
-class Perceptual(Term):
+class PerceptualTerm(Term):
     """The perceptual distance `kind` to the target, whose features are computed once; see `perceptual.load` for the
     arguments and for what is raised, all of it on construction."""
 
@@ -178,9 +178,9 @@ class Perceptual(Term):
 
 
 def perceptual_term(kind: str = "lpips_alex", weights: str | None = None,
-                    input_range: str = "correct") -> Perceptual | None:
-    """`Perceptual` by configuration: kind "none" leaves the term out of a `WeightedSum`."""
-    return None if kind == "none" else Perceptual(kind, weights, input_range)
+                    input_range: str = "correct") -> PerceptualTerm | None:
+    """`PerceptualTerm` by configuration: kind "none" leaves the term out of a `WeightedSum`."""
+    return None if kind == "none" else PerceptualTerm(kind, weights, input_range)
 
 
 class Regularizer(Term):

@@ -137,10 +137,10 @@ class Chaotic(Method):
         part = max(0.0, iteration - self.scouted) / self.iterations
         return self.radii[min(int(part * len(self.radii)), len(self.radii) - 1)]
 
-    def _problem(self, image: Tensor, radius: float) -> Problem:
+    def _problem(self, image: Tensor, radius: float) -> FitProblem:
         model = self.model.with_splats(radius)
         target = model.match(image, derive(self.seed, "match")) if self.match_target else image
-        return Problem(model, self.objective, target)
+        return FitProblem(model, self.objective, target)
 
     def check(self, target: Tensor) -> None:
         self.objective.prepare(check_target(target, self.model.resolution).to(self.device))
@@ -227,7 +227,7 @@ def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, star
                    radii=radii)
 
 
-class Problem:
+class FitProblem:
     """The model and the objective on one target, as the optimiser sees them."""
 
     def __init__(self, model: ForwardModel, objective: WeightedSum, target: Tensor):

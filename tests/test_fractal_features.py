@@ -269,12 +269,11 @@ def test_the_file_in_the_package_is_small_and_whole():
 
 
 def test_a_damaged_or_missing_file_in_the_package(monkeypatch, tmp_path):
-    (tmp_path / "data").mkdir()
-    shipped = resources.files("fractal_exp") / "data" / fractal_features.SHIPPED
+    shipped = resources.files("fractal_exp.data") / fractal_features.SHIPPED
     monkeypatch.setattr(fractal_features.resources, "files", lambda _: tmp_path)
     with pytest.raises(InputError, match="lacks its weight file.*perceptual_weights=PATH"):
         perceptual.load("fractal")
-    copy = tmp_path / "data" / fractal_features.SHIPPED
+    copy = tmp_path / fractal_features.SHIPPED
     shutil.copy(shipped, copy)
     perceptual.load("fractal")
     copy.write_bytes(copy.read_bytes()[:-1] + b"x")

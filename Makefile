@@ -70,8 +70,11 @@ bench-gpu: $(READY) ## Check and time everything on an NVIDIA GPU
 	@$(BIN)/python -m pip install --quiet --editable '.[cuda]'
 	@$(BIN)/python -m benchmarks.gpu
 
-lint: $(READY) ## Check the style with ruff
-	@$(BIN)/python -m pip install --quiet ruff && $(BIN)/ruff check .
+lint: $(READY) ## Check style and types with ruff and pyright (the public surface strictly)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lint]'
+	@$(BIN)/ruff check .
+	@$(BIN)/pyright --pythonpath $(BIN)/python --warnings
+	@$(BIN)/pyright --pythonpath $(BIN)/python --warnings --project pyright-public.json
 
 clean: ## Remove .venv and outputs/
 	rm -rf $(VENV) outputs

@@ -1,6 +1,6 @@
 """Whether it matters what is imported first, and who sets torch's threads: it should not.
 
-    python -m benchmarks.import_orders --json benchmarks/results/import_orders.json
+    python -m benchmarks.import_orders --record benchmarks/results/import_orders.jsonl
 
 Every measurement is a process of its own; the orders take turns, so that what else the machine does falls on all of
 them. Timed are a chaos game of 2000 x 250, a torch operation on a million numbers, and both in turns; alone, and
@@ -20,8 +20,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .environment import ROOT, environment
+from . import record
+from .environment import ROOT
 
+STATES = "alone", "beside a busy process"
 ORDERS = {
     "package, torch": "import fractal_exp, torch",
     "torch, package": "import torch, fractal_exp",
@@ -78,22 +80,28 @@ def ratios(rounds: list[dict[str, dict[str, float]]]) -> dict[str, dict[str, flo
     return result
 
 
+def worst(report: dict) -> dict[str, float]:
+    """The ratio of the slowest order, by state and kind of work."""
+    return {f"{kind}, {state}: slowest / best order": max(by_order.values())
+            for state in STATES if state in report for kind, by_order in report[state]["ratio"].items()}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=7, help="processes of each order (default 7)")
     parser.add_argument("--repeats", type=int, default=60, help="repetitions in each (default 60)")
-    parser.add_argument("--json", type=Path, metavar="PATH", help="also write the figures here")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="add a line of JSON to this file")
     arguments = parser.parse_args()
 
-    report = {"environment": environment("cpu"), "load_before": os.getloadavg()[0]}
-    for state, others in (("alone", 0), ("beside a busy process", max(1, (os.cpu_count() or 2) // 2))):
+    report = {"load_before": os.getloadavg()[0]}
+    for state, others in zip(STATES, (0, max(1, (os.cpu_count() or 2) // 2)), strict=True):
         with busy_processes(others):
             rounds = [{order: measure(order, arguments.repeats) for order in ORDERS} for _ in range(arguments.rounds)]
         report[state] = {"ratio": ratios(rounds), "milliseconds": rounds}
         for kind, by_order in report[state]["ratio"].items():
             print(f"{state}, {kind}: " + ", ".join(f"{order} {ratio:.2f}" for order, ratio in by_order.items()))
-    if arguments.json:
-        arguments.json.write_text(json.dumps(report, indent=1) + "\n")
+    if arguments.record:
+        record.append(arguments.record, "import_orders", report, worst(report))
 
 
 if __name__ == "__main__":

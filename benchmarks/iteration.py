@@ -7,8 +7,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import resource
 import statistics
 import time
@@ -21,6 +19,8 @@ from fractal_exp.methods.chaotic.method import FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
 from fractal_exp.methods.chaotic.optimizers import Alternating
 from fractal_exp.runtime import threads
+
+from . import record
 
 SCALES = {
     "laptop": {"resolution": 256, "trajectories": 1000, "length": 110},
@@ -53,12 +53,11 @@ def main() -> None:
     parser.add_argument("--weights", help="file of the backbone's weights")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--no-twin", action="store_true", help="leave the slow plain-torch twin out")
-    parser.add_argument("--json", type=Path, help="append the result to this file, one JSON object a line")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="add a line of JSON to this file")
     args = parser.parse_args()
     count = threads.use()
     perceptual = None if args.perceptual == "none" else PerceptualTerm(args.perceptual, args.weights)
-    result = {"scale": args.scale, "perceptual": args.perceptual, "threads": count, "torch": torch.__version__,
-              "machine": platform.processor() or platform.machine()}
+    result = {"scale": args.scale, "perceptual": args.perceptual, "threads": count}
     result["auto_seconds"] = statistics.median(iteration_seconds("auto", args.scale, perceptual, args.repeats))
     result["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(f"{args.scale}, perceptual={args.perceptual}: {result['auto_seconds'] * 1e3:.0f} ms an iteration, "
@@ -67,9 +66,14 @@ def main() -> None:
         result["twin_seconds"] = min(iteration_seconds("torch", args.scale, perceptual, 1))
         print(f"plain-torch operators: {result['twin_seconds'] * 1e3:.0f} ms, "
               f"{result['twin_seconds'] / result['auto_seconds']:.1f}× as long")
-    if args.json:
-        with open(args.json, "a") as file:
-            file.write(json.dumps(result) + "\n")
+    if args.record:
+        record.append(args.record, "iteration", result, ratios(result))
+
+
+def ratios(result: dict) -> dict[str, float]:
+    """How many times slower an iteration on the twins was."""
+    name = f"{result['scale']}, perceptual={result['perceptual']}: twin / kernels"
+    return {name: result["twin_seconds"] / result["auto_seconds"]} if "twin_seconds" in result else {}
 
 
 if __name__ == "__main__":

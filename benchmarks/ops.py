@@ -2,7 +2,7 @@
 
     python -m benchmarks.ops                      every case: about three minutes, most of it for the twins
     python -m benchmarks.ops --no-twin            the kernels alone: seconds
-    python -m benchmarks.ops --json ops.json
+    python -m benchmarks.ops --record benchmarks/results/cpu_ops.jsonl
 
 Times are wall milliseconds, the best of --repeats. The floor is the time that a case's bytes would take at the
 bandwidth of a large copy, or its floating-point operations at the rate of a large matrix product, whichever is longer,
@@ -12,7 +12,6 @@ both measured in this run on the same threads.
 from __future__ import annotations
 
 import argparse
-import json
 import platform
 import resource
 import time
@@ -28,7 +27,7 @@ from fractal_exp import ops, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.runtime import threads
 
-from .environment import environment
+from . import record
 
 SIGMA_PX, SUPERSAMPLE = 2.5, 5
 FOOTPRINT = 217                 # pixels of a splat of sigma 2.5: the disc where its opacity is at least 1/255
@@ -180,7 +179,7 @@ def main() -> None:
     parser.add_argument("--twin-repeats", type=int, default=2, help="runs of each twin (default 2)")
     parser.add_argument("--no-twin", action="store_true", help="skip the twins, and with them ratio and error")
     parser.add_argument("--threads", type=int, help="threads for both (default: one per core)")
-    parser.add_argument("--json", type=Path, metavar="PATH", help="also write the figures here")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="add a line of JSON to this file")
     arguments = parser.parse_args()
 
     count = threads.use(arguments.threads)
@@ -194,10 +193,15 @@ def main() -> None:
         if not arguments.no_twin:
             row |= twin_figures(case, row["total_ms"], arguments.twin_repeats)
             print(TWIN.format(**row))
-    if arguments.json:
-        report = {"environment": environment("cpu"), "threads": count, "bytes_per_second": limits[0],
-                  "flops_per_second": limits[1], "cases": [row for _, row in measured]}
-        arguments.json.write_text(json.dumps(report, indent=1) + "\n")
+    if arguments.record:
+        report = {"threads": count, "bytes_per_second": limits[0], "flops_per_second": limits[1],
+                  "cases": [row for _, row in measured]}
+        record.append(arguments.record, "ops", report, ratios(report))
+
+
+def ratios(report: dict) -> dict[str, float]:
+    """How many times slower the twins were."""
+    return {f"{row['case']}: twin / kernel": row["twin_ratio"] for row in report["cases"] if "twin_ratio" in row}
 
 
 if __name__ == "__main__":

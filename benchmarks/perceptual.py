@@ -3,7 +3,7 @@
     python -m benchmarks.perceptual                                     mse, mip_mse, ssim and fractal
     python -m benchmarks.perceptual --lpips-squeeze squeezenet1_1.pth   and LPIPS-squeeze with these weights
     python -m benchmarks.perceptual --weights mine.safetensors          another network of fractal-perceptual
-    python -m benchmarks.perceptual --resolutions                       the cost alone; correlations stay in the file
+    python -m benchmarks.perceptual --resolutions                       the cost alone, beside the last correlations
 
 Spearman's correlation of a distance with the displacement of the attractor's points (root mean square, points of one
 address), on held-out codes and copies that were moved by a known amount: `within`, the mean over the truths of the
@@ -15,7 +15,6 @@ points that the map had drawn. FRACTAL_EXP_LPIPS_SQUEEZE names the weights as we
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import tempfile
 import time
@@ -36,10 +35,11 @@ from fractal_exp.perceptual_training.scores import intervals, spearman
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.seeds import derive
 
+from . import record
 from .losses import library_lpips, milliseconds, random_features
 
 Distance = Callable[[Tensor, Tensor], Tensor]
-RESULT = Path(__file__).parent / "results" / "perceptual.json"
+RESULT = record.RESULTS / "perceptual.jsonl"
 
 
 def measure(truths: list[held_out.Truth], resolution: int, distances: dict[str, Distance]) -> dict[str, dict]:
@@ -106,7 +106,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=sorted({1, min(2, threads.available())}),
                         help="of the timings; the last of them also draw")
     parser.add_argument("--repeats", type=int, default=30, help="of each timing, the fastest counts")
-    parser.add_argument("--output", type=Path, default=RESULT)
+    parser.add_argument("--record", type=Path, metavar="FILE", default=RESULT, help="add a line of JSON to this file")
     args = parser.parse_args()
     if args.weights and not args.resolutions:
         parser.error("the cost of other weights would stand beside the correlations of those in the package; name "
@@ -124,8 +124,8 @@ def main() -> None:
             print(f"  {name:40s} {value:8.2f}")
         print(f"  lpips_alex (lpips package) over fractal  {cost['lpips_alex, lpips package'] / cost['fractal']:8.1f}")
     if not args.resolutions:
-        facts = json.loads(args.output.read_text()) if args.output.is_file() else {}
-        write(args.output, facts | {"milliseconds": costs, "timed with torch": torch.__version__})
+        known = record.read(args.record)[-1]["figures"] if args.record.is_file() else {}
+        write(args.record, known | {"milliseconds": costs, "timed with torch": torch.__version__})
         return
     truths = held_out.truths(args.count, args.copies, args.seed)
     tables = {}
@@ -142,14 +142,19 @@ def main() -> None:
                          for key in ("within", "pooled")]
                 print(f"  {'over ' + name:15s} {shown[0]:24s} {shown[1]:24s}")
     recipe = fractal_features.load(args.weights).recipe
-    write(args.output, {"count": args.count, "copies": args.copies, "seed": args.seed, "torch": torch.__version__,
+    write(args.record, {"count": args.count, "copies": args.copies, "seed": args.seed, "torch": torch.__version__,
                         "timed with torch": torch.__version__, "recipe": recipe, "milliseconds": costs,
                         "spearman": tables})
 
 
 def write(path: Path, facts: dict) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(facts, indent=1) + "\n")
+    record.append(path, "perceptual", facts, ratios(facts))
+
+
+def ratios(facts: dict) -> dict[str, float]:
+    """What LPIPS costs of what `fractal` costs, by the number of threads."""
+    return {f"threads={count}: lpips_alex, lpips package / fractal": cost["lpips_alex, lpips package"] / cost["fractal"]
+            for count, cost in facts["milliseconds"].items()}
 
 
 if __name__ == "__main__":

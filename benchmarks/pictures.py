@@ -12,7 +12,6 @@ fit is added to --record: its scores, the seconds that cores worked on it, after
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,7 +29,7 @@ from fractal_exp.rendering.sheets import comparison_strip
 from fractal_exp.runtime import threads
 from fractal_exp.targets import KnownCode
 
-from .environment import environment
+from . import record
 
 PICTURES = {"retina": samples.retina_vessels, "snowflake": samples.snowflake,
             "fern": lambda resolution: KnownCode("fern").load(resolution).image}
@@ -63,10 +62,8 @@ def main() -> None:
                 rows.append({"picture": name, "method": method, "seed": seed, "maps": len(found.code), **scores,
                              "seconds": seconds, "core_seconds": work})
                 if args.record:
-                    line = rows[-1] | {"limit": args.seconds or None, "threads": used, "stages": stages,
-                                       "environment": environment("cpu")}
-                    with args.record.open("a") as record:
-                        record.write(json.dumps(line) + "\n")
+                    figures = rows[-1] | {"limit": args.seconds or None, "threads": used, "stages": stages}
+                    record.append(args.record, "pictures", figures, ratios(figures))
                 print(pd.DataFrame(rows[-1:]).round(3).to_string(index=False, header=len(rows) == 1), flush=True)
                 if seed == args.seeds[0]:
                     drawn.append((result, image))
@@ -76,6 +73,12 @@ def main() -> None:
     results, targets = (torch.stack(images) for images in zip(*drawn, strict=True))
     write_image(args.output / "pictures.png", comparison_strip(results, targets, captions))
     print(f"pictures: {args.output / 'pictures.png'}")
+
+
+def ratios(figures: dict) -> dict[str, float]:
+    """The fit's F1."""
+    limit = f"{figures['limit']:g} s" if figures["limit"] else "no limit"
+    return {f"{figures['picture']}, {figures['method']}, {limit}: F1": figures["f1"]}
 
 
 def _keeper(stages: list[dict], start: float) -> Callable[[Progress], None]:

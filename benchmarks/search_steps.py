@@ -1,7 +1,7 @@
 """What collage search does all the time: descents, beside their plain-torch twin, and drawings, beside others.
 
     python -m benchmarks.search_steps                      half a minute
-    python -m benchmarks.search_steps --json steps.json
+    python -m benchmarks.search_steps --record benchmarks/results/search_steps.jsonl
 
 One thread, as `benchmarks.suite` gives each fractal. A descent is 40 steps on a fractal of the random suite at 64²;
 its floor is the time of its floating-point operations at the rate of a large matrix product, measured in the same run,
@@ -13,7 +13,6 @@ by the chaos game; its floor is the time of writing and reading the subpixels, a
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -31,6 +30,7 @@ from fractal_exp.ops.collage import Descent, descend
 from fractal_exp.rendering.still import render_with_info
 from fractal_exp.runtime import threads
 
+from . import record
 from .ops import machine_limits, timed
 
 STEPS, GRID, SIDE = 40, 64, 256
@@ -92,7 +92,7 @@ def _played(code: IFS, points: int) -> torch.Tensor:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=20)
-    parser.add_argument("--json", type=Path, metavar="PATH", help="also write the figures here")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="add a line of JSON to this file")
     arguments = parser.parse_args()
     threads.use(1)
     code = replace(attractor.normalize(next(code for code in suite.random_suite() if len(code) == 8)),
@@ -108,8 +108,14 @@ def main() -> None:
     for row in report["drawings"]:
         print(f"drawing {row['drawing']}: {row['ms']:.1f} ms, {row['ratio']:.1f} times the search's; floor "
               f"{row['floor_ms']:.1f} ms, {row['of_floor']:.0%} reached")
-    if arguments.json:
-        arguments.json.write_text(json.dumps(report, indent=1) + "\n")
+    if arguments.record:
+        record.append(arguments.record, "search_steps", report, ratios(report))
+
+
+def ratios(report: dict) -> dict[str, float]:
+    """Of the descents' twins, and of other ways to draw."""
+    return ({f"descent of {row['descent']}: twin / kernel": row["twin_ratio"] for row in report["descents"]}
+            | {f"drawing {row['drawing']} / as the search": row["ratio"] for row in report["drawings"][1:]})
 
 
 if __name__ == "__main__":

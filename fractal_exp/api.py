@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from .errors import InputError, did_you_mean
 from .methods import METHODS, check_options, load
-from .methods.base import Method, OnStep, Progress, stop_reason
+from .methods.base import CodeReconstruction, Method, OnStep, Progress, stop_reason
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,9 +46,11 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
     target = read_target(image, resolution, frame=frame)
     built = build(resolution=resolution, seed=seed, seconds=seconds, **options)
     with _Bar(progress) as bar:
-        history = History([each for each in (on_step, bar) if each])
+        history = History([each for each in (on_step, bar) if each is not None])
         found = built.reconstruct(target.image, on_step=history)
         took = history.seconds()
+    if not isinstance(found, CodeReconstruction):
+        raise TypeError(f"the method {method!r} reconstructs a {type(found).__name__}, which is no code")
     stopped = stop_reason(found, seconds, took)
     likeness = Likeness.of(found.code, target.image, levels=options.get("levels", "auto"), seed=seed)
     return Inversion(

@@ -6,6 +6,8 @@ import cmath
 import math
 from dataclasses import dataclass
 
+import torch
+
 from .errors import InputError, did_you_mean
 from .ifs.code import IFS
 
@@ -37,9 +39,9 @@ def known(name: str) -> IFS:
     classic = _CLASSICS[name]
     rows = classic.rows
     return IFS(
-        linear=[[[a, b], [c, d]] for a, b, c, d, _, _ in rows],
-        offset=[[e, f] for *_, e, f in rows],
-        probabilities=classic.probabilities,
+        linear=torch.tensor([[[a, b], [c, d]] for a, b, c, d, _, _ in rows]),
+        offset=torch.tensor([[e, f] for *_, e, f in rows]),
+        probabilities=None if classic.probabilities is None else torch.tensor(classic.probabilities),
         meta={"name": name, "title": classic.title, "source": classic.source},
     )
 

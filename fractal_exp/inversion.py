@@ -133,7 +133,7 @@ class Inversion:
         lit = self.render(self.placement.view(), resolution=longer, supersample=OVERLAY_SUPERSAMPLE,
                           points_in_view=min(points_per_view(longer), OVERLAY_POINTS))
         cover = opacity * lit.numpy()[:height, :width, None]
-        pixels = np.rint((1 - cover) * below + cover * np.float32(colour)).astype(np.uint8)
+        pixels = np.rint((1 - cover) * below + cover * np.array(colour, np.float32)).astype(np.uint8)
         if path is not None:
             write_image(path, pixels)
         return Image.fromarray(pixels)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import torch
@@ -55,7 +56,7 @@ def target(code: IFS, resolution: int = 1024, kind: str = "grey", *, seed: int =
     return image if kind == "grey" else (image > THRESHOLD).float()
 
 
-def draw_code(rng: np.random.Generator, meta: dict) -> IFS:
+def draw_code(rng: np.random.Generator, meta: dict[str, Any]) -> IFS:
     """One code of the suite's distribution (Anderson and Farrell 2022), as it is drawn, not framed."""
     n = int(rng.integers(3, 10, endpoint=True))
     singular = _singular_values(rng, n, rng.uniform((5 + n) / 2, (6 + n) / 2))

@@ -72,7 +72,8 @@ class Picture(TargetSource):
     """An image file: shape found, centred and padded; see `fractal_exp.images.read_target`."""
 
     def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None):
-        self.path, self.invert, self.threshold = Path(path).absolute(), invert, threshold
+        self.path, self.threshold = Path(path).absolute(), threshold
+        self.invert: bool | Literal["auto"] = invert
         self.label = self.path.stem
 
     def load(self, resolution: int) -> Target:

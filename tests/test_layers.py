@@ -1,6 +1,7 @@
 """A file imports only from floors below its own, or from its own folder."""
 
 import ast
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,12 @@ def test_imports_go_down(path):
     wrong = sorted(name for name in imported(path) if name in FLOOR and FLOOR[name] >= FLOOR[own]
                    and (own, name) not in EXCEPTIONS)
     assert not wrong, f"{own} (floor {FLOOR[own]}) imports from {', '.join(wrong)}"
+
+
+def test_a_wheel_holds_every_folder():
+    settings = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())
+    folders = {".".join(["fractal_exp", *parts(path)[:-1]]) for path in PACKAGE.rglob("__init__.py")}
+    assert set(settings["tool"]["setuptools"]["packages"]) == folders | {"fractal_exp.conf", "fractal_exp.sweeps"}
 
 
 def test_every_folder_has_its_floor():

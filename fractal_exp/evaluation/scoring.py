@@ -37,6 +37,7 @@ class Renderable(Protocol):
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:
         """The grey image (R,R) in [0,1] of a view."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -215,13 +215,13 @@ def _probabilities(value: Any, count: int) -> Tensor:
     return p
 
 
-def _exact(tensor: Tensor) -> list:
+def _exact(tensor: Tensor) -> list[Any]:
     """Nested lists of the shortest decimals that read back as the same float32."""
     values = tensor.cpu().numpy()
     return [_exact(row) for row in tensor] if tensor.ndim > 1 else [float(str(v)) for v in values]
 
 
-def _only_keys(data: Mapping, allowed: set[str]) -> None:
+def _only_keys(data: Mapping[str, Any], allowed: set[str]) -> None:
     unknown = sorted(map(str, set(data) - allowed))
     if unknown:
         raise InputError(f"unknown keys {reprlib.repr(unknown)}; a code has {sorted(allowed)}, free notes go into "
@@ -242,7 +242,7 @@ def _numbers(name: str, value: Any) -> Any:
     return value
 
 
-def _from_own(data: Mapping) -> IFS:
+def _from_own(data: Mapping[str, Any]) -> IFS:
     _only_keys(data, {"format", "version", "linear", "offset", "probabilities", "meta"})
     version = data.get("version")
     if data.get("format") != FORMAT or type(version) is not int or version != VERSION:
@@ -256,7 +256,7 @@ def _from_own(data: Mapping) -> IFS:
                None if given is None else _numbers("probabilities", given), {} if meta is None else meta)
 
 
-def _from_lists(data: Mapping) -> IFS:
+def _from_lists(data: Mapping[str, Any]) -> IFS:
     _only_keys(data, {"ifs_m", "ifs_t", "ifs_p"})
     if "ifs_t" not in data:
         raise InputError("ifs_m needs ifs_t beside it: one offset (x, y) per matrix")
@@ -267,7 +267,7 @@ def _from_lists(data: Mapping) -> IFS:
     return IFS(linear, _numbers("ifs_t", data["ifs_t"]), None if given is None else _numbers("ifs_p", given))
 
 
-def _from_rows(rows: list) -> IFS:
+def _from_rows(rows: list[Any]) -> IFS:
     table = _floats("rows", _numbers("rows", rows))
     if table.ndim != 2 or table.shape[1] not in (6, 7):
         raise InputError(f"a list of rows needs six numbers each, a b c d e f, or seven with the probability; "

@@ -61,17 +61,15 @@ class Profile:
     @classmethod
     def of(cls, grey: Bands) -> Profile:
         """Read the picture once."""
-        rows, columns, left, right, first, last = [], None, [], [], None, None
+        rows, lowest, highest, left, right, ends = [], [], [], [], [], []
         for band in grey:
             rows.append(np.stack([band.min(1), band.max(1)]))
-            here = np.stack([band.min(0), band.max(0)])
-            columns = here if columns is None else np.stack([np.minimum(columns[0], here[0]),
-                                                             np.maximum(columns[1], here[1])])
+            lowest, highest = [np.min([*lowest, band.min(0)], 0)], [np.max([*highest, band.max(0)], 0)]
             left.append(band[:, 0].copy())
             right.append(band[:, -1].copy())
-            first, last = band[0].copy() if first is None else first, band[-1].copy()
+            ends = [ends[0] if ends else band[0].copy(), band[-1].copy()]
         sides = [np.concatenate(side)[1:-1] for side in (left, right)]
-        return cls(np.concatenate(rows, 1), columns, np.concatenate([first, last, *sides]))
+        return cls(np.concatenate(rows, 1), np.stack(lowest + highest), np.concatenate(ends + sides))
 
     @property
     def low(self) -> np.float32:

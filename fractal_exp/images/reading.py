@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from numbers import Integral, Real
+from operator import add
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -174,9 +175,9 @@ def check_resolution(resolution: Any) -> int:
 def _check_options(invert: Any, threshold: Any, padding: Any, frame: Any) -> None:
     if not (isinstance(invert, bool | np.bool_) or (isinstance(invert, str) and invert == "auto")):
         raise InputError(f'invert must be "auto", true or false, got {invert!r}')
-    if threshold is not None and not (isinstance(threshold, Real) and 0 < threshold < 1):
+    if threshold is not None and not (isinstance(threshold, Real) and 0 < float(threshold) < 1):
         raise InputError(f"threshold must lie between 0 and 1, or be none for a grey target; got {threshold!r}")
-    if not (isinstance(padding, Real) and 0 <= padding < 1):
+    if not (isinstance(padding, Real) and 0 <= float(padding) < 1):
         raise InputError(f"padding must be at least 0 and below 1 (0.25 leaves the shape 75%), got {padding!r}")
     if frame not in ("fit", "keep"):
         raise InputError(f'frame must be "fit" or "keep", got {frame!r}')
@@ -242,7 +243,8 @@ def _grey(pixels: Bands, invert: bool | str, name: str, notes: list[str]) -> Ban
 
 
 def _luminance(band: np.ndarray) -> np.ndarray:
-    return sum(weight * _unit(band[..., channel]) for channel, weight in enumerate(LUMINANCE)).clip(0, 1)
+    parts = (weight * _unit(band[..., channel]) for channel, weight in enumerate(LUMINANCE))
+    return reduce(add, parts).clip(0, 1)
 
 
 def _alpha(band: np.ndarray) -> np.ndarray:

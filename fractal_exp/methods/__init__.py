@@ -48,7 +48,7 @@ def check_options(build: Callable[..., Method], name: str, options: Mapping[str,
         try:
             _checker(build, option).validate_python(value.item() if isinstance(value, np.generic) else value)
         except ValueError as error:
-            kinds = " or ".join(KINDS.get(kind, kind) for kind in takes[option].annotation.split(" | "))
+            kinds = " or ".join(KINDS.get(kind, kind) for kind in str(takes[option].annotation).split(" | "))
             raise InputError(f"{option} must be {kinds}, got {value!r}") from error
 
 

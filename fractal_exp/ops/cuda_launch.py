@@ -20,16 +20,18 @@ DEVICE = "cpu" if SIMULATED else "cuda"  # where the tensors of the kernels lie
 INSTALLED = find_spec("numba_cuda") is not None
 
 
-def launch(kernel: Any, blocks: int, threads: int, *arguments: Tensor | float, shared_bytes: int = 0) -> None:
-    """Queue kernel[blocks, threads](*arguments); tensors must be contiguous, and the first argument is one of them."""
+def launch(kernel: Any, blocks: int, threads: int, first: Tensor, *rest: Tensor | float,
+           shared_bytes: int = 0) -> None:
+    """Queue kernel[blocks, threads](first, *rest); tensors must be contiguous."""
     if not blocks:
         return
+    arguments = (first, *rest)
     if SIMULATED:
         kernel[blocks, threads, 0, shared_bytes](*(_host_array(argument) for argument in arguments))
         return
     from numba import cuda
 
-    device = arguments[0].device
+    device = first.device
     with torch.cuda.device(device), cuda.gpus[device.index]:
         stream = _stream(torch.cuda.current_stream(device).cuda_stream)
         kernel[blocks, threads, stream, shared_bytes](*(_device_array(argument) for argument in arguments))

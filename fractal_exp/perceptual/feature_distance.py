@@ -9,6 +9,8 @@ beside its convolutions.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
+from operator import add
 
 import numpy as np
 import torch
@@ -36,7 +38,7 @@ def unit_distance(a: Sequence[Tensor], b: Sequence[Tensor], weights: Sequence[Te
                 for levels in (a, b))
         return _UnitDistance.apply(batch, *a, *b, *weights)
     levels = zip(a, b, weights, strict=True)
-    return sum(squared_distance(unit_length(x), unit_length(y), weight) for x, y, weight in levels)
+    return reduce(add, (squared_distance(unit_length(x), unit_length(y), weight) for x, y, weight in levels))
 
 
 def _check(a: Sequence[Tensor], b: Sequence[Tensor], weights: Sequence[Tensor]) -> torch.Size:
@@ -86,9 +88,9 @@ class _UnitDistance(torch.autograd.Function):
     @once_differentiable
     def backward(ctx, cotangent: Tensor) -> tuple[Tensor | None, ...]:
         a, b, weights = _thirds([tensor.numpy() for tensor in ctx.saved_tensors])
-        cotangent = cotangent.flatten().contiguous().numpy()
+        pushed = cotangent.flatten().contiguous().numpy()
         sides = zip([*a, *b], [*b, *a], weights * 2, ctx.shapes, ctx.needs_input_grad[1:], strict=False)
-        gradients = [_by_channel(_gradient(own, other, weight, cotangent), shape) if wanted else None
+        gradients = [_by_channel(_gradient(own, other, weight, pushed), shape) if wanted else None
                      for own, other, weight, shape, wanted in sides]
         return None, *gradients, *[None] * len(weights)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import add
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -53,7 +56,7 @@ class Learner(nn.Module):
     def distances(self, copies: list[Tensor], truth: list[Tensor]) -> Tensor:
         """(T,K) from `unit` features (T,K,C,h,w) and (T,C,h,w); see `perceptual.PerceptualDistance`."""
         levels = zip(copies, truth, self.weights(), strict=True)
-        return sum(squared_distance(a, b[:, None], weight) for a, b, weight in levels)
+        return reduce(add, (squared_distance(a, b[:, None], weight) for a, b, weight in levels))
 
     def export(self, scale: float) -> tuple[nn.Sequential, list[Tensor]]:
         """The bare network, batch normalisation folded into its convolutions, and the channel weights times `scale`."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 import torch
@@ -171,8 +173,8 @@ def _styled(images: Tensor, looks: list[_Look]) -> Tensor:
     taps = torch.where(sigma > 0.05, torch.exp(-0.5 * (offset / sigma.clamp(min=0.05)) ** 2), (offset == 0).float())
     taps = taps / taps.sum(1, keepdim=True)
     padded = torch.nn.functional.pad(images, (3, 3))
-    images = sum(taps[:, k, None, None] * padded[:, :, k:k + images.shape[-1]] for k in range(7))
+    images = reduce(add, (taps[:, k, None, None] * padded[:, :, k:k + images.shape[-1]] for k in range(7)))
     padded = torch.nn.functional.pad(images, (0, 0, 3, 3))
-    images = sum(taps[:, k, None, None] * padded[:, k:k + images.shape[-1]] for k in range(7))
+    images = reduce(add, (taps[:, k, None, None] * padded[:, k:k + images.shape[-1]] for k in range(7)))
     gamma = torch.tensor([look.gamma for look in looks])[:, None, None]
     return torch.where(gamma == 1, images, images.clamp(0, 1) ** gamma)

@@ -215,7 +215,7 @@ def _losses(learner: Learner, drawn: Batch, recipe: Recipe, calibrating: bool) -
         if recipe.contrastive:
             embedded = learner.projection(means)
             losses["contrastive"] = contrastive_loss(embedded[:codes], embedded[codes:])
-        if recipe.classification and int(drawn.classes[0]) >= 0:
+        if recipe.classification and learner.classifier is not None and int(drawn.classes[0]) >= 0:
             losses["classification"] = nn.functional.cross_entropy(learner.classifier(means), drawn.classes.repeat(2))
     weights = {"ranking": 1.0} if calibrating else asdict(recipe)
     # A batch of fits' paths has no classes: where nothing else is learnt it teaches nothing.

@@ -8,6 +8,7 @@ import logging
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -49,7 +50,7 @@ class ImageCache:
         return image
 
 
-def _draw(code: IFS, view: View, size: dict[str, int], device: str) -> Tensor:
+def _draw(code: IFS, view: View, size: dict[str, Any], device: str) -> Tensor:
     """`render`, silent about views that hold nothing: among random views there are always some."""
     image, info = render_with_info(code, view, **size, device=device)
     if info.reason is not None and not info.empty:

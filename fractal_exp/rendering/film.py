@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -60,10 +61,12 @@ def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int = 30) -
     import imageio
 
     path = check_film(path, 2, fps)
-    options = ({"fps": fps, "codec": "libx264", "quality": 8, "pixelformat": "yuv420p", "macro_block_size": 2}
-               if path.suffix.lower() == ".mp4" else {"duration": 1000 / fps, "loop": 0})
+    options: dict[str, Any] = {"duration": 1000 / fps, "loop": 0}
+    if path.suffix.lower() == ".mp4":
+        options = {"fps": fps, "codec": "libx264", "quality": 8, "pixelformat": "yuv420p", "macro_block_size": 2}
     with (replacing(path, f".partial{path.suffix}") as partial,
-          imageio.get_writer(partial, mode="I", **options) as writer):
+          imageio.get_writer(partial, mode="I", **options) as film):
+        writer: Any = film  # declared as what reads and writes have in common
         for picture in pictures:
             writer.append_data((picture * 255).round().to(torch.uint8).numpy())
     return path

@@ -56,7 +56,9 @@ def _grey(image: Tensor) -> np.ndarray:
 
 def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, side: int) -> np.ndarray:
     font = ImageFont.load_default(size=max(LEAST_FONT, side // 24))
-    line = font.getbbox("Ag")[3] + GAP
+    if not isinstance(font, ImageFont.FreeTypeFont):
+        raise InputError("this Pillow has no FreeType to write captions with; pip install --force-reinstall pillow")
+    line = round(font.getbbox("Ag")[3]) + GAP
     rows, columns = -(-len(cells) // columns), min(columns, len(cells))
     sheet = Image.new("RGB", (columns * (side + GAP) + GAP, rows * (side + line + GAP) + GAP), (32, 32, 32))
     pen = ImageDraw.Draw(sheet)

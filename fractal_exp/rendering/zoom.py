@@ -58,16 +58,16 @@ def _half_lit_point(code: IFS, seed: int, end_zoom: float) -> tuple[float, float
     """A point found from the whole inwards: in a small picture of a view, each lit pixel is judged by the window that
     the next view, `CLOSER` times closer, will show about it, and so on down to a 64th of the last view."""
     rng = np.random.default_rng(seed)
-    center, radius = attractor.bounding_disc(code)
+    (x, y), radius = attractor.bounding_disc(code)
     zoom, near = 1 / max(radius, 1e-6), 1.0
     while zoom < min(LOOK * end_zoom, MAX_ZOOM):
-        lit = _look(code, center, zoom)
+        lit = _look(code, (x, y), zoom)
         if not lit.any():
             break
         row, column = _rich_pixel(lit, near, rng)
-        center = (center[0] + ((2 * column + 1) / LOOK - 1) / zoom, center[1] + (1 - (2 * row + 1) / LOOK) / zoom)
+        x, y = x + ((2 * column + 1) / LOOK - 1) / zoom, y + (1 - (2 * row + 1) / LOOK) / zoom
         zoom, near = zoom * CLOSER, 0.5
-    return float(center[0]), float(center[1])
+    return float(x), float(y)
 
 
 def _rich_pixel(lit: torch.Tensor, near: float, rng: np.random.Generator) -> tuple[int, int]:

@@ -75,7 +75,7 @@ def memory_of(device: torch.device) -> int:
 
 def shown(value: object) -> str:
     """A value in one short line of an error message."""
-    if isinstance(value, Integral) and not isinstance(value, bool) and abs(value) >= 10**20:
+    if isinstance(value, Integral) and not isinstance(value, bool) and abs(int(value)) >= 10**20:
         return "an integer of more than 20 digits"
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else text[:77] + "..."

@@ -35,7 +35,7 @@ def explain(error: OSError, path: str | Path | None = None) -> str:
     """What the system said about a file (`path`, where the error itself names none), and the remedy; one line."""
     where = path if path is not None else error.filename
     return (f"{f'{where}: ' if where is not None else ''}{error.strerror or error}; "
-            f"{REMEDIES.get(error.errno, 'choose a folder that exists and may be written')}")
+            f"{REMEDIES.get(error.errno or 0, 'choose a folder that exists and may be written')}")
 
 
 @contextlib.contextmanager

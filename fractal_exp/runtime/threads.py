@@ -54,7 +54,9 @@ def use(count: int | None = None) -> int:
         raise InputError(f"threads must be between 1 and {cores}, the cores of this machine, got {count}")
     import numba
     import torch
+    from numba.core import config
 
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    most: int = config.NUMBA_NUM_THREADS  # pyright: ignore[reportAttributeAccessIssue]
+    numba.set_num_threads(min(count, most))
     torch.set_num_threads(count)  # after numba, which sets all cores for both where they share an OpenMP library
     return count

@@ -12,6 +12,7 @@ import sys
 import tempfile
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
 from .addresses import reason, root, shown
@@ -52,7 +53,7 @@ def artifacts(database: Path) -> Path:
     return database.parent / "mlartifacts"
 
 
-def hide_default(store: object) -> None:
+def hide_default(store: Any) -> None:
     """Delete the experiment "Default", which MLflow makes in every store, if it is active and holds no run.
 
     store: an MLflow client or tracking store. MLflow does not make it again, as it still finds its number.

@@ -89,7 +89,7 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
         address = runs_address(f"http://127.0.0.1:{port}", experiment.experiment_id)
         print(f"dashboard: the runs of {experiment.name}, best F1 first (Ctrl-C ends it)\n  {address}\n"
               f"  {address}&compareRunsMode=CHART  as charts", flush=True)
-        for line in server.stderr:
+        for line in server.stderr or ():
             print(line, end="", file=sys.stderr)
         return server.wait()
     except KeyboardInterrupt:
@@ -121,11 +121,11 @@ def _end(server: subprocess.Popen) -> None:
             server.wait(LAST_SECONDS)
 
 
-def _wait_for(server: subprocess.Popen, address: str) -> None:
+def _wait_for(server: subprocess.Popen[str], address: str) -> None:
     while True:
         if server.poll() is not None:
-            raise InputError(f"the dashboard's server ended with status {server.returncode}: "
-                             f"{server.stderr.read().strip()[-500:]}")
+            said = server.stderr.read().strip()[-500:] if server.stderr else ""
+            raise InputError(f"the dashboard's server ended with status {server.returncode}: {said}")
         try:
             with urllib.request.urlopen(f"{address}/health", timeout=5) as answer:
                 if answer.status == 200:

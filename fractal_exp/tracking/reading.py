@@ -65,10 +65,12 @@ def nested_below(run_id: str) -> str:
 
 def comparison_address(uri: str, experiment: str, parent_run_id: str) -> str:
     """Where the dashboard compares the runs below a parent: on the server, or on one that `make dashboard` starts."""
-    identifier = connect(uri).get_experiment_by_name(experiment).experiment_id
+    found = connect(uri).get_experiment_by_name(experiment)
+    if found is None:
+        raise InputError(f"the store {shown(uri)} has no study {experiment!r}")
     server = "http://127.0.0.1:5000" if database_path(uri) else shown(uri).rstrip("/")
     query = quote(nested_below(parent_run_id))
-    return (f"{server}/#/experiments/{identifier}/runs?workflowType=machine_learning&searchFilter={query}"
+    return (f"{server}/#/experiments/{found.experiment_id}/runs?workflowType=machine_learning&searchFilter={query}"
             "&compareRunsMode=CHART")
 
 

@@ -89,7 +89,7 @@ class MlflowTracker(Tracker):
         if not name.endswith(".json"):
             raise InputError(f"a table's name must end in .json, got {name!r}")
         # client.log_table appends to a table that is there, which would double the rows of a resumed fit.
-        self.artifact(name, frame.to_json(orient="split", index=False, date_format="iso", double_precision=15))
+        self.artifact(name, str(frame.to_json(orient="split", index=False, date_format="iso", double_precision=15)))
         entry = {"path": name, "type": "table"}
         if entry not in self._tables:
             self._tables.append(entry)
@@ -222,6 +222,8 @@ def deliver(folder: str | Path, uri: str | None = None) -> list[str]:
     run_ids = []
     for path in notes:
         note = read_note(path.parent)
+        if note is None:  # delivered by another process meanwhile
+            continue
         if uri is not None and shown(note["uri"]) != shown(uri):
             print(f"tracking: {path.parent} waits for another store, {shown(note['uri'])}; send it with: "
                   f"{sys.executable} -m fractal_exp.tracking deliver '{path.parent.parent}'", file=sys.stderr)

@@ -7,8 +7,10 @@ alone) and then maps a `Rendering` to one value per image, (…,) for images (�
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Self
+from collections.abc import Iterable, Mapping
+from functools import reduce
+from operator import add
+from typing import Self, cast
 
 import torch
 import torch.nn.functional as F
@@ -40,6 +42,13 @@ class Term(nn.Module):
         self.target = target
         return self
 
+    @property
+    def prepared(self) -> Tensor:
+        """The target. Raises `InputError` before `prepare`."""
+        if self.target is None:
+            raise InputError("the term has no target yet: call prepare(target) first")
+        return self.target
+
     def forward(self, rendering: Rendering) -> Tensor:
         raise NotImplementedError
 
@@ -61,9 +70,9 @@ def mip_mse(image: Tensor, target: Tensor, *, stretch: bool = False, levels: int
     _check_pair(image, target)
     count = _mip_levels(image.shape, levels)
     if not stretch:  # taking means is linear: one pyramid of the difference is enough
-        return sum(level.square().mean((-2, -1)) for level in mip_pyramid(image - target, count)) / count
+        return reduce(add, (level.square().mean((-2, -1)) for level in mip_pyramid(image - target, count))) / count
     pairs = zip(mip_pyramid(image, count, stretch=True), mip_pyramid(target, count, stretch=True), strict=True)
-    return sum((a - b).square().mean((-2, -1)) for a, b in pairs) / count
+    return reduce(add, ((a - b).square().mean((-2, -1)) for a, b in pairs)) / count
 
 
 def mip_pyramid(image: Tensor, levels: int, *, stretch: bool = False) -> list[Tensor]:
@@ -120,7 +129,7 @@ class MSE(Term):
     """`mse` against the target: the ablation without the mip map."""
 
     def forward(self, rendering: Rendering) -> Tensor:
-        return mse(rendering.image, self.target)
+        return mse(rendering.image, self.prepared)
 
 
 class MipMSE(Term):
@@ -138,7 +147,7 @@ class MipMSE(Term):
         return super().prepare(target)
 
     def forward(self, rendering: Rendering) -> Tensor:
-        return mip_mse(rendering.image, self.target, stretch=self.stretch, levels=self.levels)
+        return mip_mse(rendering.image, self.prepared, stretch=self.stretch, levels=self.levels)
 
 
 class DSSIM(Term):
@@ -149,8 +158,8 @@ class DSSIM(Term):
         return super().prepare(target)
 
     def forward(self, rendering: Rendering) -> Tensor:
-        _check_pair(rendering.image, self.target)
-        return _dssim(rendering.image, self.target, self.statistics)
+        _check_pair(rendering.image, self.prepared)
+        return _dssim(rendering.image, self.prepared, self.statistics)
 
 
 class PerceptualTerm(Term):
@@ -173,7 +182,7 @@ class PerceptualTerm(Term):
         return super().prepare(target)
 
     def forward(self, rendering: Rendering) -> Tensor:
-        _check_pair(rendering.image, self.target)
+        _check_pair(rendering.image, self.prepared)
         return self.distance.compare(self.distance.features(rendering.image), self.target_features)
 
 
@@ -203,7 +212,7 @@ class Moments(Term):
         return super().prepare(target)
 
     def forward(self, rendering: Rendering) -> Tensor:
-        _check_pair(rendering.image, self.target)
+        _check_pair(rendering.image, self.prepared)
         return (moments(rendering.image) - self.target_moments).square().sum(-1)
 
 
@@ -233,19 +242,17 @@ class WeightedSum(nn.Module):
 
     def prepare(self, target: Tensor) -> Self:
         """Prepare every term for the target (…,R,R), in [0,1], and return self."""
-        for term in self.terms.values():
+        for term in cast("Iterable[Term]", self.terms.values()):
             term.prepare(target)
         return self
 
     def forward(self, rendering: Rendering) -> tuple[Tensor, dict[str, Tensor]]:
         """The weighted sum (…,) and every term's own, unweighted value (…,), by name and in the order of `terms`."""
         values = {name: term(rendering) for name, term in self.terms.items()}
-        return sum(self.weights[name] * value for name, value in values.items()), values
+        return reduce(add, (self.weights[name] * value for name, value in values.items())), values
 
 
-def _check_pair(image: Tensor, target: Tensor | None) -> None:
-    if target is None:
-        raise InputError("the term has no target yet: call prepare(target) first")
+def _check_pair(image: Tensor, target: Tensor) -> None:
     if image.ndim < 2 or image.shape[-2:] != target.shape[-2:]:
         raise InputError(f"image and target must both be (…,R,R) of one size, got {tuple(image.shape)} and "
                          f"{tuple(target.shape)}")

@@ -129,7 +129,7 @@ class Chaotic(Method):
         self._some(best.states)
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
-        stopped = f"all {total} iterations done" if iteration == total else time_is_up(self.seconds)
+        stopped = time_is_up(self.seconds) if self.seconds and iteration < total else f"all {total} iterations done"
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive(), stopped)
 
     def _radius(self, iteration: float) -> float:
@@ -158,7 +158,8 @@ class Chaotic(Method):
         """Put the optimiser at its first or its saved state and return the iteration to go on with."""
         saved = checkpoint.load() if checkpoint else None
         if saved is None:
-            self.optimizer.start(self._initial(0) if self.init is None else self._handed_on(image), self.seed)
+            self.optimizer.start(self._initial(0) if self.init is None else self._handed_on(self.init, image),
+                                 self.seed)
             return 0
         tensors = {name: tensor.to(self.device) for name, tensor in saved.tensors.items()}
         self.optimizer.start(_under("raw/", tensors), self.seed)
@@ -172,9 +173,12 @@ class Chaotic(Method):
         raw = self.model.parameterization.initial(self.model.maps, generator(self.seed, "initial", iteration))
         return {name: value.to(self.device) for name, value in raw.items()}
 
-    def _handed_on(self, image: Tensor) -> dict[str, Tensor]:
+    def _handed_on(self, init: Method, image: Tensor) -> dict[str, Tensor]:
         """Parameters of the code that the method `init` finds."""
-        raw = self.model.encode(self.init.reconstruct(image).code)
+        found = init.reconstruct(image)
+        if not isinstance(found, CodeReconstruction):
+            raise InputError(f"init must be a method that finds a code, got {type(init).__name__}")
+        raw = self.model.encode(found.code)
         return {name: value.to(self.device) for name, value in raw.items()}
 
     def _tensors(self, best: BestStates) -> dict[str, Tensor]:

@@ -14,6 +14,7 @@ from ... import ops
 from ...errors import InputError
 from ...ifs.attractor import FRAME_SIDE
 from ...ifs.code import IFS
+from ...ops import backends
 from .rendering import Rendering
 
 Parameters = Mapping[str, Tensor]  # raw, freely optimisable tensors by name, each (…,N,…)
@@ -148,7 +149,7 @@ class ForwardModel:
         if trajectories < 1 or resolution < 16 or supersample < 1 or not sigma_px > 0:
             raise InputError("expected trajectories >= 1, resolution >= 16, supersample >= 1 and sigma_px > 0, got "
                              f"{trajectories}, {resolution}, {supersample} and {sigma_px}")
-        ops.backends.check_name(backend)
+        backends.check_name(backend)
         self.parameterization = parameterization
         self.resolution, self.maps, self.backend = resolution, maps, backend
         self.trajectories, self.length, self.warmup = trajectories, length, warmup
@@ -165,7 +166,7 @@ class ForwardModel:
 
     def waits(self, like: Tensor) -> bool:
         """Whether drawing from tensors `like` this one on a GPU waits for it, so that no CUDA graph can record it."""
-        return self.parameterization.waits or ops.backends.choose(self.backend, like) == "torch"
+        return self.parameterization.waits or backends.choose(self.backend, like) == "torch"
 
     def with_splats(self, factor: float) -> ForwardModel:
         """This model with splats so many times as wide."""

@@ -20,14 +20,23 @@ from .model import Parameterization, Parameters
 class Problem(Protocol):
     """What is minimised. Both draw their start points and map indices from `seed`; raw may carry a batch of codes."""
 
-    parameterization: Parameterization
-    waits: bool  # whether `loss` waits for a GPU, so that no CUDA graph can record it
+    @property
+    def parameterization(self) -> Parameterization:
+        """How raw parameters become maps."""
+        ...
+
+    @property
+    def waits(self) -> bool:
+        """Whether `loss` waits for a GPU, so that no CUDA graph can record it."""
+        ...
 
     def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         """The differentiable objective (…,) and its named terms."""
+        ...
 
     def energy(self, raw: Parameters, seed: int | Tensor) -> Tensor:
         """The energy (…,) that annealing compares: the plain mean squared error at full resolution."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -180,7 +189,8 @@ class NoisyGradientDescent(GradientDescent):
     def change_gradients(self, iteration: int) -> None:
         random = generator(self.seed, "gradient noise", iteration)
         for tensor in self.raw.values():
-            tensor.grad += self.noise * _normal_like(tensor, random)
+            if tensor.grad is not None:
+                tensor.grad += self.noise * _normal_like(tensor, random)
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,8 @@ def _check_code(linear: Tensor, offset: Tensor) -> tuple[torch.Size, int]:
     return linear.shape[:-3], linear.shape[-3]
 
 
-def cumulative_thresholds(probabilities: Tensor | None, batch: torch.Size, maps: int, device: torch.device) -> Tensor:
+def cumulative_thresholds(probabilities: Tensor | None, batch: tuple[int, ...], maps: int, device: torch.device
+                          ) -> Tensor:
     """The cumulative probabilities in units of 2^-32, int64 (B or 1, N): exact on every device."""
     if probabilities is None:
         return torch.arange(1, maps + 1, device=device)[None] * 2**32 // maps

@@ -7,7 +7,7 @@ in microseconds a step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import ModuleType
 
 import torch
@@ -39,6 +39,9 @@ class BinnedMeasure:
     samples: Tensor
     bins: Tensor
     levels: int = 3
+    mean: Tensor = field(init=False)        # (2,)
+    covariance: Tensor = field(init=False)  # (2,2)
+    roots: Tensor = field(init=False)       # of all grids, one after another
 
     def __post_init__(self) -> None:
         check_tensor("samples", self.samples)
@@ -54,8 +57,8 @@ class BinnedMeasure:
         points, mass = self.samples[:, :2], self.samples[:, 2:]
         mean = (points * mass).sum(0)
         off = points - mean
-        object.__setattr__(self, "mean", mean)                                    # (2,)
-        object.__setattr__(self, "covariance", (off * mass).T @ off)              # (2,2)
+        object.__setattr__(self, "mean", mean)
+        object.__setattr__(self, "covariance", (off * mass).T @ off)
         grids = [self.bins]
         for _ in range(self.levels - 1):
             grids.append(torch.nn.functional.avg_pool2d(grids[-1][None, None], 2)[0, 0] * 4)

@@ -81,8 +81,8 @@ class AddressTree:
 
     def within(self, window: Window) -> bool:
         """Whether the whole attractor lies in the window for certain."""
-        root = self._root(window)
-        return kernels.place(*root, self.hull, float(window.size))[0] == 1
+        a, b, c, d, x, y = self._root(window)
+        return kernels.place(a, b, c, d, x, y, self.hull, float(window.size))[0] == 1
 
     def scatter(self, window: Window, thrown: float, *, seed: tuple[int, ...], canvas: np.ndarray | None = None,
                 mode: int = DRY, tasks: int | None = None, budget: float = math.inf) -> Tally:

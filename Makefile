@@ -70,11 +70,11 @@ bench-gpu: $(READY) ## Check and time everything on an NVIDIA GPU
 	@$(BIN)/python -m pip install --quiet --editable '.[cuda]'
 	@$(BIN)/python -m benchmarks.gpu
 
-lint: $(READY) ## Check style and types with ruff and pyright (the public surface strictly)
+lint: $(READY) ## Check style and types with ruff and basedpyright (the public surface strictly)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[lint]'
 	@$(BIN)/ruff check .
-	@$(BIN)/pyright --pythonpath $(BIN)/python --warnings
-	@$(BIN)/pyright --pythonpath $(BIN)/python --warnings --project pyright-public.json
+	@$(BIN)/basedpyright --pythonpath $(BIN)/python --warnings
+	@$(BIN)/basedpyright --pythonpath $(BIN)/python --warnings --project pyright-public.json
 
 clean: ## Remove .venv and outputs/
 	rm -rf $(VENV) outputs

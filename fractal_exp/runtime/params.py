@@ -78,8 +78,9 @@ def _merged(params: Params, values: dict[str, Any]) -> dict[str, Any]:
     merged: dict[str, Any] = {name: getattr(params, name) for name in type(params).model_fields}
     for name, value in values.items():
         before = merged.get(name)
-        inside = isinstance(before, Params) and isinstance(value, dict)
-        merged[name] = _merged(before, value) if inside else value
+        if isinstance(before, Params) and isinstance(value, dict):
+            value = _merged(before, value)
+        merged[name] = value
     return merged
 
 

@@ -94,7 +94,9 @@ def test_dust_on_the_edges_of_pixels_is_moved_to_their_better_side():
     assert found.error < 0.1 * start.error
 
 
-@pytest.mark.parametrize(("scale", "end"), [(0.51, -0.3755), (0.5, -0.376), (0.49, -0.378)])
+@pytest.mark.parametrize(("scale", "end"), [
+    pytest.param(0.51, -0.3755, marks=pytest.mark.slow), (0.5, -0.376),
+    pytest.param(0.49, -0.378, marks=pytest.mark.slow)])
 def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
     maps, picture = pictured(codes.known("tree"))
     crooked = off(maps, 0.01)

@@ -21,9 +21,11 @@ needs_numba_cuda = pytest.mark.skipif(not cuda_launch.INSTALLED, reason="numba-c
 
 
 @needs_numba_cuda
-def test_kernels_in_the_simulator():
+@pytest.mark.parametrize("cases", ["not slow", pytest.param("slow", marks=pytest.mark.slow)])
+def test_kernels_in_the_simulator(cases):
     environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "CUDA_VISIBLE_DEVICES": ""}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(HERE / "simulated_cuda.py")]
+    command = [sys.executable, "-m", "pytest", "-q", "-m", cases, "-p", "no:cacheprovider",
+               str(HERE / "simulated_cuda.py")]
     done = subprocess.run(command, env=environment, cwd=HERE.parent, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
     assert "skipped" not in done.stdout
@@ -65,7 +67,9 @@ def kernels():
 
 
 @needs_numba_cuda
-@pytest.mark.parametrize("capability", [(8, 0), (9, 0, "a"), (10, 0, "a")], ids=lambda cc: "".join(map(str, cc)))
+@pytest.mark.parametrize("capability", [pytest.param((8, 0), marks=pytest.mark.slow), (9, 0, "a"),
+                                        pytest.param((10, 0, "a"), marks=pytest.mark.slow)],
+                         ids=lambda cc: "".join(map(str, cc)))
 def test_kernels_compile_to_machine_code(capability):
     """By NVVM and nvJitLink, optimised as they are linked, as a launch has it done; neither needs a GPU or a driver."""
     from cuda.bindings import nvjitlink

@@ -97,15 +97,19 @@ def filled_cache(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("kind", ["nbi", "nbc"])
-@pytest.mark.parametrize("damage", [lambda data: b"", lambda data: data[:len(data) // 2], lambda data: b"\x80" * 999],
-                         ids=["empty", "cut off", "nonsense"])
+DAMAGE = {"empty": lambda data: b"", "cut off": lambda data: data[:len(data) // 2], "nonsense": lambda _: b"\x80" * 999}
+QUICK = {("nbi", "cut off"), ("nbc", "nonsense")}
+
+
+@pytest.mark.parametrize(("kind", "damage"), [
+    pytest.param(kind, damage, marks=[] if (kind, damage) in QUICK else pytest.mark.slow, id=f"{damage}-{kind}")
+    for kind in ("nbi", "nbc") for damage in DAMAGE])
 def test_a_damaged_cache_is_said_once_and_made_anew(filled_cache, tmp_path, kind, damage):
     folder = tmp_path / "cache"
     shutil.copytree(filled_cache, folder)
     files = list(folder.rglob(f"*.{kind}"))
     for file in files:
-        file.write_bytes(damage(file.read_bytes()))
+        file.write_bytes(DAMAGE[damage](file.read_bytes()))
     first, second = use_kernels(folder), use_kernels(folder)
     assert files and first.stdout == second.stdout == "True\n", first.stderr
     assert first.stderr.count("compiled kernels cannot be kept") == 1 and len(first.stderr.splitlines()) == 1

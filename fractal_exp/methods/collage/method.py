@@ -85,8 +85,9 @@ class Collage(Method):
         return Deadline(self.seconds)
 
 
-def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, **options: Any) -> Collage:
+def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
+           ) -> Collage:
     """The method at the sizes that two cores finish within a minute. It takes images of any resolution from 32² on."""
     if resolution < SMALLEST_INPUT:
         raise InputError(f"resolution must be at least {SMALLEST_INPUT}, got {resolution}")
-    return Collage(seed=seed, seconds=seconds, **options)
+    return Collage(seed=seed, seconds=seconds, previews=previews, **options)

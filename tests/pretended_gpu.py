@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_flatten, tree_map
+from torch.utils._pytree import tree_flatten, tree_map, tree_unflatten
 
 from fractal_exp.methods.chaotic import method as chaotic
 from fractal_exp.methods.collage import method as collage
@@ -166,14 +166,15 @@ class _Lent(torch.autograd.Function):
 def _lent(module: ModuleType, *names: str) -> SimpleNamespace:
     def lent(name: str) -> Callable:
         def run(*args: Any, **settings: Any) -> Any:
-            at = [i for i, x in enumerate(args) if isinstance(x, Tensor)]
+            leaves, form = tree_flatten(args)
+            at = [i for i, x in enumerate(leaves) if isinstance(x, Tensor)]
 
             def alone(*tensors: Tensor) -> Any:
-                given = list(args)
+                given = list(leaves)
                 for i, x in zip(at, tensors, strict=True):
                     given[i] = x
-                return getattr(module, name)(*given, **settings)
-            return _Lent.apply(alone, *(args[i] for i in at))
+                return getattr(module, name)(*tree_unflatten(given, form), **settings)
+            return _Lent.apply(alone, *(leaves[i] for i in at))
         return run
     return SimpleNamespace(**{name: lent(name) for name in names})
 

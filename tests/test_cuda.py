@@ -57,9 +57,11 @@ def kernels():
                                          floats[2])
     measure = floats[3], floats[2], floats[2]  # maps, weights, samples
     yield "pushforward", cuda_collage._pushforward, (*measure, t.int64, t.int64, array(t.int64, 2))
-    yield "descend", cuda_collage._descend, (
-        *measure, array(t.float32, 1), array(t.float32, 1), floats[2], floats[2], longs, t.int64, t.int64, floats[4],
-        array(t.int64, 2), floats[2], floats[2], floats[3], array(t.float32, 1), t.int64, *[t.float64] * 8, t.boolean)
+    flat = array(t.float32, 1)
+    target = t.NamedTuple((floats[2], flat, flat, floats[2], t.int64, t.int64), cuda_collage.Target)
+    settings = t.NamedTuple((t.int64, *[t.float64] * 8, t.boolean), cuda_collage.Settings)
+    work = t.NamedTuple((floats[4], array(t.int64, 2), floats[2], floats[2], floats[3]), cuda_collage.Workspace)
+    yield "descend", cuda_collage._descend, (*measure[:2], target, floats[2], longs, settings, work, flat)
     for mode, dtype in ((cuda_histogram.LIT, t.uint8), (cuda_histogram.COUNTED, t.int32)):
         yield f"throw_{mode}", cuda_histogram.KERNELS[mode], (
             array(t.float64, 2), longs, array(t.float64, 2), longs, array(t.int32, 1), t.int64, t.int64, t.int64,

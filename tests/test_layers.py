@@ -72,3 +72,15 @@ def test_a_framework_is_imported_in_one_folder_alone(library, folder):
             if any(name.split(".")[0] == library for name in names):
                 users.add(parts(path)[0])
     assert users == {folder}
+
+
+def test_no_function_of_the_operations_has_more_than_ten_arguments():
+    """What belongs together is packed, for kernels too; the keywords of public functions do not count."""
+    crowded = []
+    for path in sorted((PACKAGE / "ops").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                keywords = node.args.kwonlyargs if node.name.startswith("_") else []
+                count = len([*node.args.posonlyargs, *node.args.args, *keywords])
+                crowded += [f"{'/'.join(parts(path))}: {node.name} has {count}"] if count > 10 else []
+    assert not crowded

@@ -1,11 +1,13 @@
 """What the operations of collage search refuse, in one line, before a kernel reads beyond an array."""
 
+import numpy as np
 import pytest
 import torch
 from ops_helpers import tiling_problem
 
 from fractal_exp import InputError
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from fractal_exp.ops.collage.reference import Settings
 
 MEASURE, MAPS, WEIGHTS = tiling_problem()
 GRID = torch.zeros(2, 32, 32)
@@ -62,3 +64,10 @@ def test_a_measure_has_a_grid_that_can_be_halved(bins, levels):
 def test_a_descent_is_described_by_finite_numbers(change):
     with pytest.raises(InputError):
         Descent(**{"steps": 1} | change)
+
+
+def test_kernels_get_numbers_of_one_type_whichever_a_user_gives():
+    """Or they would be compiled anew for each."""
+    given = Settings(**vars(Descent(np.int32(3), rate=1, decay=0, identity_radius=1, prior=np.float32(0.5))))
+    assert [type(number) for number in given] == [int, *[float] * 8, bool]
+    assert given == (3, 1, 0.05, 0, 0.995, 1, 0.5, 1, 0.3, False)

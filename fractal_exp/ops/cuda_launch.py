@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import os
 import warnings
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
@@ -20,21 +21,21 @@ DEVICE = "cpu" if SIMULATED else "cuda"  # where the tensors of the kernels lie
 INSTALLED = find_spec("numba_cuda") is not None
 
 
-def launch(kernel: Any, blocks: int, threads: int, first: Tensor, *rest: Tensor | float,
+def launch(kernel: Any, blocks: int, threads: int, first: Tensor, *rest: Tensor | float | tuple[Any, ...],
            shared_bytes: int = 0) -> None:
-    """Queue kernel[blocks, threads](first, *rest); tensors must be contiguous."""
+    """Queue kernel[blocks, threads](first, *rest): contiguous tensors, numbers, and NamedTuples of both."""
     if not blocks:
         return
     arguments = (first, *rest)
     if SIMULATED:
-        kernel[blocks, threads, 0, shared_bytes](*(_host_array(argument) for argument in arguments))
+        kernel[blocks, threads, 0, shared_bytes](*_converted(arguments, Tensor.numpy))
         return
     from numba import cuda
 
     device = first.device
     with torch.cuda.device(device), cuda.gpus[device.index]:
         stream = _stream(torch.cuda.current_stream(device).cuda_stream)
-        kernel[blocks, threads, stream, shared_bytes](*(_device_array(argument) for argument in arguments))
+        kernel[blocks, threads, stream, shared_bytes](*_converted(arguments, _device_array))
 
 
 def blocks_of(count: int, threads: int) -> int:
@@ -52,11 +53,13 @@ def _stream(handle: int) -> Any:
     return cuda.external_stream(handle) if handle else cuda.default_stream()
 
 
-def _device_array(argument: Any) -> Any:
+def _converted(arguments: tuple, convert: Callable[[Tensor], Any]) -> list:
+    """The arguments with each tensor converted; a NamedTuple stays one, which the kernel reads by its fields."""
+    return [argument._make(_converted(argument, convert)) if isinstance(argument, tuple)
+            else convert(argument.detach()) if isinstance(argument, Tensor) else argument for argument in arguments]
+
+
+def _device_array(tensor: Tensor) -> Any:
     from numba import cuda
 
-    return cuda.as_cuda_array(argument.detach(), sync=False) if isinstance(argument, Tensor) else argument
-
-
-def _host_array(argument: Any) -> Any:
-    return argument.detach().numpy() if isinstance(argument, Tensor) else argument
+    return cuda.as_cuda_array(tensor, sync=False)

@@ -19,7 +19,7 @@ from ...runtime.checks import check_alike, check_count, check_dense, check_memor
 from .. import backends
 from ..chaos import cumulative_thresholds
 from . import reference
-from .reference import Descent
+from .reference import Descent, Target
 
 LARGEST = 32_768  # cells a side: a cell's number is kept in 32 bits
 LARGEST_COUNT = 2**31 - 1  # of trajectories, and of their points
@@ -159,9 +159,9 @@ def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent,
         raise InputError(f"backgrounds must have shape (C, {measure.size}, {measure.size}) and chosen ({len(maps)},), "
                          f"got {tuple(backgrounds.shape)} and {tuple(chosen.shape)}")
     _check_chosen(chosen, len(backgrounds), maps)
-    return _backend(backend, maps).descend(maps, weights, measure.samples, measure.roots, measure.mean,
-                                           measure.covariance, backgrounds.flatten(1), chosen, measure.size,
-                                           measure.levels, how)
+    target = Target(measure.samples, measure.roots, measure.mean, measure.covariance, measure.size,
+                    int(measure.levels))
+    return _backend(backend, maps).descend(maps, weights, target, backgrounds.flatten(1), chosen, how)
 
 
 def _backend(name: str, tensor: Tensor) -> ModuleType:

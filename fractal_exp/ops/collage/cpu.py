@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ...runtime.jit import FUSED, kernel
 from ..chaos.cpu_kernels import GUIDE_BITS, guide_of, hold, next_state, start
-from .reference import BETA_1, BETA_2, FLOOR, Descent
+from .reference import BETA_1, BETA_2, FLOOR, Descent, Settings, Target
 
 EDGE = float32(1.001)
 
@@ -26,14 +26,14 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Te
     return bins.view(-1, size, size)
 
 
-def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean: Tensor, covariance: Tensor,
-            backgrounds: Tensor, chosen: Tensor, size: int, levels: int, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
+def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, chosen: Tensor, how: Descent
+            ) -> tuple[Tensor, Tensor, Tensor]:
     """See `reference.descend`."""
     moved, masses = (given.detach().clone(memory_format=torch.contiguous_format) for given in (maps, weights))
     errors = torch.empty(len(maps))
-    _descend(*_arrays(moved, masses, samples.T, roots, mean, covariance, backgrounds, chosen), size, levels,
-             errors.numpy(), how.steps, how.rate, how.weight_rate, how.decay, how.largest, how.smaller,
-             how.prior, how.identity_radius, how.identity_weight, how.tied)
+    samples, roots, mean, covariance = _arrays(target.samples.T, target.roots, target.mean, target.covariance)
+    target = target._replace(samples=samples, roots=roots, mean=mean, covariance=covariance)
+    _descend(*_arrays(moved, masses), target, *_arrays(backgrounds, chosen), Settings(**vars(how)), errors.numpy())
     return moved, masses, errors
 
 
@@ -287,9 +287,10 @@ def _adam(g, first, second, k):
 
 
 @kernel(parallel=True, fastmath=FUSED, error_model="numpy")  # weights that sum to 0 spoil their own code alone
-def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, errors, steps, rate,
-             weight_rate, decay, largest, smaller, prior, radius, strength, tied):
+def _descend(maps, weights, target, backgrounds, chosen, how, errors):
+    """The target's samples are (3,K) here, `how` is `Settings`."""
     count = maps.shape[1]
+    samples, roots, size, levels = target.samples, target.roots, target.size, target.levels
     for b in prange(maps.shape[0]):
         m, w, background = maps[b], weights[b], backgrounds[chosen[b]]
         bins, slope = np.empty_like(roots), np.empty_like(roots)
@@ -298,8 +299,8 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
         gradient = np.zeros((count, 7), np.float32)
         first, second = np.zeros((count, 7), np.float32), np.zeros((count, 7), np.float32)
         total = w.sum()
-        for k in range(1, steps + 1):
-            if tied:
+        for k in range(1, how.steps + 1):
+            if how.tied:
                 _tie(m, w, total)
             volume = _total_volume(m, w)
             _tile(m, w, samples, background, size, levels, bins, corner, right, down)
@@ -309,24 +310,25 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
                 if w[n] > 0:
                     _pull(w[n], samples, corner[n], right[n], down[n], size, slope, gradient[n])
                     pull += gradient[n, 6] * w[n] / total
-            falling = decay ** (k / steps)
+            falling = how.decay ** (k / how.steps)
             for n in range(count):
                 if w[n] <= 0:
                     continue
                 g = gradient[n]
-                if tied:
+                if how.tied:
                     _pass_on(m[n], g, (g[6] - pull) * total / volume)
                 else:
                     g[6] *= w[n]
-                    g[6] += prior * w[n] * math.log(w[n] * volume / (total * _volume(m[n])))
-                _push_off_identity(m[n], w[n], mean, covariance, radius, strength, g)
+                    g[6] += how.prior * w[n] * math.log(w[n] * volume / (total * _volume(m[n])))
+                _push_off_identity(m[n], w[n], target.mean, target.covariance, how.identity_radius,
+                                   how.identity_weight, g)
                 _adam(g, first[n], second[n], k)
                 for j in range(6):
-                    m[n, j] -= rate * falling * g[j]
-                if not tied:
-                    w[n] *= math.exp(-weight_rate * falling * g[6])
-                _contract(m[n], largest, smaller)
-        if tied:
+                    m[n, j] -= how.rate * falling * g[j]
+                if not how.tied:
+                    w[n] *= math.exp(-how.weight_rate * falling * g[6])
+                _contract(m[n], how.largest, how.smaller)
+        if how.tied:
             _tie(m, w, total)
         _tile(m, w, samples, background, size, levels, bins, corner, right, down)
         errors[b] = _error(bins, roots, levels)

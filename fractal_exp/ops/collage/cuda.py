@@ -8,6 +8,7 @@ The bins lie in global memory, which a GPU's second-level cache holds for a hund
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import torch
 from numba import cuda, float32, float64, int32, int64
@@ -16,7 +17,7 @@ from torch import Tensor
 from ..cuda_launch import blocks_of, launch
 from . import cpu as cpu_collage
 from .cpu import EDGE
-from .reference import FLOOR, Descent
+from .reference import FLOOR, Descent, Settings, Target
 
 THREADS, WARP = 256, 32
 WARPS = THREADS // WARP
@@ -28,6 +29,17 @@ _adam, _contract, _pass_on, _push_off_identity = (inlined(function.py_func) for 
     cpu_collage._adam, cpu_collage._contract, cpu_collage._pass_on, cpu_collage._push_off_identity))
 
 
+class Workspace(NamedTuple):
+    """What a descent of B codes of N maps writes down: Adam's moments (B,N,2,7), masses (B,G²) in UNITS, the bins of
+    all levels in a row for each code, the error's slopes by the finest (B,G²), and gradients (B,N,7)."""
+
+    moments: Tensor
+    masses: Tensor
+    bins: Tensor
+    slopes: Tensor
+    gradients: Tensor
+
+
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
     """See `reference.pushforward`."""
     bins = torch.zeros(len(maps), size * size, dtype=torch.int64, device=maps.device)
@@ -37,19 +49,19 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Te
     return (bins / UNITS).float().view(-1, size, size)
 
 
-def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean: Tensor, covariance: Tensor,
-            backgrounds: Tensor, chosen: Tensor, size: int, levels: int, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
+def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, chosen: Tensor, how: Descent
+            ) -> tuple[Tensor, Tensor, Tensor]:
     """See `reference.descend`."""
     codes, count, _ = maps.shape
     maps, weights = (given.detach().clone(memory_format=torch.contiguous_format) for given in (maps, weights))
-    moments, gradients = maps.new_zeros(codes, count, 2, SUMS), maps.new_empty(codes, count, SUMS)
-    masses = torch.empty(codes, size * size, dtype=torch.int64, device=maps.device)
-    bins, slopes = maps.new_empty(codes, len(roots)), maps.new_empty(codes, size * size)
+    target = target._replace(samples=target.samples.contiguous(), covariance=target.covariance.contiguous())
+    cells = codes, target.size**2
+    work = Workspace(moments=maps.new_zeros(codes, count, 2, SUMS), masses=maps.new_empty(cells, dtype=torch.int64),
+                     bins=maps.new_empty(codes, len(target.roots)), slopes=maps.new_empty(cells),
+                     gradients=maps.new_empty(codes, count, SUMS))
     errors = maps.new_empty(codes)
-    launch(_descend, codes, THREADS, maps, weights, samples.contiguous(), roots, mean, covariance.contiguous(),
-           backgrounds.contiguous(), chosen.contiguous(), size, levels, moments, masses, bins, slopes, gradients,
-           errors, how.steps, how.rate, how.weight_rate, how.decay, how.largest, how.smaller, how.prior,
-           how.identity_radius, how.identity_weight, how.tied)
+    launch(_descend, codes, THREADS, maps, weights, target, backgrounds.contiguous(), chosen.contiguous(),
+           Settings(**vars(how)), work, errors)
     return maps, weights, errors
 
 
@@ -204,29 +216,29 @@ def _tie(maps, weights, b, total):
 
 
 @inlined
-def _advance(maps, weights, b, n, gradients, moments, mean, covariance, k, rate, weight_rate, largest, smaller,
-             by_weight, by_volume, radius, strength, tied):
+def _advance(maps, weights, b, n, k, by_weight, by_volume, target, how, work):
     """A step of Adam for one map; by_weight is added to its weight's gradient, or by_volume passed on to its matrix."""
+    moments, falling = work.moments, how.decay ** (k / how.steps)
     m, g = cuda.local.array(6, float32), cuda.local.array(SUMS, float32)
     first, second = cuda.local.array(SUMS, float32), cuda.local.array(SUMS, float32)
     center, spread = cuda.local.array(2, float32), cuda.local.array((2, 2), float32)
     for j in range(SUMS):
-        g[j], first[j], second[j] = gradients[b, n, j], moments[b, n, 0, j], moments[b, n, 1, j]
+        g[j], first[j], second[j] = work.gradients[b, n, j], moments[b, n, 0, j], moments[b, n, 1, j]
     for j in range(6):
         m[j] = maps[b, n, j]
     for j in range(2):
-        center[j], spread[j, 0], spread[j, 1] = mean[j], covariance[j, 0], covariance[j, 1]
-    if tied:
+        center[j], spread[j, 0], spread[j, 1] = target.mean[j], target.covariance[j, 0], target.covariance[j, 1]
+    if how.tied:
         _pass_on(m, g, by_volume)
     else:
         g[6] = g[6] * weights[b, n] + by_weight
-    _push_off_identity(m, weights[b, n], center, spread, radius, strength, g)
+    _push_off_identity(m, weights[b, n], center, spread, how.identity_radius, how.identity_weight, g)
     _adam(g, first, second, k)
     for j in range(6):
-        m[j] -= rate * g[j]
-    if not tied:
-        weights[b, n] *= math.exp(-weight_rate * g[6])
-    _contract(m, largest, smaller)
+        m[j] -= how.rate * falling * g[j]
+    if not how.tied:
+        weights[b, n] *= math.exp(-how.weight_rate * falling * g[6])
+    _contract(m, how.largest, how.smaller)
     for j in range(SUMS):
         moments[b, n, 0, j], moments[b, n, 1, j] = first[j], second[j]
     for j in range(6):
@@ -234,17 +246,17 @@ def _advance(maps, weights, b, n, gradients, moments, mean, covariance, k, rate,
 
 
 @cuda.jit
-def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chosen, size, levels, moments, masses, bins,
-             slopes, gradients, errors, steps, rate, weight_rate, decay, largest, smaller, prior, radius, strength,
-             tied):
+def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
+    samples, roots, size, levels = target.samples, target.roots, target.size, target.levels
+    masses, bins, slopes, gradients = work.masses, work.bins, work.slopes, work.gradients
     b, thread, count = cuda.blockIdx.x, cuda.threadIdx.x, maps.shape[1]
     lanes = cuda.shared.array((THREADS, SUMS), float32)
     total = 0.0
     for n in range(count):
         total += weights[b, n]
     cuda.syncthreads()
-    for k in range(1, steps + 1):
-        if tied:
+    for k in range(1, how.steps + 1):
+        if how.tied:
             _tie(maps, weights, b, total)
         _tile(maps, weights, b, samples, backgrounds, chosen[b], size, levels, masses, bins)
         _slope(bins, b, roots, size, levels, slopes)
@@ -255,16 +267,14 @@ def _descend(maps, weights, samples, roots, mean, covariance, backgrounds, chose
             if weights[b, n] > 0:
                 pull += gradients[b, n, 6] * weights[b, n] / total
         cuda.syncthreads()
-        falling = decay ** (k / steps)
         for n in range(thread, count, THREADS):
             w = weights[b, n]
             if w > 0:
-                prior_pull = prior * w * math.log(w * volume / (total * _volume_of(maps, b, n)))
-                _advance(maps, weights, b, n, gradients, moments, mean, covariance, k, rate * falling,
-                         weight_rate * falling, largest, smaller, prior_pull,
-                         (gradients[b, n, 6] - pull) * total / volume, radius, strength, tied)
+                prior_pull = how.prior * w * math.log(w * volume / (total * _volume_of(maps, b, n)))
+                _advance(maps, weights, b, n, k, prior_pull, (gradients[b, n, 6] - pull) * total / volume, target, how,
+                         work)
         cuda.syncthreads()
-    if tied:
+    if how.tied:
         _tie(maps, weights, b, total)
     _tile(maps, weights, b, samples, backgrounds, chosen[b], size, levels, masses, bins)
     error = float32(0)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import namedtuple
+from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -42,9 +44,26 @@ class Descent:
         check_number("identity_radius", self.identity_radius, f"a finite number from {LEAST_RADIUS} on", LEAST_RADIUS)
         for name in ("rate", "weight_rate", "decay", "largest", "smaller", "prior", "identity_weight"):
             check_number(name, getattr(self, name), "a finite number of at least 0", 0)
-            object.__setattr__(self, name, float(getattr(self, name)))  # kernels are compiled for one type
         if not isinstance(self.tied, bool):
             raise InputError(f"tied must be True or False, got {shown(self.tied)}")
+        object.__setattr__(self, "steps", int(self.steps))  # kernels are compiled for one type of each
+        for name in vars(self).keys() - {"steps", "tied"}:
+            object.__setattr__(self, name, float(getattr(self, name)))
+
+
+Settings = namedtuple("Settings", [field.name for field in fields(Descent)])  # a `Descent` as kernels take it
+
+
+class Target(NamedTuple):
+    """The measure that a descent aims at: samples (K,3) of x, y, mass; the square roots of its bins and FLOOR, all
+    `levels` grids in a row, the finest of `size` cells a side; its mean (2,) and covariance (2,2)."""
+
+    samples: Tensor
+    roots: Tensor
+    mean: Tensor
+    covariance: Tensor
+    size: int
+    levels: int
 
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
@@ -65,13 +84,13 @@ def collage_error(bins: Tensor, roots: Tensor, levels: int) -> Tensor:
     return ((flat + FLOOR).sqrt() - roots).square().sum(1) / levels
 
 
-def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean: Tensor, covariance: Tensor,
-            backgrounds: Tensor, chosen: Tensor, size: int, levels: int, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
+def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, chosen: Tensor, how: Descent
+            ) -> tuple[Tensor, Tensor, Tensor]:
     """Adam on maps (B,N,6) and the logarithms of weights (B,N), zero where there is no map, towards the least collage
     error of background[chosen] + pushforward: the new maps and weights, and their error (B,)."""
     present = weights > 0
     total = weights.sum(1, keepdim=True)
-    background = backgrounds[chosen].view(-1, size, size)
+    background = backgrounds[chosen].view(-1, target.size, target.size)
     maps = maps.detach().clone()
     logs = weights.clamp_min(1e-12).log()
     moments = [torch.zeros_like(maps), torch.zeros_like(maps), torch.zeros_like(logs), torch.zeros_like(logs)]
@@ -83,12 +102,15 @@ def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean:
     def weigh(m: Tensor, logs: Tensor) -> Tensor:
         return total * shares(m) if how.tied else torch.where(present, logs.exp(), 0)
 
+    def errors(m: Tensor, w: Tensor) -> Tensor:
+        bins = background + pushforward(m, w, target.samples, target.size)
+        return collage_error(bins, target.roots, target.levels)
+
     for k in range(1, how.steps + 1):
         with torch.enable_grad():
             m, v = maps.requires_grad_(), logs.detach().requires_grad_()
             w = weigh(m, v)
-            loss = collage_error(background + pushforward(m, w, samples, size), roots, levels).sum()
-            loss = loss + _near_identity(m, w.detach(), mean, covariance, how).sum()
+            loss = errors(m, w).sum() + _near_identity(m, w.detach(), target.mean, target.covariance, how).sum()
             by_map, by_log = torch.autograd.grad(loss, (m, v), allow_unused=True, materialize_grads=True)
         w = w.detach()
         if not how.tied:
@@ -99,7 +121,7 @@ def descend(maps: Tensor, weights: Tensor, samples: Tensor, roots: Tensor, mean:
         logs = (logs - how.weight_rate * falling * _adam(moments[2], moments[3], by_log, k)).detach()
         maps = torch.where(present[..., None], contract(maps, how.largest, how.smaller), maps)
     weights = weigh(maps, logs)
-    return maps, weights, collage_error(background + pushforward(maps, weights, samples, size), roots, levels)
+    return maps, weights, errors(maps, weights)
 
 
 def contract(maps: Tensor, largest: float, smaller: float = 1.0) -> Tensor:

@@ -101,8 +101,8 @@ class AddressTree:
         each = min(budget / tasks, float(sys.maxsize // 2))
         size = float(window.size)
         jobs = self.cut(window, thrown, 8 * tasks, whole=reuse > 1)
-        kernels.scatter(self.maps, self.mass, self.thresholds, self.guide, self.hull, size, jobs, each, seeds, canvas,
-                        mode, reuse, tally)
+        tree = kernels.Tree(self.maps, self.mass, self.thresholds, self.guide, self.hull)
+        kernels.scatter(tree, size, jobs, each, seeds, canvas, mode, reuse, tally)
         kept, drawn, visited, cut_short = (int(total) for total in tally.sum(0))
         return Tally(kept, drawn, visited, cut_short == 0)
 

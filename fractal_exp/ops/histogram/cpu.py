@@ -4,6 +4,7 @@ multi-threaded."""
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import get_thread_id, njit, prange, uint64
@@ -28,6 +29,16 @@ DRY, LIT, COUNTED = 0, 1, 2  # what becomes of a point: nothing, a 1 in its pixe
 GOLDEN = uint64(0x9E3779B97F4A7C15)
 MIX_1 = uint64(0xBF58476D1CE4E5B9)
 MIX_2 = uint64(0x94D049BB133111EB)
+
+
+class Tree(NamedTuple):
+    """The arrays of an `AddressTree`, N maps: maps (N,6), mass (N,), thresholds (N,), guide (4096,), hull (2,2)."""
+
+    maps: np.ndarray
+    mass: np.ndarray
+    thresholds: np.ndarray
+    guide: np.ndarray
+    hull: np.ndarray
 
 
 @kernel(parallel=True)
@@ -246,8 +257,9 @@ def cut(maps, mass, hull, size, root, thrown, pieces, whole):
 
 
 @njit
-def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canvas, plane, mode, reuse, done):
+def _sample(jobs, tree, size, budget, state, canvas, plane, mode, reuse, done):
     """Work off a task's words, depth first; `done` (4,) receives its tally."""
+    maps, mass, thresholds, guide = tree.maps, tree.mass, tree.thresholds, tree.guide
     n = len(maps)
     state, orbits = _warm_up(maps, thresholds, guide, state)
     pool, uses = _new_pool(jobs[:, 7].sum()), reuse
@@ -262,7 +274,7 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
             top -= 1
             _copy(stack[top], word)
         done[2] += 1
-        where, leaf = _is_leaf(word, hull, size)
+        where, leaf = _is_leaf(word, tree.hull, size)
         if done[1] + done[2] + (word[7] if leaf else 0.0) > budget:
             done[3] = 1
             return
@@ -292,10 +304,9 @@ def _sample(jobs, maps, mass, thresholds, guide, hull, size, budget, state, canv
 
 
 @kernel(parallel=True)
-def scatter(maps, mass, thresholds, guide, hull, size, jobs, budget, seeds, canvas, mode, reuse, tally):
+def scatter(tree, size, jobs, budget, seeds, canvas, mode, reuse, tally):
     """Work off the words (J,8) of `cut` by as many tasks as there are seeds; tally (tasks,4) receives what they did."""
     tasks = len(seeds)
     for task in prange(tasks):
         plane = get_thread_id() if mode == COUNTED else 0
-        _sample(jobs[task::tasks], maps, mass, thresholds, guide, hull, size, budget, seeds[task], canvas, plane,
-                mode, reuse, tally[task])
+        _sample(jobs[task::tasks], tree, size, budget, seeds[task], canvas, plane, mode, reuse, tally[task])

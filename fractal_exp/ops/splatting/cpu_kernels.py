@@ -56,7 +56,7 @@ def forward(points: np.ndarray, grid: Grid, differentiable: bool) -> tuple[np.nd
     image = np.zeros((codes, grid.side // grid.cell, grid.side // grid.cell), np.float32)
     # Only tiles that hold points are ever written or read; the other pages of memory are never touched.
     transmittance = np.empty((codes, grid.side, grid.side) if differentiable else (0, 0, 0), np.float32)
-    _forward(points, starts, entries, _shares(starts, grid, threads), *grid, image, transmittance)
+    _forward(points, starts, entries, _shares(starts, grid, threads), grid, image, transmittance)
     return image, transmittance, starts, entries
 
 
@@ -65,7 +65,7 @@ def backward(points: np.ndarray, transmittance: np.ndarray, starts: np.ndarray, 
     """The gradient of the points (B,P,2) from that of the images (B,R,R)."""
     grad = np.zeros_like(points)
     shares = _shares(starts, grid, numba.get_num_threads())
-    _backward(points, starts, entries, shares, *grid, transmittance, grad_image, factors(grad_image, LARGEST), grad)
+    _backward(points, starts, entries, shares, grid, transmittance, grad_image, factors(grad_image, LARGEST), grad)
     return grad
 
 
@@ -170,7 +170,8 @@ def _footprint(x, y, reach, sigma, dx, dy, gauss_x, gauss_y):
 
 
 @kernel(parallel=True, fastmath=FAST)
-def _forward(points, starts, entries, shares, side, cell, tile, reach, sigma, image, transmittance):
+def _forward(points, starts, entries, shares, grid, image, transmittance):
+    side, cell, tile, reach, sigma = grid
     across = (side + tile - 1) // tile
     width = (2 * reach + LANES) // LANES * LANES
     for worker in prange(len(shares) - 1):
@@ -226,8 +227,8 @@ def _downsample(transmittance, cell, sums, image):
 
 
 @kernel(parallel=True, fastmath=FAST)
-def _backward(points, starts, entries, shares, side, cell, tile, reach, sigma, transmittance, grad_image, factors,
-              grad):
+def _backward(points, starts, entries, shares, grid, transmittance, grad_image, factors, grad):
+    side, cell, tile, reach, sigma = grid
     across = (side + tile - 1) // tile
     width = (2 * reach + LANES) // LANES * LANES
     scale = 0.5 * side / (sigma * sigma)

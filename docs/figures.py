@@ -24,7 +24,7 @@ import torch
 from PIL import Image, ImageDraw, ImageFont, ImageSequence
 from torch import Tensor
 
-from benchmarks.environment import environment
+from benchmarks import record
 from fractal_exp import IFS, View, codes, render, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering.sheets import comparison_strip, difference
@@ -109,8 +109,8 @@ def keep_fits(folder: Path) -> None:
     CODES.mkdir(exist_ok=True)
     for name in CLASSICS:
         shutil.copy(folder / name / "code.json", CODES / f"{name}.json")
-    machine = environment("cpu")
-    RECORD.write_text("".join(json.dumps(row | {"environment": machine}) + "\n" for row in scores.to_dict("records")))
+    for row in scores.to_dict("records"):
+        record.append(RECORD, "gallery", row, {f"{row['fractal']}, F1": row["f1"]})
 
 
 def gallery() -> None:

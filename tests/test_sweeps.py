@@ -183,7 +183,7 @@ def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
 
 BAD = {
     "no study": ([], "name a study first: ablations"),
-    "unknown study": (["abalations"], "no study 'abalations'; did you mean 'ablations'? choose one of ablations"),
+    "unknown study": (["abalations"], "no study 'abalations'; did you mean 'ablations'"),
     "nothing varies": (["ablations", "hydra.sweeper.params=null"], "nothing varies"),
     "unusable store": (["seeds", "output=/proc/nowhere"], "/proc/nowhere"),
 }

@@ -81,7 +81,8 @@ AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
                "gauss_newton": {"strides": [1.0], "tries": 1, "damping": 0}, "camera": {"supersample": 1}},
     "fine": {"search": {"grid": 1024, "detail_grid": 1024, "moves": 1, "detail_moves": 1, "start_sets": 2},
              "descent": {"grids": 4, "cells_per_pixel": 2}, "refine": {"finest": 2048, "grids": 8, "steps": 3},
-             "moves": {"grid": 1024, "polish_ends": 1}, "canonical": {"nudges": [0.0], "line_shifts": 1}},
+             "moves": {"grid": 1024, "polish_ends": 1}, "saturation": {"window": 1}, "gauss_newton": {"window": 5},
+             "canonical": {"nudges": [0.0], "line_shifts": 1, "denominators": [1], "ratios": [], "degrees": [90]}},
 }
 
 
@@ -127,6 +128,7 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"moves": {"grid": 2048}}, "moves.grid must be at most 1024, got 2048"),
     ({"births": {"blob_grid": 40}}, "births.blob_grid must be a power of two, got 40"),
     ({"search": {"accept": {"steps": 10**7}}}, "search.accept.steps must be at most 1000000, got 10000000"),
+    ({"saturation": {"window": 2}}, "saturation.window must be odd, got 2"),
     ({"lines": {"finer": 4}}, "lines.finer must be odd, got 4"),
     ({"lines": {"shortest": 1.0}}, "lines.shortest must be below 1.0, got 1.0"),
     ({"camera": {"points_per_pixel": float("inf")}}, "camera.points_per_pixel must be a finite number, got inf"),
@@ -155,3 +157,12 @@ def test_parameters_do_not_change_and_copies_keep_the_rest():
     assert params.births.large == (0.3, 0.9) and isinstance(params, Params)
     with pytest.raises(ValueError, match="frozen"):
         params.moves.root = 1.0
+
+
+@pytest.mark.parametrize("part", sorted(set(PARTS) - {FULL}))
+def test_the_page_says_how_each_part_is_left_out(part):
+    page = (Path(__file__).parent.parent / "docs" / "collage.md").read_text()
+    [row] = [line for line in page.splitlines() if line.startswith(f"| `{part}` |")]
+    changes = leaves(yaml.safe_load((CONF / "without" / f"{part}.yaml").read_text())["method"])
+    for name, value in changes.items():
+        assert f"`{name}={str(value).lower()}`" in row

@@ -222,6 +222,8 @@ class SaturationParams(Params):
     weak: Amount = 1e-3
     """Mass that is added to that of a pixel (-log(1 - I) of a density, I of other images) on both sides of the ratio of
     masses: of fainter pixels it tells little."""
+    window: Annotated[int, Field(ge=1), AfterValidator(_odd)] = 3
+    """Pixels a side of the window over which all masses are averaged first."""
 
 
 class RefineParams(Params):
@@ -426,6 +428,8 @@ class GaussNewtonParams(Params):
     """Largest singular value that a map may have, also one of simple numbers."""
     points_per_cell: Factor = 6.0
     """Points of the chaos game for each cell of the finest grid, in a Jacobian from points."""
+    window: Annotated[int, Field(ge=1), AfterValidator(_odd)] = 3
+    """Cells a side of the window in which grey levels tell how they follow from masses, in a Jacobian from points."""
     step_px: Factor = 0.05
     """Finite difference of a parameter, pixels, in a Jacobian from points,"""
     nudge_px: Factor = 0.05
@@ -474,6 +478,13 @@ class CanonicalParams(Params):
     """and that the exact frame may cost."""
     near_px: Amount = 0.05
     """Displacement (rms over the attractor, pixels) within which a matrix is near a simple one."""
+    denominators: Annotated[tuple[Positive, ...], Some] = (*range(1, 13), 100)
+    """Denominators of the proper fractions that are simple entries of a matrix; those and their square roots are the
+    simple ratios of a similarity,"""
+    ratios: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = (((5**0.5 - 1) / 2) ** 2,)
+    """and so are these: the squared inverse of the golden ratio."""
+    degrees: Annotated[tuple[Positive, ...], Some] = (15, 18)
+    """A simple similarity rotates by a multiple of one of these, degrees."""
     least_side: Positive = 256
     """Side of an image, pixels, below which the pixel of this size counts instead."""
     line_px: Amount = 1.0

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from ....ops.collage.reference import FLOOR
 from ....runtime.params import Interval
 from .. import maps as affine
 from ..params import BirthParams, MoveParams
@@ -59,7 +60,7 @@ class Birthplace:
 def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:
     """Where maps are wanted, (G,G): half by mass and half by what it costs, as thin tips weigh little and are seen
     well."""
-    cost = ((measure.bins + 1e-5).sqrt() - (measure.bins - lacking + 1e-5).clamp_min(0).sqrt()).square()
+    cost = ((measure.bins + FLOOR).sqrt() - (measure.bins - lacking + FLOOR).clamp_min(0).sqrt()).square()
     return lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
 
 

@@ -213,7 +213,7 @@ def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings
     state = State(best=start, current=start)
     stage.open(state)
     stage.search.is_settled = lambda now, step: False
-    while state.step < stage.moves and not stage.is_settled(state):
+    while state.step < stage.most_moves and not stage.is_settled(state):
         state = State.of(state.snapshot(), "cpu")
         better = 0.4 if state.step + 1 in halvings else 0.99
         state = state.moved(replace(state.current, error=better * state.current.error))
@@ -223,7 +223,7 @@ def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings
 def test_a_code_is_cleaned_when_the_moves_asked_for_end_and_now_and_then_after(triangle):
     stage = ImageMoves(problem(triangle[1], moves={"count": 6}))
     stage.search = SimpleNamespace(step=lambda now, number: "moved", cleaned=lambda now: "cleaned")
-    assert [k for k in range(stage.moves) if stage.step(None, k) == "cleaned"] == [5, 9, 13, 17]
+    assert [k for k in range(stage.most_moves) if stage.step(None, k) == "cleaned"] == [5, 9, 13, 17]
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, meaning, measure_search, random
+from collage_helpers import DENSITY, PARAMS, meaning, measure_search, random, tied
 from ops_helpers import tiling_problem
 
 from fractal_exp import suite
@@ -31,6 +31,16 @@ def far_from_the_middle():
     samples = torch.cat([applied(moved, measure.samples)[0], measure.samples[:, 2:]], 1)
     bins = pushforward(IDENTITY.view(1, 1, 6), torch.ones(1, 1), samples, measure.size)[0]
     return BinnedMeasure(samples, bins, measure.levels)
+
+
+def test_maps_are_only_merged_with_those_whose_images_are_alike(triangle):
+    """Also where no affinity is high enough, that of a map with itself included."""
+    code, image = triangle
+    maps = affine.from_code(code)
+    for affinity in (0.9, 1.0):
+        search = measure_search(DENSITY.measure(image), search={"same_affinity": affinity, "merge": {"steps": 1}})
+        assert len(search.merged(tied(maps)).maps) == 3
+        assert len(search.merged(tied(torch.cat([maps, maps[:1] * 1.001]))).maps) == (3 if affinity < 1 else 4)
 
 
 def test_distances_of_maps_are_those_of_the_points_they_map():

@@ -97,7 +97,8 @@ def test_a_line_is_reoriented_by_its_rendering(fern, monkeypatch):
     thin = [affine.thinness(each, measure) for each in maps]
     assert thin[stem] < PARAMS.moves.thin < min(thin[:stem] + thin[stem + 1:])
     wrong = maps.clone()
-    wrong[stem] = reoriented(maps[stem], measure, 1, 0.97, torch.Generator().manual_seed(4))[0]
+    one = PARAMS.updated(moves={"candidates": 1}).moves
+    wrong[stem] = reoriented(maps[stem], measure, one, torch.Generator().manual_seed(4))[0]
     search = image_search(image)
     shown = search.objective.judge(wrong)
     monkeypatch.setattr(reorient, "small_maps", lambda shown, g, count=1: [stem])

@@ -65,7 +65,7 @@ def test_a_round_after_an_isometry_does_without(triangle):
         for number in range(4):
             for stage in stages_of(problem(image, rounds=4, **options), number):
                 stage.open(State(best=before, before=before if number else None))
-                yield getattr(stage.search, "smaller", None)  # what is judged by renderings has no such limit
+                yield getattr(stage.search, "smaller_limit", None)  # what is judged by renderings has no such limit
 
     assert given.rounds == 4
     assert list(limits(torch.cat([right, TURN]))) == 2 * [1, 1, 1, None, 0.9, 0.9, 0.9, None]
@@ -84,7 +84,7 @@ def test_a_search_without_isometries_finds_and_takes_none(triangle, monkeypatch)
         some = measure_search(DENSITY.measure(image), 32, smaller=smaller, births={"count": 6, "kept": 2, **once},
                               search={"start": {"steps": 1}})
         born, _ = some._births(some.slack[None], [some.params.births.large], torch.Generator().manual_seed(0))
-        moved, _, _ = some.move(TURN, torch.tensor([0.5]), DescentSteps(steps=1, rate=0.01))
+        moved, _, _ = some.descend_one(TURN, torch.tensor([0.5]), DescentSteps(steps=1, rate=0.01))
         monkeypatch.setattr(MeasureSearch, "_mixture", lambda self, pool, *_: pool)
         most[smaller] = [float(affine.smaller_singular(maps).max()) for maps in
                          (some.start(), born, moved, some.mixed(torch.cat([moved * 0.5, TURN])))]

@@ -1,5 +1,6 @@
 """The parameters of collage search: each is documented, reached by Hydra, checked, and every part can be left out."""
 
+import re
 from pathlib import Path
 
 import fractal_exp.conf
@@ -68,6 +69,29 @@ def test_a_search_without_a_part_ends_with_a_code(part, triangle):
     assert len(code) >= 2
 
 
+AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
+    "few": {"search": {"restarts": 1, "proposals": 1, "mixture": False, "moves": 3, "detail_moves": 0, "start_sets": 1,
+                       "best_birth": 0.0, "remove_most": 1, "add_most": 1, "prune_tried": 1, "agreement": 0,
+                       "slack": 0},
+            "births": {"kept": 9, "count": 2, "detail_count": 1, "blobs": 0.0, "least_ratio": 1.0},
+            "moves": {"count": 0}, "refine": {"steps": 0}, "image": {"finest": 8, "grids": 1}},
+    "coarse": {"search": {"grid": 16, "detail_grid": 16, "same_affinity": 1.0}, "descent": {"grids": 1},
+               "births": {"blob_grid": 16, "blobs": 1.0}, "moves": {"grid": 16, "recent": 0, "widths": [0.5],
+               "visible_shares": [1.0], "root_orders": [2], "candidates": 1, "kept": 9, "rendered": 9},
+               "gauss_newton": {"strides": [1.0], "tries": 1, "damping": 0}, "camera": {"supersample": 1}},
+    "fine": {"search": {"grid": 1024, "detail_grid": 1024, "moves": 1, "detail_moves": 1, "start_sets": 2},
+             "descent": {"grids": 4, "cells_per_pixel": 2}, "refine": {"finest": 2048, "grids": 8, "steps": 3},
+             "moves": {"grid": 1024, "polish_ends": 1}, "saturation": {"window": 1}, "gauss_newton": {"window": 5},
+             "canonical": {"nudges": [0.0], "line_shifts": 1, "denominators": [1], "ratios": [], "degrees": [90]}},
+}
+
+
+@pytest.mark.parametrize("options", AT_THE_END.values(), ids=AT_THE_END)
+def test_a_search_at_the_ends_of_ranges_ends_with_a_code(options, triangle):
+    code = small(**options).reconstruct(torch.nn.functional.avg_pool2d(triangle[1][None], 2)[0]).code
+    assert len(code) >= 1
+
+
 def test_every_move_has_odds_of_its_own():
     assert set(MOVES) <= set(type(CollageParams().moves).model_fields)
 
@@ -90,9 +114,29 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"levels": "colour"}, "levels must be 'auto', 'density', 'coverage' or 'binary', got 'colour'"),
     ({"saturation": 3}, "saturation must be a mapping of settings, got 3"),
     ({"maps": 3, "at_most": 4}, "give the number of maps or its upper bound, not both"),
+    ({"births": {"large": [0.9, 0.4]}}, "births.large must be a lower and an upper end, got [0.9, 0.4]"),
+    ({"births": {"small": [0, 0.4]}}, "births.small.0 must be above 0.0, got 0"),
+    ({"births": {"blob_steps": 0}}, "births.blob_steps must be at least 1, got 0"),
+    ({"moves": {"sizes": [0.1, 1.0]}}, "moves.sizes.1 must be below 1.0, got 1.0"),
+    ({"moves": {"widths": []}}, "moves.widths must be a list of at least 1 values, got ()"),
+    ({"moves": {"visible_shares": []}}, "moves.visible_shares must be a list of at least 1 values, got ()"),
+    ({"moves": {"visible_shares": [0.5, 0]}}, "moves.visible_shares.1 must be above 0.0, got 0"),
+    ({"moves": {"root_orders": []}}, "moves.root_orders must be a list of at least 1 values, got ()"),
+    ({"gauss_newton": {"strides": []}}, "gauss_newton.strides must be a list of at least 1 values, got ()"),
+    ({"canonical": {"nudges": []}}, "canonical.nudges must be a list of at least 1 values, got ()"),
+    ({"search": {"grid": 48}}, "search.grid must be a power of two, got 48"),
+    ({"moves": {"grid": 2048}}, "moves.grid must be at most 1024, got 2048"),
+    ({"births": {"blob_grid": 40}}, "births.blob_grid must be a power of two, got 40"),
+    ({"search": {"accept": {"steps": 10**7}}}, "search.accept.steps must be at most 1000000, got 10000000"),
+    ({"saturation": {"window": 2}}, "saturation.window must be odd, got 2"),
+    ({"lines": {"finer": 4}}, "lines.finer must be odd, got 4"),
+    ({"lines": {"shortest": 1.0}}, "lines.shortest must be below 1.0, got 1.0"),
+    ({"camera": {"points_per_pixel": float("inf")}}, "camera.points_per_pixel must be a finite number, got inf"),
+    ({"stages": {"detail_share": 0.4}}, "stages.detail_share must be at least mixture_share, which is 0.45; got 0.4"),
+    ({"stages": {"largest_side": 2048}}, "stages.full_side must be at least largest_side, which is 2048; got 1024"),
 ])
 def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
-    with pytest.raises(InputError, match="^" + message.replace("(", "\\(")):
+    with pytest.raises(InputError, match="^" + re.escape(message)):
         CollageParams().updated(**options)
 
 
@@ -113,3 +157,12 @@ def test_parameters_do_not_change_and_copies_keep_the_rest():
     assert params.births.large == (0.3, 0.9) and isinstance(params, Params)
     with pytest.raises(ValueError, match="frozen"):
         params.moves.root = 1.0
+
+
+@pytest.mark.parametrize("part", sorted(set(PARTS) - {FULL}))
+def test_the_page_says_how_each_part_is_left_out(part):
+    page = (Path(__file__).parent.parent / "docs" / "collage.md").read_text()
+    [row] = [line for line in page.splitlines() if line.startswith(f"| `{part}` |")]
+    changes = leaves(yaml.safe_load((CONF / "without" / f"{part}.yaml").read_text())["method"])
+    for name, value in changes.items():
+        assert f"`{name}={str(value).lower()}`" in row

@@ -14,8 +14,10 @@ class Deadline:
 
     @property
     def used(self) -> float:
-        """The share of the time that has passed; 0 without a limit."""
-        return (self._clock() - self._start) / self.seconds if self.seconds else 0.0
+        """The share of the time that has passed; 0 without a limit, 1 if there is no time at all."""
+        if self.seconds is None:
+            return 0.0
+        return (self._clock() - self._start) / self.seconds if self.seconds else 1.0
 
     @property
     def passed(self) -> bool:
@@ -24,7 +26,7 @@ class Deadline:
 
     def until(self, share: float) -> Deadline:
         """The deadline of what must end when this share of the time has passed."""
-        part = Deadline(self.seconds and self.seconds * share, self._clock)
+        part = Deadline(None if self.seconds is None else self.seconds * share, self._clock)
         part._start = self._start
         return part
 

@@ -25,7 +25,7 @@ class Course:
 
     @staticmethod
     def _expected(stage: Stage) -> float:
-        return ANOTHER_ROUND**stage.round * stage.asked
+        return ANOTHER_ROUND**stage.round * stage.expected_moves
 
     def number(self, stage: Stage) -> int:
         """Of the stage, from 0 on."""
@@ -33,12 +33,12 @@ class Course:
 
     def moves_before(self, stage: Stage) -> int:
         """Moves that the stages before may take."""
-        return sum(each.moves for key, each in self.stages.items() if key < stage.key)
+        return sum(each.most_moves for key, each in self.stages.items() if key < stage.key)
 
     def fraction(self, stage: Stage, step: int) -> float:
         """The part of all expected moves that is done, after so many moves of a stage."""
         before = sum(self._expected(each) for key, each in self.stages.items() if key < stage.key)
-        return (before + min(step / max(stage.asked, 1), 1) * self._expected(stage)) / self.total
+        return (before + min(step / max(stage.expected_moves, 1), 1) * self._expected(stage)) / self.total
 
 
 class Teller:
@@ -60,7 +60,7 @@ class Teller:
     def stage(self, stage: Stage, state: State) -> None:
         """After a stage."""
         if self.on_step:
-            self._tell(stage, stage.moves, state.result, code=state.result.code)
+            self._tell(stage, stage.most_moves, state.result, code=state.result.code)
 
     def _tell(self, stage: Stage, step: int, candidate: Candidate, **more: Tensor | IFS | None) -> None:
         scalars = {"score": candidate.score, "error": candidate.error, "maps": float(len(candidate.maps)),

@@ -6,19 +6,46 @@ off by its own setting: `enabled=false`, a count of 0, odds of 0.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from ...runtime.params import Amount, Count, Interval, Odds, Params, Positive, Share, as_yaml
+from ...ops.collage.reference import MAX_STEPS
+from ...runtime.params import NAME, Amount, Count, Interval, Odds, ParamError, Params, Positive, Share, as_yaml
+
+
+def _ascending(values: Interval) -> Interval:
+    if values[0] > values[1]:
+        raise ParamError("", f"{NAME} must be a lower and an upper end, got {list(values)}")
+    return values
+
+
+def _power_of_two(value: int) -> int:
+    if value & (value - 1):
+        raise ParamError("", f"{NAME} must be a power of two, got {value}")
+    return value
+
+
+def _odd(value: int) -> int:
+    if value % 2 == 0:
+        raise ParamError("", f"{NAME} must be odd, got {value}")
+    return value
+
 
 SingularValue = Annotated[float, Field(gt=0, lt=1)]
+Sizes = Annotated[tuple[SingularValue, SingularValue], AfterValidator(_ascending)]
+PositiveShare = Annotated[float, Field(gt=0, le=1)]
+Nudge = Annotated[float, Field(gt=-0.5, lt=0.5)]
+Factor = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(_power_of_two)]
+Some = Field(min_length=1)   # of a list that must not be empty
 
 
 class DescentSteps(Params):
     """One descent on the collage error: how long and how fast."""
 
-    steps: Count
+    steps: Annotated[int, Field(ge=0, le=MAX_STEPS)]
     """Adam steps."""
     rate: Amount
     """Learning rate of the maps at the first step, canvas units."""
@@ -31,7 +58,13 @@ def _descent(steps: int, rate: float, largest: float = 0.995) -> DescentSteps:
 
 
 class DescentParams(Params):
-    """What all descents on the collage error share (Adam, Kingma and Ba 2015)."""
+    """What all descents on the collage error share (Adam, Kingma and Ba 2015), and the grids of that error."""
+
+    grids: Annotated[int, Field(ge=1, le=4)] = 3
+    """Grids that are compared, each half as fine as the one before."""
+    cells_per_pixel: Annotated[float, Field(ge=1, le=2)] = 1.3
+    """Cells a side of the finest grid that an image can fill, for each pixel of its side; a grid has the next lower
+    power of two at most."""
 
     weight_rate: Amount = 0.05
     """Learning rate of the logarithms of the weights."""
@@ -40,13 +73,13 @@ class DescentParams(Params):
     identity_radius: Annotated[float, Field(ge=1e-6)] = 0.1
     """Maps that displace the measure by less (rms, canvas units) are pushed off the identity."""
     identity_weight: Amount = 0.3
-    """Strength of that push."""
+    """Strength of that push, which also adds to the score of stages 1 and 2."""
 
 
 class SearchParams(Params):
     """Large neighbourhood search (Shaw 1998) on the image's measure: stages 1 and 2."""
 
-    restarts: Positive = 5
+    restarts: Annotated[int, Field(ge=1, le=1000)] = 5
     """Searches from random maps in the first round; later rounds take half as many, rounded up."""
     mixture: bool = True
     """Whether the maps of all restarts are mixed by non-negative least squares, and the search goes on from there."""
@@ -58,9 +91,9 @@ class SearchParams(Params):
     """Neighbours that are compared in a move, by as many threads."""
     agreement: Amount = 0.02
     """Relative difference of scores below which two restarts have found the same; the others are then left out."""
-    grid: Annotated[int, Field(ge=16, le=1024)] = 64
-    """Cells a side of the grid of stage 1. Births happen on half as many."""
-    detail_grid: Annotated[int, Field(ge=16, le=1024)] = 128
+    grid: Grid = 64
+    """Cells a side of the grid of stage 1. Random sets and newborn maps first descend on half as many."""
+    detail_grid: Grid = 128
     """Cells a side of the grid of stage 2."""
     slack: Annotated[float, Field(ge=0, lt=1)] = 0.5
     """Share of the measure that counts as covered from the start. 0: the maps must cover all of it."""
@@ -68,6 +101,8 @@ class SearchParams(Params):
     """Cost of a map in the score of stage 1."""
     detail_price: Amount = 1e-4
     """Cost of a map in the score of stage 2."""
+    wrong_number: Factor = 1.0
+    """Cost of each map more than `maps` or `at_most` allows, or fewer than `maps` asks for."""
     prior: Amount = 0.01
     """Strength of the pull of weights towards |det| + 0.01 in stage 1."""
     detail_prior: Amount = 0.03
@@ -86,15 +121,19 @@ class SearchParams(Params):
     """Maps that the mixture of all restarts may have."""
     least_weight: Share = 0.002
     """Least weight of a map in a mixture."""
+    mixture_floor: Factor = 1e-4
+    """Mass that is added to that of a cell where least squares divide a residual by its square root."""
     same_affinity: Share = 0.9
     """Bhattacharyya affinity of two maps' images from which on the two are tried as one."""
     accept_error: Amount = 1.5
-    """A neighbour is looked at further if its collage error is below this factor times the current one, plus eight
+    """A neighbour is looked at further if its collage error is below this factor times the current one, plus `prices`
     prices of a map."""
     accept_score: Amount = 1.3
     """And after pruning, if its score is below this factor times the current one."""
     add_only: Share = 0.3
     """Probability that a move removes no map before it adds some."""
+    add_most: Positive = 2
+    """Maps that such a move may add; after a removal it is as many as were removed."""
     remove_another: Share = 0.6
     """Probability that a move removes one more map after each."""
     remove_most: Positive = 6
@@ -108,7 +147,9 @@ class SearchParams(Params):
     prune_tried: Positive = 3
     """Maps whose removal is tried at a time: those that raise the error least."""
     prune_share: Amount = 0.3
-    """A removal is tried if it raises the error by at most this share of it, or by eight prices of a map."""
+    """A removal is tried if it raises the error by at most this share of it, or by `prices` prices of a map."""
+    prices: Amount = 8.0
+    """Prices of a map by which the error may rise on the way to a better set."""
     start: DescentSteps = _descent(150, 0.03, 0.97)
     """The random sets of a restart."""
     mix: DescentSteps = _descent(150, 0.015)
@@ -126,7 +167,7 @@ class SearchParams(Params):
 
 
 class BirthParams(Params):
-    """New maps where a set leaves the measure uncovered, in stages 1 and 2."""
+    """New maps where a set leaves the measure uncovered, in stages 1 and 2. The shapes of stage 3's are made alike."""
 
     residual: bool = True
     """Whether maps are born where mass is uncovered; false: anywhere on the measure."""
@@ -135,26 +176,31 @@ class BirthParams(Params):
     detail_count: Positive = 24
     """Candidates of a birth in stage 2."""
     kept: Positive = 4
-    """Candidates that are moved on the fine grid, of which one is taken."""
+    """Candidates that also descend on the fine grid, of which one is taken."""
     blobs: Share = 1 / 3
     """Share of the candidates that take the shape of the uncovered blob; the others are random."""
-    volume: Annotated[float, Field(gt=0)] = 1.1
+    volume: Factor = 1.1
     """Sum of |det| + 0.01 that a whole set is expected to have: a newborn map weighs its own over this."""
-    large: Interval = (0.4, 0.97)
+    large: Sizes = (0.4, 0.97)
     """Range of the larger singular value of large maps at birth."""
-    medium: Interval = (0.1, 0.95)
-    """The same of other maps in stage 1."""
-    small: Interval = (0.03, 0.7)
+    medium: Sizes = (0.1, 0.95)
+    """The same of other maps in stage 1, and of the random sets of a restart."""
+    small: Sizes = (0.03, 0.7)
     """The same of other maps in stage 2."""
     least_ratio: Share = 0.05
-    """Least ratio of the singular values of a random map."""
+    """Least ratio of the singular values of a random map, also of a restart's."""
     anchored: Share = 0.5
     """Probability that a random map sends a random point of the measure to its place, not the measure's mean."""
-    blob_radius: Annotated[float, Field(gt=0)] = 0.5
-    """Radius around a place in which a blob is measured, as a factor of a random size, canvas units."""
-    blob_grid: Positive = 64
+    blob_radius: Factor = 0.5
+    """Standard deviation, canvas units, of the Gaussian window in which a blob is measured, as a factor of a random
+    size."""
+    blob_grid: Grid = 64
     """Cells a side of the grid on which blobs are measured."""
-    blob_steps: Count = 3
+    blob_least_radius: Factor = 1.0
+    """Least standard deviation of that window, cells."""
+    blob_least_width: Factor = 0.15
+    """Standard deviation, cells, whose square is added to the covariance of a blob."""
+    blob_steps: Positive = 3
     """Steps of mean shift (Fukunaga and Hostetler 1975) that find a blob's centre."""
     coarse: DescentSteps = _descent(40, 0.04, 0.98)
     """All candidates, on the coarse grid."""
@@ -174,18 +220,25 @@ class SaturationParams(Params):
     length: Annotated[int, Field(ge=31)] = 530
     """Points of each, of which 30 are warm-up."""
     weak: Amount = 1e-3
-    """Mass of a pixel, in units of the mean mass of a lit one, below which a ratio of masses tells little."""
+    """Mass that is added to that of a pixel (-log(1 - I) of a density, I of other images) on both sides of the ratio of
+    masses: of fainter pixels it tells little."""
+    window: Annotated[int, Field(ge=1), AfterValidator(_odd)] = 3
+    """Pixels a side of the window over which all masses are averaged first."""
 
 
 class RefineParams(Params):
     """Descent of all maps on ever finer grids, at the start of stage 3."""
 
-    steps: Count = 120
+    steps: Annotated[int, Field(ge=0, le=MAX_STEPS)] = 120
     """Steps on each grid; 0: none."""
-    finest: Annotated[int, Field(ge=64)] = 256
-    """Cells a side of the finest grid."""
-    rate_128: Amount = 0.002
-    """Learning rate on 128 cells a side, canvas units. Each finer grid takes half of it."""
+    coarsest: Annotated[int, Field(ge=128, le=1024), AfterValidator(_power_of_two)] = 128
+    """Cells a side of the first grid; each next one has twice as many."""
+    finest: Annotated[int, Field(ge=64, le=4096)] = 256
+    """Cells a side of the last grid at most."""
+    grids: Annotated[int, Field(ge=1, le=8)] = 4
+    """Grids that each error compares, each half as fine as the one before."""
+    rate: Amount = 0.002
+    """Learning rate on the first grid, canvas units. Each next one takes half of it."""
     largest: SingularValue = 0.9995
     """Largest singular value that a map may have."""
 
@@ -197,18 +250,18 @@ class CameraParams(Params):
     """Subpixels a side of a pixel of a density or a binary image (Section 5 of the paper)."""
     coverage_supersample: Positive = 4
     """The same of an anti-aliased image."""
-    points_per_pixel: Annotated[float, Field(gt=0)] = 50_000_000 / 1024**2
+    points_per_pixel: Annotated[float, Field(ge=0.1, allow_inf_nan=False)] = 50_000_000 / 1024**2
     """Points of the chaos game for each pixel of the canvas (Section 5 of the paper)."""
-    threshold: Share = 0.25
-    """Share of lit subpixels from which on a pixel of a binary image is white."""
+    threshold: Annotated[float, Field(ge=0, lt=1)] = 0.25
+    """Share of lit subpixels above which a pixel of a binary image is white."""
     reuse: Positive = 8
     """Words under which a point of the invariant measure is put in a rendering that judges a code."""
     lit: Share = 1 / 64
-    """Grey level from which on a pixel counts as lit, where the meaning of grey levels is guessed."""
+    """Grey level above which a pixel counts as lit, where the meaning of grey levels is guessed."""
     white: Share = 0.95
     """Grey level below which a pixel surrounded by lit ones is not white."""
     density_share: Share = 0.25
-    """Share of such pixels from which on grey levels are taken to be a density."""
+    """Share of such pixels above which grey levels are taken to be a density."""
 
 
 class ImageParams(Params):
@@ -217,11 +270,11 @@ class ImageParams(Params):
     grids: Positive = 4
     """Grids that are compared, each half as fine as the one before."""
     finest: Annotated[int, Field(ge=8)] = 512
-    """Cells a side of the finest."""
-    least_noise: Annotated[float, Field(gt=0)] = 1e-3
+    """Cells a side of the finest at most; it has those of the image's pixels if they are fewer."""
+    least_noise: Factor = 1e-3
     """Least error that is taken for the noise of a rendering."""
     last_renderings: Positive = 4
-    """Renderings whose mean is compared in the last polish."""
+    """Renderings whose mean is compared in the last polish, and for the last digits."""
     reduced_renderings: Positive = 4
     """Renderings whose mean tells what a smaller image would show."""
 
@@ -238,7 +291,7 @@ class MoveParams(Params):
     replace: Odds = 0.15
     """Odds of replacing a map by a new one."""
     remove: Odds = 0.17
-    """Odds of removing one to three maps."""
+    """Odds of removing some maps."""
     root: Odds = 0.08
     """Odds of replacing a map by its square or cube root. 0 also leaves out the roots tried at the start."""
     longest: Annotated[int, Field(ge=1)] = 3
@@ -251,55 +304,59 @@ class MoveParams(Params):
     """Cost of each map fewer than asked for."""
     candidates: Positive = 24
     """Maps born in a move."""
-    moved: Positive = 6
-    """Those that are moved on the fine grid."""
+    kept: Positive = 6
+    """Those that also descend on the fine grid."""
     rendered: Positive = 3
     """Those that are rendered."""
-    grid: Annotated[int, Field(ge=16)] = 128
-    """Cells a side of the fine grid of the image's measure."""
-    widths: tuple[Amount, ...] = (1.0, 0.25, 0.03)
-    """Widths of a new map's image that are rendered, as factors of its own."""
+    grid: Grid = 128
+    """Cells a side of the fine grid of the image's measure; the coarse one has half as many."""
+    widths: Annotated[tuple[Factor, ...], Some] = (1.0, 0.25, 0.03)
+    """Widths of a new map's image that are rendered, as factors of its own; the last is that of a reoriented line."""
     thin: Amount = 0.1
     """Width over length below which a map's image is a line."""
-    sizes: Interval = (0.02, 0.95)
+    least_width: Factor = 1e-3
+    """Standard deviation, canvas units, whose square is added to the covariance of the image of a map to reorient."""
+    sizes: Sizes = (0.02, 0.95)
     """Range of the larger singular value at birth."""
     blobs: Share = 0.5
     """Share of the candidates that take the shape of the uncovered blob; the others are random."""
     largest: SingularValue = 0.97
     """Largest singular value of a map in a new orientation."""
-    visible_shares: tuple[Share, ...] = (1.0, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006)
+    visible_shares: Annotated[tuple[PositiveShare, ...], Some] = (1.0, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006)
     """Shares of the weight that a map's volume asks for, of which the best is taken: thin images are hardly seen."""
     rough: DescentSteps = _descent(40, 0.02, 0.98)
     """All candidates, on the coarse grid."""
     fine: DescentSteps = _descent(20, 0.005, 0.98)
-    """Those that are moved on the fine grid."""
+    """Those that are kept, on the fine grid."""
     remove_most: Positive = 3
     """Maps that one move may remove."""
     promising: Amount = 1.25
     """A new map is polished if the error is below this factor times the one before,"""
     hopeful: Amount = 4.0
-    """and all maps after a removal, if it is below this one."""
+    """and all maps after a removal or a root, or a line in another projection, if it is below this one."""
     polish_new: Count = 2
     """Gauss-Newton steps of a new map."""
     polish_rest: Count = 4
-    """Gauss-Newton steps of all maps after a removal."""
+    """Gauss-Newton steps of all maps after a removal or a root."""
     polish_accepted: Count = 1
     """Gauss-Newton steps of all maps after an accepted move."""
     polish_ends: Count = 8
-    """Gauss-Newton steps of all maps at the end of the stage; half as many at its start."""
+    """Gauss-Newton steps of all maps whenever the code is pruned, and at the end of the stage; half as many at its
+    start."""
     settled: Amount = 1.05
     """Noise ratio below which a code is taken for the true one,"""
     settled_more: Amount = 0.005
     """which rises by this with each move."""
     own_weights: Amount = 0.8
-    """A code keeps probabilities of its own if its error is below this factor times the error of tied ones."""
+    """A code keeps probabilities of its own if its error is below this factor times the error of tied ones; 0: they are
+    always tied."""
     root_error: Amount = 30.0
     """A root is tried if its error is below this factor times the error before,"""
     root_least: Amount = 0.5
     """or below that factor times this error."""
     root_maps: Positive = 10
     """Maps from which on roots are not tried where the code is hopeless."""
-    root_orders: tuple[Annotated[int, Field(ge=2)], ...] = (2, 3)
+    root_orders: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (2, 3)
     """Orders of roots."""
     root_largest: Count = 2
     """Largest maps whose roots are tried at the start of the stage."""
@@ -311,7 +368,7 @@ class LineParams(Params):
     enabled: bool = True
     """Whether such maps are looked for."""
     count: Positive = 2
-    """Projections that are rendered."""
+    """Projections that are rendered at most."""
     polish: Count = 3
     """Gauss-Newton steps of each."""
     points: Positive = 50_000
@@ -324,9 +381,9 @@ class LineParams(Params):
     """Places where a line may begin or end."""
     reach: Amount = 0.5
     """How far beyond its own ends, as a share of its length."""
-    finer: Annotated[int, Field(ge=2)] = 9
-    """Angles and places of each end that are tried between the neighbours of the best."""
-    shortest: Share = 0.2
+    finer: Annotated[int, Field(ge=1), AfterValidator(_odd)] = 9
+    """Angles and places of each end that are tried between the neighbours of the best, the best among them."""
+    shortest: Annotated[float, Field(ge=0, lt=1)] = 0.2
     """Least length, as a share of its own."""
     bins: Positive = 256
     """Bins of a projected measure."""
@@ -341,11 +398,11 @@ class GaussNewtonParams(Params):
 
     enabled: bool = True
     """Whether maps are polished at all."""
-    redrawn_steps: Count = 3
+    rendered_steps: Count = 3
     """Steps with a Jacobian from renderings, where more than noise is left; 0: none."""
-    redrawn_above: Amount = 1.1
+    rendered_above: Amount = 1.1
     """Noise ratio above which they are made,"""
-    redrawn_below: Amount = 6.0
+    rendered_below: Amount = 6.0
     """and below which."""
     damping: Amount = 1e-2
     """Damping of the first step, relative to the diagonal of the normal equations."""
@@ -357,21 +414,27 @@ class GaussNewtonParams(Params):
     """and multiplied by this after one that did not."""
     tries: Positive = 2
     """Dampings that are tried in a step."""
-    strides: tuple[Annotated[float, Field(gt=0)], ...] = (1.0, 2.0, 4.0, 8.0)
+    strides: Annotated[tuple[Factor, ...], Some] = (1.0, 2.0, 4.0, 8.0)
     """Multiples of a step that are tried while they lead further down."""
     little: Amount = 0.005
     """Relative gain below which a step was in vain."""
-    longest_px: Annotated[float, Field(gt=0)] = 2.0
+    patience: Positive = 1
+    """Steps in vain, one after another, after which a polish ends,"""
+    last_patience: Positive = 2
+    """and one that ends a stage."""
+    longest_px: Factor = 2.0
     """Longest step of a parameter, pixels of displacement."""
     largest: SingularValue = 0.9995
-    """Largest singular value that a map may have."""
-    points_per_cell: Annotated[float, Field(gt=0)] = 6.0
+    """Largest singular value that a map may have, also one of simple numbers."""
+    points_per_cell: Factor = 6.0
     """Points of the chaos game for each cell of the finest grid, in a Jacobian from points."""
-    step_px: Annotated[float, Field(gt=0)] = 0.05
+    window: Annotated[int, Field(ge=1), AfterValidator(_odd)] = 3
+    """Cells a side of the window in which grey levels tell how they follow from masses, in a Jacobian from points."""
+    step_px: Factor = 0.05
     """Finite difference of a parameter, pixels, in a Jacobian from points,"""
-    nudge_px: Annotated[float, Field(gt=0)] = 0.05
+    nudge_px: Factor = 0.05
     """in one from renderings,"""
-    binary_nudge_px: Annotated[float, Field(gt=0)] = 0.3
+    binary_nudge_px: Factor = 0.3
     """and in one from renderings of a binary image, which change by whole pixels."""
 
 
@@ -383,10 +446,10 @@ class FrameParams(Params):
     shortest: Amount = 0.93
     """Span of the lit pixels, as a share of the frame's side, from which on an image is taken to fill its frame,"""
     longest: Amount = 1.17
-    """and up to which."""
-    sigma_px: Annotated[float, Field(gt=0)] = 0.05
+    """and up to which. What is lit may also lie off the middle of the canvas by as much as it may be too long."""
+    sigma_px: Factor = 0.05
     """Misfit, pixels, that counts as much as the counting error of one pixel."""
-    beyond_px: Annotated[float, Field(gt=0)] = 1.0
+    beyond_px: Factor = 1.0
     """Misfit from which on it counts in proportion (Huber 1964)."""
     far: Amount = 30.0
     """Noise ratio from which on the frame tells nothing, and the last digits stay as they are."""
@@ -399,18 +462,29 @@ class CanonicalParams(Params):
 
     enabled: bool = True
     """Whether this stage runs."""
+    near_error: Amount = 0.5
+    """Error up to which the stage runs even where the noise ratio is above `frame.far`."""
     fill: bool = True
     """Whether the frame is filled exactly."""
     symmetric: bool = True
     """Whether offsets that are nearly mirror-symmetric are made so."""
     worse: Amount = 1.02
     """Factor on the least error so far that simple numbers may cost,"""
+    line_worse: Amount = 1.0
+    """that lines along an axis may cost,"""
     symmetric_worse: Amount = 1.05
     """that symmetric offsets may cost,"""
     filled_worse: Amount = 1.2
     """and that the exact frame may cost."""
     near_px: Amount = 0.05
     """Displacement (rms over the attractor, pixels) within which a matrix is near a simple one."""
+    denominators: Annotated[tuple[Positive, ...], Some] = (*range(1, 13), 100)
+    """Denominators of the proper fractions that are simple entries of a matrix; those and their square roots are the
+    simple ratios of a similarity,"""
+    ratios: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = (((5**0.5 - 1) / 2) ** 2,)
+    """and so are these: the squared inverse of the golden ratio."""
+    degrees: Annotated[tuple[Positive, ...], Some] = (15, 18)
+    """A simple similarity rotates by a multiple of one of these, degrees."""
     least_side: Positive = 256
     """Side of an image, pixels, below which the pixel of this size counts instead."""
     line_px: Amount = 1.0
@@ -421,7 +495,7 @@ class CanonicalParams(Params):
     """Lines that are polished."""
     line_steps: Count = 3
     """Gauss-Newton steps of each."""
-    line_factors: tuple[Annotated[float, Field(gt=0)], ...] = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)
+    line_factors: Annotated[tuple[Factor, ...], Some] = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)
     """Lengths at which a line is tried, as factors of its own."""
     line_scales: Positive = 3
     """Simple scales of a line that are tried,"""
@@ -433,9 +507,9 @@ class CanonicalParams(Params):
     """Difference of offsets, pixels, that may be the same."""
     framed_px: Amount = 0.5
     """Misfit, pixels, of a frame that is meant to be filled,"""
-    exact_px: Annotated[float, Field(gt=0)] = 0.002
+    exact_px: Factor = 0.002
     """and the `sigma_px` of one that is."""
-    nudges: tuple[float, ...] = (0.0, 1e-6, -1e-6, 1e-5, -1e-5, 5e-5, -5e-5)
+    nudges: Annotated[tuple[Nudge, ...], Some] = (0.0, 1e-6, -1e-6, 1e-5, -1e-5, 5e-5, -5e-5)
     """Relative changes of size that are tried on a shape that may end at edges of pixels."""
     points: Positive = 20_000
     """Points that tell an attractor's mean and covariance."""
@@ -458,12 +532,13 @@ class StageParams(Params):
     """Whether every other round keeps clear of near-isometries, if a code with one has failed."""
     isometry: Share = 0.95
     """Smaller singular value above which a map is a near-isometry,"""
-    contraction: Share = 0.9
+    contraction: SingularValue = 0.9
     """and the largest one that such a round allows."""
     largest_side: Annotated[int, Field(ge=64)] = 512
     """Side in pixels of the image that is searched; a larger one is shrunk."""
     full_side: Annotated[int, Field(ge=64)] = 1024
-    """Side in pixels of the image on which the code of a larger one is polished in the end."""
+    """Side in pixels, at most, of the image on which the code of a larger one is polished in the end; at least
+    `largest_side`."""
     full_polish: Count = 4
     """Gauss-Newton steps on it."""
     search_share: Share = 0.35
@@ -480,6 +555,15 @@ class StageParams(Params):
     """the polish at full size,"""
     canonical_share: Share = 0.99
     """and from which on the last digits are left as they are."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for first, second in (*pairwise(name for name in type(self).model_fields if name.endswith("_share")),
+                              ("largest_side", "full_side")):
+            low, high = getattr(self, first), getattr(self, second)
+            if low > high:
+                raise ParamError(second, f"{NAME} must be at least {first}, which is {low}; got {high}")
+        return self
 
 
 class CollageParams(Params):

@@ -43,7 +43,7 @@ class Pipeline:
         stage.open(state)
         if state.current is None:
             self.state = replace(state, current=stage.begin(state))
-        while self.state.step < stage.moves and not deadline.passed and not stage.is_settled(self.state):
+        while self.state.step < stage.most_moves and not deadline.passed and not stage.is_settled(self.state):
             self.state = self.state.moved(stage.step(self.state.current, self.state.step))
             self.on_move(stage, self.state)
         state = stage.close(self.state)

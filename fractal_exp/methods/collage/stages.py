@@ -19,12 +19,13 @@ from .state import Candidate, Key, State
 
 
 class Stage(ABC):
-    """One search, of a round. name: as it is reported; place: in its round; share: the parameter in `StageParams` that
-    holds the share of a limited time at which the stage ends, and before which it must begin."""
+    """One search of a round. name: as it is reported; order: the stages of a round in ascending order; ends_at: the
+    parameter in `StageParams` that holds the share of a limited time at which the stage ends. A stage that has not
+    begun by then is skipped."""
 
     name: str
-    place: int
-    share: str
+    order: int
+    ends_at: str
     search: MeasureSearch | ImageSearch
 
     def __init__(self, problem: Problem, number: int = 0, restart: int = 0):
@@ -33,23 +34,23 @@ class Stage(ABC):
     @property
     def key(self) -> Key:
         """Tells the stage from all others; later ones have higher keys."""
-        return self.round, self.place, self.restart
+        return self.round, self.order, self.restart
 
     @property
-    def asked(self) -> int:
-        """Moves that are to be expected."""
+    def expected_moves(self) -> int:
+        """Moves that it is likely to make."""
         return 0
 
     @property
-    def moves(self) -> int:
+    def most_moves(self) -> int:
         """Moves at most."""
-        return self.asked
+        return self.expected_moves
 
     @property
     def deadline(self) -> Deadline:
         """Rounds after the first share the time of the first one's last stage."""
         stages = self.params.stages
-        return self.problem.deadline.until(stages.image_share if self.round else getattr(stages, self.share))
+        return self.problem.deadline.until(stages.image_share if self.round else getattr(stages, self.ends_at))
 
     @abstractmethod
     def open(self, state: State) -> None:
@@ -75,7 +76,7 @@ class Stage(ABC):
         """The last stage that is done with this one."""
         return self.key
 
-    def _smaller(self, state: State) -> float:
+    def _smaller_limit(self, state: State) -> float:
         """The most that the smaller singular value of a map may be. A symmetry of the shape explains its measure as
         well as the identity does: if a code with a near-isometry has failed, every other round keeps clear of them."""
         stages = self.params.stages
@@ -89,19 +90,20 @@ class Stage(ABC):
         problem, masses = self.problem, self.problem.masses
         if found is not None:
             masses = saturation_corrected(masses, found.code, problem.levels, self.params.saturation, seed)
-        return MeasureSearch(masses, regime, self.params, seed, self._smaller(state))
+        return MeasureSearch(masses, regime, self.params, seed, self._smaller_limit(state))
 
 
 class Restart(Stage):
     """A search from nothing. The maps of all restarts so far are mixed, and those of the rounds before."""
 
-    name, place, share = "search", 0, "search_share"
+    name, order, ends_at = "search", 0, "search_share"
 
     @property
-    def asked(self) -> int:
+    def expected_moves(self) -> int:
         return self.params.search.moves
 
     def open(self, state: State) -> None:
+        # the words in paths of seeds stand for random streams: another word gives other numbers
         seed = derive(self.problem.seed, "island", 1000 * self.round + self.restart)
         self.search = self._measure_search(state, state.before, Regime.whole(self.params), seed)
 
@@ -119,17 +121,18 @@ class Restart(Stage):
     def last_key(self, state: State) -> Key:
         """Where two restarts have found the same, more are in vain."""
         scores, within = state.scores, 1 + self.params.search.agreement
-        agreed = len(scores) > 1 and scores[1] < min(1, within * state.best.score)  # 1 and more: too many maps, or few
-        return (self.round, self.place, self.problem.restarts(self.round)) if agreed else self.key
+        limit = min(self.params.search.wrong_number, within * state.best.score)  # beyond: too many maps, or too few
+        agreed = len(scores) > 1 and scores[1] < limit
+        return (self.round, self.order, self.problem.restarts(self.round)) if agreed else self.key
 
 
 class FromMixture(Stage):
     """The search goes on from the best mixture, on a measure that it corrects for saturation."""
 
-    name, place, share = "search", 1, "mixture_share"
+    name, order, ends_at = "search", 1, "mixture_share"
 
     @property
-    def asked(self) -> int:
+    def expected_moves(self) -> int:
         search = self.params.search
         return search.moves if search.restarts > 1 and search.mixture else 0
 
@@ -144,10 +147,10 @@ class FromMixture(Stage):
 class Detail(Stage):
     """The search on a finer grid."""
 
-    name, place, share = "detail", 2, "detail_share"
+    name, order, ends_at = "detail", 2, "detail_share"
 
     @property
-    def asked(self) -> int:
+    def expected_moves(self) -> int:
         return self.params.search.detail_moves
 
     def open(self, state: State) -> None:
@@ -161,7 +164,7 @@ class Detail(Stage):
 class Approach(Stage):
     """The code polished on an image that was made smaller, which is known the better the nearer the code is."""
 
-    name, place, share = "approach", 3, "approach_share"
+    name, order, ends_at = "approach", 3, "approach_share"
 
     def open(self, state: State) -> None:
         self.search = self.problem.image_search(state.best.code, self.deadline, "approach", self.round)
@@ -174,20 +177,20 @@ class ImageMoves(Stage):
     """Refinement, and moves of single maps, judged by renderings; the end of a round. While the error has been halved
     not long ago there are more moves than asked for. It leaves no best code where another round is worth while."""
 
-    name, place, share = "image", 4, "image_share"
+    name, order, ends_at = "image", 4, "image_share"
 
     @property
-    def asked(self) -> int:
+    def expected_moves(self) -> int:
         return self.params.moves.count
 
     @property
-    def moves(self) -> int:
-        return self.params.moves.longest * self.asked
+    def most_moves(self) -> int:
+        return self.params.moves.longest * self.expected_moves
 
     @property
     def recent(self) -> int:
         """Moves within which the error must have been halved to go on."""
-        return max(1, round(self.params.moves.recent * self.asked))
+        return max(1, round(self.params.moves.recent * self.expected_moves))
 
     def open(self, state: State) -> None:
         self.search = self.problem.image_search(state.best.code, self.problem.deadline, "retouch", self.round)
@@ -196,13 +199,13 @@ class ImageMoves(Stage):
         return self.search.resume(state.best)
 
     def step(self, now: Candidate, number: int) -> Candidate:
-        more = number + 1 - self.asked  # small maps hold large ones where they are, and the search with them
+        more = number + 1 - self.expected_moves  # small maps hold large ones where they are, and the search with them
         due = more >= 0 and more % self.recent == 0
         return self.search.cleaned(now) if due else self.search.step(now, number)
 
     def is_settled(self, state: State) -> bool:
         idle = state.step - (state.halved[0] if state.halved else 0)
-        stuck = state.step >= self.asked and idle >= self.recent
+        stuck = state.step >= self.expected_moves and idle >= self.recent
         return stuck or self.search.is_settled(state.current, state.step)
 
     def close(self, state: State) -> State:
@@ -227,10 +230,10 @@ class ImageMoves(Stage):
 
 
 class FullSize(Stage):
-    """The code polished on the image at its full resolution, or on 1024², where the search was made on a smaller one:
-    what is compared are 512² cells, in which a larger rendering only has less noise."""
+    """The code polished on the image at its full resolution, or as much of it as `stages.full_side` allows, where the
+    search was made on a smaller one. Grids are as fine as `image.finest`: a larger rendering only has less noise."""
 
-    name, place, share = "full size", 5, "full_share"
+    name, order, ends_at = "full size", 5, "full_share"
 
     @property
     def deadline(self) -> Deadline:
@@ -259,7 +262,7 @@ class FullSize(Stage):
 class LastDigits(Stage):
     """Of a code that is nearly found: simple numbers rounded, and the frame filled exactly."""
 
-    name, place, share = "last digits", 6, "canonical_share"
+    name, order, ends_at = "last digits", 6, "canonical_share"
 
     @property
     def deadline(self) -> Deadline:
@@ -273,7 +276,7 @@ class LastDigits(Stage):
 
     def begin(self, state: State) -> Candidate:
         found, hasty = state.result, self.objective.hasty()
-        far = max(self.params.frame.far * hasty.noise(found.code), self.params.moves.root_least)
+        far = max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
         if hasty.judge(found.maps, found.weights).error > far:
             return found
         last = Rounding(self.objective, self.problem.deadline)(self.objective.judge(found.maps, found.weights))

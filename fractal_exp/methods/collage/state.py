@@ -15,7 +15,7 @@ from . import maps as affine
 VERSION = 6   # of the stages and their scores, which checkpoints name
 CANDIDATES = "current", "best", "before"   # of `State`
 
-Key = tuple[int, int, int]   # a stage: its round, its place in the round, and which restart it is
+Key = tuple[int, int, int]   # a stage: its round, its order in the round, and which restart it is
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ that near and render the image as well, they are likelier than those found (the 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -22,108 +22,123 @@ from .simple_maps import EDGE, Line, Spread, mirrored_offsets
 Fixed = frozenset[tuple[int, int]]   # entries (map, column) that are simple
 
 
+@dataclass(frozen=True)
+class _Standing:
+    """How far the rounding has come: the code, its entries that are simple, the frame that it must fill, and the least
+    error of a code with simple numbers so far."""
+
+    code: Rendered
+    fixed: Fixed
+    frame: Frame | None
+    least: float
+
+
 class Rounding:
     """Of codes whose rendering is near to the image of the objective."""
 
     def __init__(self, objective: ImageObjective, deadline: Deadline = NO_DEADLINE):
         self.objective, self.deadline, self.params = objective, deadline, objective.params.canonical
-        self.frame: Frame | None = objective.own_frame()
-        self._least = float("inf")
 
     def __call__(self, start: Rendered) -> Rendered:
         """The code with the frame filled exactly, all that is simple rounded and what is nearly its own mirror image
         made so, each unless the image is rendered worse for it."""
-        best, fixed = self.simplified(self._filled(start, frozenset()))
-        best = self._symmetric(best)
-        return self._symmetric(self._filled(best, fixed)) if fixed else best
+        now = self._simplified(self._filled(self._from(start)))
+        now = self._symmetric(now)
+        return self._symmetric(self._filled(now)).code if now.fixed else now.code
 
     def simplified(self, start: Rendered) -> tuple[Rendered, Fixed]:
         """The code with all that is simple rounded, unless the image is rendered worse for it, and what was rounded."""
-        self._least = start.error
-        best, fixed = self._matrices(start, frozenset())
-        first = fixed
-        for i in range(len(best.maps)):
-            best, fixed = self._line(best, fixed, i)
-        return (best, fixed) if fixed == first else self._matrices(best, fixed)
+        now = self._simplified(self._from(start))
+        return now.code, now.fixed
 
-    def _filled(self, best: Rendered, fixed: Fixed) -> Rendered:
+    def _from(self, start: Rendered) -> _Standing:
+        return _Standing(start, frozenset(), self.objective.own_frame(), start.error)
+
+    def _simplified(self, now: _Standing) -> _Standing:
+        now = first = self._matrices(replace(now, least=now.code.error))
+        for i in range(len(now.code.maps)):
+            now = self._line(now, i)
+        return now if now.fixed == first.fixed else self._matrices(now)
+
+    def _filled(self, now: _Standing) -> _Standing:
         """With the frame filled exactly, if it is meant to be, unless the image is rendered notably worse for it."""
-        if not self.params.fill or self.deadline.passed or not self._is_meant(best):
-            return best
-        exact = replace(self.frame, sigma_px=self.params.exact_px)
+        best, fixed = now.code, now.fixed
+        if not self.params.fill or self.deadline.passed or not self._is_meant(best, now.frame):
+            return now
+        exact = replace(now.frame, sigma_px=self.params.exact_px)
         within = self.objective.within(exact)
         fixed |= {(i, 4 + axis) for i, axis in _in_the_middle(best.maps) if {(i, 2 * axis), (i, 2 * axis + 1)} <= fixed}
-        filled = polished(within, within.judge(best.maps, best.weights), self.params.polish, patience=2,
-                          deadline=self.deadline, fixed=fixed)
+        filled = polished(within, within.judge(best.maps, best.weights), self.params.polish,
+                          patience=self.objective.params.gauss_newton.last_patience, deadline=self.deadline,
+                          fixed=fixed)
         seen = self.objective.error(filled.image)
         if seen > self.params.filled_worse * best.error:
-            return best
-        self.frame = exact
-        return replace(filled, error=seen)
+            return now
+        return replace(now, code=replace(filled, error=seen), frame=exact)
 
-    def _symmetric(self, best: Rendered) -> Rendered:
+    def _symmetric(self, now: _Standing) -> _Standing:
         """With offsets made symmetric that nearly are, unless it is rendered worse or misses the frame; those in the
         middle of the canvas on its better side, and all at a size that fills the frame if it is meant to be."""
+        best, frame = now.code, now.frame
         maps = mirrored_offsets(best.maps, 2 / self.objective.side * self.params.symmetric_px)
         if not self.params.symmetric or self.deadline.passed or bool((maps == best.maps).all()):
-            return best
-        within = self.objective.within(self.frame)
+            return now
+        within = self.objective.within(frame)
         found = within.judge(maps, best.weights)
         for i, axis in _in_the_middle(maps):
             other = found.maps.clone()
             other[i, 4 + axis] = EDGE if other[i, 4 + axis] <= 0 else -EDGE
             found = min(found, within.judge(other, best.weights), key=lambda found: found.error)
-        if self._is_meant(found):
-            linear, offset = found.maps[:, :4], found.maps[:, 4:] * self.frame.growth(found.maps, found.probabilities)
+        if self._is_meant(found, frame):
+            linear, offset = found.maps[:, :4], found.maps[:, 4:] * frame.growth(found.maps, found.probabilities)
             sizes = [torch.cat([linear, offset * (1 + nudge)], 1) for nudge in self.params.nudges]
             found = min(found, *(within.judge(size, best.weights) for size in sizes), key=lambda found: found.error)
         if found.error > self.params.symmetric_worse * within.judge(best.maps, best.weights).error:
-            return best
-        return replace(found, error=self.objective.error(found.image))
+            return now
+        return replace(now, code=replace(found, error=self.objective.error(found.image)))
 
-    def _is_meant(self, found: Rendered) -> bool:
+    def _is_meant(self, found: Rendered, frame: Frame | None) -> bool:
         """Whether the frame is meant to be filled, which it nearly is."""
-        return self.frame is not None and bool(
-            self.frame.misfit(found.maps, found.probabilities).abs().max() < self.params.framed_px)
+        return frame is not None and bool(
+            frame.misfit(found.maps, found.probabilities).abs().max() < self.params.framed_px)
 
-    def _matrices(self, best: Rendered, fixed: Fixed) -> tuple[Rendered, Fixed]:
+    def _matrices(self, now: _Standing) -> _Standing:
         """With matrices near simple ones rounded, as often as others come near by that."""
         while not self.deadline.passed:
-            spread, maps, new = Spread.of(best, self.objective), best.maps.clone(), fixed
-            for i, one in enumerate(best.maps):
+            spread, maps, fixed = Spread.of(now.code, self.objective), now.code.maps.clone(), now.fixed
+            for i, one in enumerate(now.code.maps):
                 simple = None if _matrix(i) <= fixed else spread.rounded(one)
                 if simple is not None:
-                    maps[i], new = simple, new | _matrix(i)
-            tried = self._tried(best, maps, new) if new > fixed else None
+                    maps[i], fixed = simple, fixed | _matrix(i)
+            tried = self._tried(now, maps, fixed, self.params.worse) if fixed > now.fixed else None
             if tried is None:
                 break
-            best, fixed = tried, new
-        return best, fixed
+            now = tried
+        return now
 
-    def _line(self, best: Rendered, fixed: Fixed, i: int) -> tuple[Rendered, Fixed]:
+    def _line(self, now: _Standing, i: int) -> _Standing:
         """With one map made a line along an axis, if it is nearly one."""
+        best, fixed = now.code, now.fixed
         if self.deadline.passed or _matrix(i) <= fixed:
-            return best, fixed
+            return now
         spread, hasty = Spread.of(best, self.objective), self.objective.hasty()
         likely = [(self._polished(hasty, found, line, fixed, i), line)
                   for found, line in _likeliest(hasty, best, i, spread.lines(best.maps[i]), self.params.lines_tried)]
         if not likely:
-            return best, fixed
+            return now
         rough, line = min(likely, key=_error)
         again = self.objective.judge(rough.maps, rough.weights)
         found = self._polished(self.objective, again, line, fixed, i, FromRenderings)
-        new = fixed | {(i, j) for j in line.fixed}
-        tried = self._tried(best, found.maps, new, worse=1.0)
-        return (best, fixed) if tried is None else self._scaled(tried, new, i, line)
+        tried = self._tried(now, found.maps, fixed | {(i, j) for j in line.fixed}, self.params.line_worse)
+        return now if tried is None else self._scaled(tried, i, line)
 
-    def _scaled(self, best: Rendered, fixed: Fixed, i: int, line: Line) -> tuple[Rendered, Fixed]:
+    def _scaled(self, now: _Standing, i: int, line: Line) -> _Standing:
         """With the scale of a map that is a line rounded."""
         if self.deadline.passed:
-            return best, fixed
-        spread, line = Spread.of(best, self.objective), replace(line, one=best.maps[i])
-        (found, _), *_ = _likeliest(self.objective, best, i, spread.rescaled(line), 1)
-        tried = self._tried(best, found.maps, fixed | _matrix(i))
-        return (best, fixed) if tried is None else (tried, fixed | _matrix(i))
+            return now
+        spread, line = Spread.of(now.code, self.objective), replace(line, one=now.code.maps[i])
+        (found, _), *_ = _likeliest(self.objective, now.code, i, spread.rescaled(line), 1)
+        return self._tried(now, found.maps, now.fixed | _matrix(i), self.params.worse) or now
 
     def _polished(self, objective: ImageObjective, found: Rendered, line: Line, fixed: Fixed, i: int,
                   jacobian: type[Jacobian] = FromPoints) -> Rendered:
@@ -131,19 +146,14 @@ class Rounding:
         return polished(objective, found, self.params.line_steps, [i], deadline=self.deadline, jacobian=jacobian,
                         fixed=fixed | {(i, j) for j in line.fixed})
 
-    def _tried(self, best: Rendered, maps: Tensor, fixed: Fixed, worse: float | None = None) -> Rendered | None:
-        """All that is not fixed polished, or None if it is rendered worse."""
-        start = self.objective.judge(maps, best.weights)
-        fitted = fitted_into_frame(self.objective, start, self.params.polish, self.frame, deadline=self.deadline,
+    def _tried(self, now: _Standing, maps: Tensor, fixed: Fixed, worse: float) -> _Standing | None:
+        """With these maps, and all that is not fixed polished; None if the error is then higher than so many times the
+        least so far."""
+        start = self.objective.judge(maps, now.code.weights)
+        fitted = fitted_into_frame(self.objective, start, self.params.polish, now.frame, deadline=self.deadline,
                                    fixed=fixed)
-        return self._accepted(self._symmetric(fitted), worse)
-
-    def _accepted(self, found: Rendered, worse: float | None) -> Rendered | None:
-        """The code, or None if its error is higher than so many times the least so far."""
-        if found.error > (self.params.worse if worse is None else worse) * self._least:
-            return None
-        self._least = min(self._least, found.error)
-        return found
+        found = self._symmetric(replace(now, code=fitted, fixed=fixed))
+        return replace(found, least=min(now.least, found.code.error)) if found.code.error <= worse * now.least else None
 
 
 def _likeliest(objective: ImageObjective, best: Rendered, i: int, lines: Iterable[Line], count: int

@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import chain, product
+from functools import cache
+from itertools import product
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -18,28 +20,44 @@ from ..measure.bins import attractor_points
 from ..params import CanonicalParams
 
 EDGE = 1e-6                # off the middle, canvas units: on either side of the edge of pixels that lies there
-GOLDEN = (math.sqrt(5) - 1) / 2
+
+
+class _Simple(NamedTuple):
+    """The simple entries of a matrix, and the ratios and the angles (radians) of a similarity, each (n,) float64 in
+    ascending order."""
+
+    entries: Tensor
+    ratios: Tensor
+    angles: Tensor
+
+
+@cache
+def _simple(denominators: tuple[int, ...], ratios: tuple[float, ...], degrees: tuple[int, ...]) -> _Simple:
+    fractions = {Fraction(p, q) for q in denominators for p in range(q)}
+    return _Simple(_sorted({sign * value for value in fractions for sign in (1, -1)}),
+                   _sorted({*fractions, *(math.sqrt(value) for value in fractions), *ratios}),
+                   _sorted({math.radians(angle) for each in degrees for angle in range(-180, 181, each)}))
 
 
 def _sorted(values: set) -> Tensor:
     return torch.tensor(sorted({float(value) for value in values}), dtype=torch.float64)
 
 
-FRACTIONS = {Fraction(p, q) for q in (*range(1, 13), 100) for p in range(q)}
-ENTRIES = _sorted({sign * value for value in FRACTIONS for sign in (1, -1)})
-RATIOS = _sorted({*FRACTIONS, *(math.sqrt(value) for value in FRACTIONS), GOLDEN**2})
-ANGLES = _sorted({math.radians(degrees) for degrees in chain(range(-180, 181, 15), range(-180, 181, 18))})
+def simple_numbers(params: CanonicalParams) -> _Simple:
+    """Those that these parameters call simple."""
+    return _simple(params.denominators, params.ratios, params.degrees)
 
 
-def simple_matrices(matrix: Tensor) -> Tensor:
+def simple_matrices(matrix: Tensor, params: CanonicalParams) -> Tensor:
     """The simple ones nearest to a matrix (2,2) of each kind, (3,2,2) float64: entry by entry, as a similarity that
-    turns, and as one that mirrors."""
-    matrix = matrix.double().cpu()
+    rotates, and as one that mirrors."""
+    simple, matrix = simple_numbers(params), matrix.double().cpu()
     (a, b), (c, d) = matrix
-    found = [_nearest(matrix, ENTRIES)]
+    found = [_nearest(matrix, simple.entries)]
     for sign in (1, -1):
         along, across = (a + sign * d) / 2, (c - sign * b) / 2
-        ratio, angle = _nearest(torch.hypot(along, across), RATIOS), _nearest(torch.atan2(across, along), ANGLES)
+        ratio = _nearest(torch.hypot(along, across), simple.ratios)
+        angle = _nearest(torch.atan2(across, along), simple.angles)
         x, y = ratio * angle.cos(), ratio * angle.sin()
         found.append(torch.stack([torch.stack([x, -sign * y]), torch.stack([y, sign * x])]))
     return torch.stack(found)
@@ -103,7 +121,7 @@ class Spread:
     def rounded(self, one: Tensor) -> Tensor | None:
         """The map (6,) with a simple matrix, or None if none is near."""
         old = one[:4].view(2, 2).double()
-        simple = simple_matrices(old).to(old)
+        simple = simple_matrices(old, self.params).to(old)
         moved = (((simple - old) @ self.covariance) * (simple - old)).sum((-2, -1)).sqrt()
         near = self._with(one, simple[moved.argmin()])
         small = float(moved.min()) <= self.params.near_px * min(self.pixel, 2 / self.params.least_side)
@@ -133,7 +151,8 @@ class Spread:
         """The line with the simple scales nearest to its own, moved along itself by parts of a pixel."""
         along = 4 + line.scale // 2
         matrix = line.one[:4].double().clone()
-        for value in ENTRIES[(ENTRIES - float(matrix[line.scale])).abs().argsort()[:self.params.line_scales]]:
+        entries = simple_numbers(self.params).entries
+        for value in entries[(entries - float(matrix[line.scale])).abs().argsort()[:self.params.line_scales]]:
             matrix[line.scale] = value
             sent = self._with(line.one, matrix.view(2, 2))
             for shift in _shifts(self.params.line_shifts):

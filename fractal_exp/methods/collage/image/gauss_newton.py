@@ -19,35 +19,36 @@ from .objective import ImageObjective, Rendered
 
 
 def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
-             patience: int = 1, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] = FromPoints,
+             patience: int | None = None, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] = FromPoints,
              alone: bool = False, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
     """The code after at most so many steps of Levenberg and Marquardt, never worse.
 
-    moving: the maps that may move, all if None; patience: after how many steps in vain to stop; jacobian: where it is
-    got from; alone: whether each parameter is tried alone where they lead nowhere together, as is done for a single
-    map; fixed: entries (map, column) that stay, a translation's only with those of its row, since matrices turn about
-    the attractor's mean.
+    moving: the maps that may move, all if None; patience: after how many steps in vain to stop, None: as
+    `GaussNewtonParams` says; jacobian: where it is got from; alone: whether each parameter is tried by itself where all
+    together lead nowhere, as is done for a single map; fixed: entries (map, column) that stay, a translation's only
+    with those of its row, since matrices turn about the attractor's mean.
     """
     params = objective.params.gauss_newton
     moving = [i for i in (moving if moving is not None else range(len(rendered.maps)))
               if not {(i, j) for j in range(6)} <= set(fixed)]
     if not moving or not params.enabled:
         return rendered
+    patience = params.patience if patience is None else patience
     damping, idle = params.damping, 0
     for number in range(steps):
         if deadline.passed or idle == patience:
             break
-        slopes = jacobian(objective, rendered, moving, number, fixed)
+        change = jacobian(objective, rendered, moving, number, fixed)
         before = rendered.error
         for _ in range(params.tries):
-            better = _stride(objective, rendered, slopes, slopes.solve(damping))
+            better = _stride(objective, rendered, change, change.solve(damping))
             if better:
                 rendered, damping = better, max(damping / params.damping_down, params.least_damping)
                 break
             damping *= params.damping_up
         else:
             if alone or len(moving) == 1:
-                rendered = _one_by_one(objective, rendered, slopes, deadline)
+                rendered = _one_by_one(objective, rendered, change, deadline)
         idle = idle + 1 if before - rendered.error < params.little * before else 0
     return rendered
 
@@ -56,14 +57,15 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
                       deadline: Deadline = NO_DEADLINE, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
     """The code polished such that its attractor fills the frame of its image, which tells of tips too faint to be
     seen, unless there is none, or the image is rendered notably worse for it."""
+    patience = objective.params.gauss_newton.last_patience
     if frame is not None:
         within = objective.within(frame)
-        found = polished(within, within.judge(start.maps, start.weights), steps, patience=2, deadline=deadline,
-                         fixed=fixed)
+        found = polished(within, within.judge(start.maps, start.weights), steps, patience=patience,
+                         deadline=deadline, fixed=fixed)
         seen = objective.error(found.image)
         if seen <= objective.params.frame.worse * start.error:
             return replace(found, error=seen)
-    return polished(objective, start, steps, patience=2, deadline=deadline, fixed=fixed)
+    return polished(objective, start, steps, patience=patience, deadline=deadline, fixed=fixed)
 
 
 def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, step: Tensor) -> Rendered | None:

@@ -99,8 +99,8 @@ class FromPoints(Jacobian):
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         known = point_bins(self.points, self.side)
         greys, step = objective.grids(rendered.image), self.params.step_px
-        smooth = _smooth(greys[0]).clamp(max=1 - 0.5 / objective.subpixels)
-        kappa = -(1 - smooth).log() / _smooth(known).clamp_min(1e-12)
+        smooth = self._smooth(greys[0]).clamp(max=1 - 0.5 / objective.subpixels)
+        kappa = -(1 - smooth).log() / self._smooth(known).clamp_min(1e-12)
         kappa = torch.where(known > 0, kappa, 0)
         slope = objective.levels.unlit(greys[0], smooth) * kappa
         moved = torch.stack([self.nudged(k, step) for k in range(len(self.units))])
@@ -110,6 +110,9 @@ class FromPoints(Jacobian):
             if k:
                 columns = avg_pool2d(columns, 2, ceil_mode=True)
             yield columns, stabilizing_slope(grey, objective.subpixels * 4**k)
+
+    def _smooth(self, image: Tensor) -> Tensor:
+        return avg_pool2d(image[None], self.params.window, 1, self.params.window // 2)[0]
 
 
 class FromRenderings(Jacobian):
@@ -126,7 +129,3 @@ class FromRenderings(Jacobian):
                 column[k] = (after - before) / (2 * nudge)
         for column in columns:
             yield column, torch.ones_like(column[0])
-
-
-def _smooth(image: Tensor) -> Tensor:
-    return avg_pool2d(image[None], 3, 1, 1)[0]

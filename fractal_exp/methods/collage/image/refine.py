@@ -12,24 +12,23 @@ from ..measure.search import descent_of
 from ..params import DescentSteps
 from .objective import ImageObjective, Rendered
 
-COARSEST = 128   # cells a side
-
 
 def refined(objective: ImageObjective, masses: Tensor, maps: Tensor, weights: Tensor | None, seed: int) -> Rendered:
-    """The best rendering of the maps (N,6) and what becomes of them on grids of 128 cells a side and more.
+    """The best rendering of the maps (N,6) and what becomes of them on ever finer grids.
 
     Before each, the image's masses (R,R) are corrected for saturation by the code so far, so that at the true code the
     collage error nearly vanishes. weights (N,) are free to move; None: they are tied to |det| + 0.01.
     """
     params, refine = objective.params, objective.params.refine
     best = now = objective.judge(maps, weights)
-    size, rate, finest = COARSEST, refine.rate_128, grid_for(masses.shape[0], refine.finest)
+    size, rate = refine.coarsest, refine.rate
+    finest = grid_for(masses.shape[0], refine.finest, params.descent)
     while refine.steps and size <= finest:
         how = descent_of(params, DescentSteps(steps=refine.steps, rate=rate, largest=refine.largest),
                          tied=weights is None)
         corrected = saturation_corrected(masses, now.code, objective.levels, params.saturation,
                                          derive(seed, "refine", size))
-        moved, shares, _ = descend(now.maps[None], now.probabilities[None], binned(corrected, size, 4), how)
+        moved, shares, _ = descend(now.maps[None], now.probabilities[None], binned(corrected, size, refine.grids), how)
         now = objective.judge(moved[0], None if weights is None else shares[0] / shares[0].sum())
         best = min(best, now, key=lambda rendered: rendered.error)
         size, rate = 2 * size, rate / 2

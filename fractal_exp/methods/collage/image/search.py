@@ -45,9 +45,10 @@ class ImageSearch:
         """The best rendering of the candidate and its refinements, with its own weights or those of |det| + 0.01."""
         half = self.params.moves.polish_ends // 2
         free = found.probabilities if found.weights is None else found.weights
-        tied, own = (self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
-                     for weights in (None, free))
-        best = self.polished(self.pruned(self._simpler(tied, own)), half)
+        tried = (None, free) if self.params.moves.own_weights else (None,)
+        found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
+                 for weights in tried]
+        best = self.polished(self.pruned(self._simpler(found[0], found[-1])), half)
         return self.candidate(self._with_root(best) or best)
 
     def _with_root(self, best: Rendered) -> Rendered | None:
@@ -137,9 +138,10 @@ class ImageSearch:
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), self.params.moves.polish_ends,
                                  self.objective.own_frame() if near else None, deadline=self.deadline)
         ratio = self.noise_ratio(self.candidate(self.objective.judge(best.maps, best.weights)))
-        if params.redrawn_steps and params.redrawn_above < ratio < params.redrawn_below and not self.deadline.passed:
+        if params.rendered_steps and params.rendered_above < ratio < params.rendered_below \
+                and not self.deadline.passed:
             once = self.objective.within(self.objective.own_frame())
-            last = polished(once, once.judge(best.maps, best.weights), params.redrawn_steps, deadline=self.deadline,
+            last = polished(once, once.judge(best.maps, best.weights), params.rendered_steps, deadline=self.deadline,
                             jacobian=FromRenderings, alone=True)
             best = min(best, careful.judge(last.maps, last.weights), key=error_of)
         return best

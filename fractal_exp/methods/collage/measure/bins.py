@@ -8,13 +8,14 @@ from torch.nn.functional import avg_pool2d
 
 from .... import ops
 from ....ops.collage import BinnedMeasure, orbit_bins, pushforward
+from ..params import DescentParams
 
 TRAJECTORY, WARMUP = 430, 30   # points of a trajectory of the chaos game, and those of them that are dropped
 
 
-def grid_for(resolution: int, wanted: int) -> int:
+def grid_for(resolution: int, wanted: int, params: DescentParams) -> int:
     """Cells a side of a grid: the power of two that an image of this resolution can fill, `wanted` at most."""
-    return min(wanted, 2 ** ((13 * resolution // 10).bit_length() - 1))
+    return min(wanted, 2 ** (int(params.cells_per_pixel * resolution).bit_length() - 1))
 
 
 def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
@@ -55,8 +56,8 @@ def halve(bins: Tensor, size: int) -> Tensor:
 
 def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
     """The measure (G,G) of the attractor of maps (N,6) with probabilities in proportion to weights (N,)."""
-    return orbit_bins(maps[None], weights / weights.sum(), size, trajectories=max(1, points // 400), length=TRAJECTORY,
-                      warmup=WARMUP, seed=seed)[0]
+    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, length=TRAJECTORY, warmup=WARMUP,
+                      trajectories=max(1, points // (TRAJECTORY - WARMUP)))[0]
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:

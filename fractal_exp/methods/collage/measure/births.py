@@ -8,9 +8,10 @@ import torch
 from torch import Tensor
 
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from ....ops.collage.reference import FLOOR
 from ....runtime.params import Interval
 from .. import maps as affine
-from ..params import BirthParams
+from ..params import BirthParams, MoveParams
 from .bins import halve
 
 
@@ -59,7 +60,7 @@ class Birthplace:
 def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:
     """Where maps are wanted, (G,G): half by mass and half by what it costs, as thin tips weigh little and are seen
     well."""
-    cost = ((measure.bins + 1e-5).sqrt() - (measure.bins - lacking + 1e-5).clamp_min(0).sqrt()).square()
+    cost = ((measure.bins + FLOOR).sqrt() - (measure.bins - lacking + FLOOR).clamp_min(0).sqrt()).square()
     return lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
 
 
@@ -81,16 +82,17 @@ def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: I
     return random.to(device)
 
 
-def reoriented(old: Tensor, measure: BinnedMeasure, count: int, largest: float, generator: torch.Generator) -> Tensor:
-    """Maps (count,6) that give the measure the mean and covariance that the map `old` (6,) gives it, rotated and
-    mirrored at random: what a search at low resolution cannot tell apart. Singular values are at most `largest`."""
+def reoriented(old: Tensor, measure: BinnedMeasure, params: MoveParams, generator: torch.Generator) -> Tensor:
+    """As many maps (n,6) as a move has candidates, that give the measure the mean and covariance that the map `old`
+    (6,) gives it, rotated and mirrored at random: what a search at low resolution cannot tell apart."""
+    count = params.candidates
     linear, covariance = old[:4].view(2, 2).cpu().double(), measure.covariance.cpu().double()
-    image = linear @ covariance @ linear.T + 1e-6 * torch.eye(2)
+    image = linear @ covariance @ linear.T + params.least_width**2 * torch.eye(2)
     center = measure.mean.cpu().double()
     mean = linear @ center + old[4:].cpu().double()
     source = torch.linalg.cholesky(covariance + 1e-8 * torch.eye(2))
     matrices = torch.linalg.cholesky(image) @ affine.rotations(count, generator).double() @ torch.linalg.inv(source)
-    matrices = matrices * (largest / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
+    matrices = matrices * (params.largest / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
     return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
 
 
@@ -131,20 +133,22 @@ def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: Interv
     """Maps (n,6) that give the measure the mean and covariance of what is lacking around each place (n,2)."""
     grid = halve(lacking, min(params.blob_grid, lacking.shape[0])).double()
     size, count = grid.shape[0], len(place)
+    cell = 2 / size
     axis = (2 * torch.arange(size, dtype=torch.float64) + 1) / size - 1
     points = torch.stack([axis.expand(size, size), -axis[:, None].expand(size, size)], -1).view(-1, 2)
     lit = grid.flatten() > 0
     points, mass = points[lit], grid.flatten()[lit]
     low, high = (torch.tensor(s * params.blob_radius, dtype=torch.float64).log() for s in sizes)
     radius = (low + (high - low) * torch.rand(count, 1, generator=generator, dtype=torch.float64)).exp()
-    radius = radius.clamp_min(2 / size)
+    radius = radius.clamp_min(params.blob_least_radius * cell)
     mean = place.double()
     for _ in range(params.blob_steps):  # mean shift
         window = mass * (-0.5 * torch.cdist(mean, points).square() / radius**2).exp() + 1e-30
         window = window / window.sum(1, keepdim=True)
         mean = window @ points
     off = points - mean[:, None]
-    covariance = (off * window[..., None]).transpose(1, 2) @ off + torch.eye(2, dtype=torch.float64) * (0.3 / size)**2
+    least = torch.eye(2, dtype=torch.float64) * (params.blob_least_width * cell) ** 2
+    covariance = (off * window[..., None]).transpose(1, 2) @ off + least
     source = torch.linalg.cholesky(measure.covariance.cpu().double() + 1e-8 * torch.eye(2, dtype=torch.float64))
     turn = affine.rotations(count, generator).double()
     matrices = torch.linalg.cholesky(covariance) @ turn @ torch.linalg.inv(source)

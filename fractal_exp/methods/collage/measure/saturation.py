@@ -24,8 +24,8 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
 
     Where the attractor is thinner than a subpixel, -log(1 - I) underestimates its measure, and the collage equation
     sum p_i f_i#mu = mu no longer holds for the estimate. The rendering of a code that is nearly right saturates in the
-    same places. The ratio of the code's known measure to the estimate from its rendering, both smoothed over 3 × 3
-    pixels, is applied to the image, but only as far as image and rendering agree: a wrong code must not spoil it.
+    same places. The ratio of the code's known measure to the estimate from its rendering, both averaged over a
+    window, is applied to the image, but only as far as image and rendering agree: a wrong code must not spoil it.
     """
     if not params.enabled:
         return torch.ones_like(masses)
@@ -41,7 +41,8 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
     if not bool(estimate.any()):  # too thin for a binary image
         return torch.ones_like(masses)
     usual = 1 / estimate.sum()
-    known, shown, seen = (avg_pool2d(image[None, None], 3, 1, 1)[0, 0] for image in (bins, estimate, masses))
+    known, shown, seen = (avg_pool2d(image[None, None], params.window, 1, params.window // 2)[0, 0]
+                          for image in (bins, estimate, masses))
     ratio = torch.where(shown > 1e-9, (known / usual + params.weak) / (shown + params.weak), 1)
     agreement = (torch.minimum(shown, seen) / torch.maximum(shown, seen).clamp_min(1e-9)) ** params.trust
     return ratio**agreement

@@ -1,6 +1,6 @@
 """Large neighbourhood search over sets of maps: remove some, let new ones be born, move all, prune.
 
-Shaw 1998 gave the scheme its name; here the repair is continuous. All sets are judged by one score (eq. 4 of
+Shaw 1998 gave the scheme its name; here the repair is continuous. All sets are judged by one score (eq. 5 of
 docs/collage.md).
 """
 
@@ -23,7 +23,6 @@ from .bins import attractor_bins, binned, grid_for
 from .births import Birthplace
 
 ROUNDING = 1e-4      # of a singular value
-PRICES = 8           # of a map, by which the error may rise on the way to a better set
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class Regime:
     grid: int
     price: float
     prior: float
-    births: int
+    candidates: int
     sizes: Interval
 
     @classmethod
@@ -67,14 +66,15 @@ class MeasureSearch:
     punished so hard that wrong maps are kept to fill the holes. With it, a map is worth what it explains, whatever
     else is missing, and right maps are found one by one. At a true code the error vanishes with any slack.
 
-    masses (R,R): of the image's pixels; smaller: the most that the smaller singular value of a map may be. Every random
-    number derives from the seed and the number of the move.
+    masses (R,R): of the image's pixels; smaller_limit: the most that the smaller singular value of a map may be. Every
+    random number derives from the seed and the number of the move.
     """
 
-    def __init__(self, masses: Tensor, regime: Regime, params: CollageParams, seed: int = 0, smaller: float = 1.0):
-        size = grid_for(masses.shape[0], regime.grid)
-        self.params, self.regime, self.seed, self.smaller = params, regime, seed, smaller
-        self.measure, self.coarse = binned(masses, size), binned(masses, size // 2)
+    def __init__(self, masses: Tensor, regime: Regime, params: CollageParams, seed: int = 0,
+                 smaller_limit: float = 1.0):
+        size = grid_for(masses.shape[0], regime.grid, params.descent)
+        self.params, self.regime, self.seed, self.smaller_limit = params, regime, seed, smaller_limit
+        self.measure, self.coarse = (binned(masses, cells, params.descent.grids) for cells in (size, size // 2))
         self.slack = params.search.slack * self.measure.bins
 
     # -- judging ------------------------------------------------------------------------------------------------------
@@ -94,7 +94,7 @@ class MeasureSearch:
         fixed, most = self.params.maps, self.params.at_most
         excess = max(0, count - (fixed or most or count))
         short = max(0, (fixed or 0) - count)
-        return self.regime.price * count + excess + short
+        return self.regime.price * count + self.params.search.wrong_number * (excess + short)
 
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         """The candidate with its score."""
@@ -105,17 +105,17 @@ class MeasureSearch:
         return Candidate(maps, weights, error,
                          self.cheap_score(maps, weights, error) + search.attractor_weight * far)
 
-    def moved(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, Tensor]:
+    def descend_batch(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, Tensor]:
         """A batch (B,N,6), (B,N) after descent on the whole measure, and its errors (B,)."""
         return descend(maps, weights, self.measure, self._descent(how), backgrounds=self.slack[None])
 
-    def move(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, float]:
+    def descend_one(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, float]:
         """One set (N,6), (N,) after descent."""
-        m, w, e = self.moved(maps[None], weights[None], how)
+        m, w, e = self.descend_batch(maps[None], weights[None], how)
         return m[0], w[0], float(e[0])
 
     def _descent(self, how: DescentSteps) -> Descent:
-        return descent_of(self.params, how, prior=self.regime.prior, smaller=self.smaller)
+        return descent_of(self.params, how, prior=self.regime.prior, smaller=self.smaller_limit)
 
     # -- starting -----------------------------------------------------------------------------------------------------
 
@@ -137,7 +137,7 @@ class MeasureSearch:
 
     def mixed(self, pool: Tensor) -> Candidate:
         """The best mixture of maps (M,6) that several searches found: right ones recur, wrong ones differ."""
-        return self._mixture(pool[affine.smaller_singular(pool) < self.smaller + ROUNDING], self.measure,
+        return self._mixture(pool[affine.smaller_singular(pool) < self.smaller_limit + ROUNDING], self.measure,
                              self.params.search.restarts_mixture)
 
     def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Candidate:
@@ -146,20 +146,20 @@ class MeasureSearch:
 
         search = self.params.search
         columns = pushforward(pool[:, None].contiguous(), torch.ones_like(pool[:, :1]), grid.samples, grid.size)
-        scale = (grid.bins + 1e-4).rsqrt()
+        scale = (grid.bins + search.mixture_floor).rsqrt()
         found, _ = nnls((columns * scale).flatten(1).T.cpu().double().numpy(),
                         (grid.bins * scale).flatten().cpu().double().numpy())
         best = np.argsort(-found)[:max(most, self.params.maps or 0)]
         best = torch.from_numpy(best[found[best] >= min(search.least_weight, found.max())].copy())
         weights = torch.from_numpy(found).float()[best]
         weights = (1 - search.slack) * (weights / weights.sum()).to(pool)
-        return self.merged(self.pruned(*self.move(pool[best.to(pool.device)], weights, search.mix)))
+        return self.merged(self.pruned(*self.descend_one(pool[best.to(pool.device)], weights, search.mix)))
 
     def resume(self, found: Candidate) -> Candidate:
         """A candidate of an earlier stage, moved and pruned by this measure."""
         search = self.params.search
         weights = (1 - search.slack) * found.probabilities
-        return self.merged(self.pruned(*self.move(found.maps, weights, search.resume)))
+        return self.merged(self.pruned(*self.descend_one(found.maps, weights, search.resume)))
 
     # -- one move -----------------------------------------------------------------------------------------------------
 
@@ -167,26 +167,27 @@ class MeasureSearch:
         """The better of `now` and the best of its neighbours."""
         search, g = self.params.search, generator(self.seed, "step", number)
         sets = self._with_births([self._ruined(now, g) for _ in range(search.proposals)], g)
-        maps, weights, errors = self.moved(*_padded([(each.maps, each.weights) for each in sets]), search.neighbour)
+        batch = _padded([(each.maps, each.weights) for each in sets])
+        maps, weights, errors = self.descend_batch(*batch, search.neighbour)
         scores = []
         for i, each in enumerate(sets):
             n = len(each.maps)
             scores.append(self.cheap_score(maps[i, :n], weights[i, :n], float(errors[i])))
         best = int(np.argmin(scores))
         count, error = len(sets[best].maps), float(errors[best])
-        if error > search.accept_error * now.error + PRICES * self.regime.price:
+        if error > search.accept_error * now.error + search.prices * self.regime.price:
             return now
         new = self.pruned(maps[best, :count], weights[best, :count], error)
         if new.score > search.accept_score * now.score:
             return now
-        new = self.judged(*self.move(new.maps, new.weights, search.accept))
+        new = self.judged(*self.descend_one(new.maps, new.weights, search.accept))
         return self.merged(new) if new.score < now.score else now
 
     def _ruined(self, now: Candidate, g: torch.Generator) -> _Ruined:
         """The set without some maps, close together or anywhere."""
         search, n = self.params.search, len(now.maps)
         if n == 1 or torch.rand((), generator=g) < search.add_only:
-            return _Ruined(now.maps, now.weights, False, 1 + int(torch.randint(2, (), generator=g)))
+            return _Ruined(now.maps, now.weights, False, 1 + int(torch.randint(search.add_most, (), generator=g)))
         gone = 1
         while gone < min(n - 1, search.remove_most) and torch.rand((), generator=g) < search.remove_another:
             gone += 1
@@ -209,7 +210,7 @@ class MeasureSearch:
             born, masses = self._births(backgrounds, sizes, g)
             for row, i in enumerate(active):
                 best = torch.rand((), generator=g) < params.search.best_birth
-                pick = 0 if best else int(torch.randint(params.births.kept, (), generator=g))
+                pick = 0 if best else int(torch.randint(born.shape[1], (), generator=g))
                 old = sets[i]
                 sets[i] = _Ruined(torch.cat([old.maps, born[row, pick][None]]),
                                   torch.cat([old.weights, masses[row, pick][None]]), old.large, old.births)
@@ -217,9 +218,9 @@ class MeasureSearch:
 
     def _births(self, backgrounds: Tensor, sizes: list[Interval], g: torch.Generator) -> tuple[Tensor, Tensor]:
         params = self.params
-        coarse, fine = (descent_of(params, how, smaller=self.smaller) for how in (params.births.coarse,
+        coarse, fine = (descent_of(params, how, smaller=self.smaller_limit) for how in (params.births.coarse,
                                                                                   params.births.fine))
-        place = Birthplace(self.measure, self.coarse, coarse, fine, self.regime.births, params.births)
+        place = Birthplace(self.measure, self.coarse, coarse, fine, self.regime.candidates, params.births)
         return place.births(backgrounds, sizes, 1 - params.search.slack, g)
 
     def _explained(self, maps: Tensor, weights: Tensor) -> Tensor:
@@ -239,11 +240,12 @@ class MeasureSearch:
             errors = collage_error(bins, self.measure)
             tried = errors.argsort()[:search.prune_tried]
             if not too_many:
-                rise = max(PRICES * self.regime.price, search.prune_share * error)
+                rise = max(search.prices * self.regime.price, search.prune_share * error)
                 tried = tried[errors[tried] <= error + rise]
             if len(tried) == 0:
                 break
-            m, w, e = self.moved(maps.expand(len(tried), n, 6).contiguous(), without[tried].contiguous(), search.prune)
+            m, w, e = self.descend_batch(maps.expand(len(tried), n, 6).contiguous(), without[tried].contiguous(),
+                                         search.prune)
             options = []
             for i, dropped in enumerate(tried.tolist()):
                 keep = torch.arange(n, device=maps.device) != dropped
@@ -261,13 +263,13 @@ class MeasureSearch:
         one = torch.ones(len(now.maps), 1, device=now.maps.device)
         images = pushforward(now.maps[:, None].contiguous(), one, self.coarse.samples, self.coarse.size)
         roots = images.flatten(1).clamp_min(0).sqrt()
-        near = roots @ roots.T > self.params.search.same_affinity
+        near = (roots @ roots.T > self.params.search.same_affinity).fill_diagonal_(True)
         leader = near.float().argmax(1)
         leaders = leader.unique()
         if len(leaders) == len(now.maps):
             return now
         weights = torch.stack([now.weights[leader == i].sum() for i in leaders])
-        merged = self.judged(*self.move(now.maps[leaders], weights, self.params.search.merge))
+        merged = self.judged(*self.descend_one(now.maps[leaders], weights, self.params.search.merge))
         return merged if merged.score < now.score else now
 
 

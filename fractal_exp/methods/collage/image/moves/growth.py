@@ -36,8 +36,10 @@ class CorrectedMeasure:
         """That of an image's masses (R,R)."""
         params = objective.params
         factors = correction(masses, shown.code, objective.levels, params.saturation, seed)
-        corrected, size = masses * factors, grid_for(masses.shape[0], params.moves.grid)
-        return cls(shown.maps, binned(corrected, size), binned(corrected, size // 2), factors, corrected.sum())
+        corrected, grids = masses * factors, params.descent.grids
+        size = grid_for(masses.shape[0], params.moves.grid, params.descent)
+        return cls(shown.maps, binned(corrected, size, grids), binned(corrected, size // 2, grids), factors,
+                   corrected.sum())
 
     def explained(self, rendered: Rendered, volume: Tensor, objective: ImageObjective) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile or their rendering shows. Where a map
@@ -62,7 +64,7 @@ def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | No
     explained = corrected.explained(rest, volume, objective)
     renderings = []
     if old is not None:
-        born = reoriented(old, measure, params.candidates, params.largest, g)
+        born = reoriented(old, measure, params, g)
         if affine.thinness(old, measure) < params.thin:  # no grid tells which way a line lies
             lines = flattened(born, measure, params.widths[-1])
             renderings += [with_map(objective, rest, each, affine.volumes(each[None])[0] / volume) for each in lines]
@@ -74,7 +76,7 @@ def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | No
     weights = visible_weights(born, weights, coarse, coarsely, params.visible_shares)
     born, weights, errors = descend(born[:, None], weights[:, None], coarse, descent_of(search.params, params.rough),
                                     backgrounds=coarsely)
-    best = errors.argsort()[:params.moved]
+    best = errors.argsort()[:params.kept]
     born, weights, errors = descend(born[best], weights[best], measure, descent_of(search.params, params.fine),
                                     backgrounds=background)
     best = errors.argsort()[:params.rendered]
@@ -92,7 +94,7 @@ def with_map(objective: ImageObjective, rest: Rendered, born: Tensor, weight: Te
 
 
 def small_maps(shown: Rendered, g: torch.Generator, count: int = 1) -> list[int]:
-    """Maps by chance, small ones preferred."""
+    """Maps drawn at random, small ones preferred."""
     return torch.multinomial(1 / affine.volumes(shown.maps).cpu(), count, generator=g).tolist()
 
 

@@ -9,6 +9,7 @@ import torch
 from numba import float32, int32, intp, njit, prange, uint64
 from torch import Tensor
 
+from ...ifs.code import PROBABILITY_FLOOR
 from ...runtime.jit import FUSED, kernel
 from ..chaos.cpu_kernels import GUIDE_BITS, guide_of, hold, next_state, start
 from .reference import BETA_1, BETA_2, FLOOR, Descent, Settings, Target
@@ -211,7 +212,7 @@ def _error(bins, roots, levels):
 
 @njit(inline="always")
 def _volume(m):
-    return abs(m[0] * m[3] - m[1] * m[2]) + 0.01
+    return abs(m[0] * m[3] - m[1] * m[2]) + PROBABILITY_FLOOR
 
 
 @njit

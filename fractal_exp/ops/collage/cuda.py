@@ -14,6 +14,7 @@ import torch
 from numba import cuda, float32, float64, int32, int64
 from torch import Tensor
 
+from ...ifs.code import PROBABILITY_FLOOR
 from ..cuda_launch import blocks_of, launch
 from . import cpu as cpu_collage
 from .cpu import EDGE
@@ -202,7 +203,7 @@ def _total_volume(maps, weights, b):
 
 @inlined
 def _volume_of(maps, b, n):
-    return abs(maps[b, n, 0] * maps[b, n, 3] - maps[b, n, 1] * maps[b, n, 2]) + 0.01
+    return abs(maps[b, n, 0] * maps[b, n, 3] - maps[b, n, 1] * maps[b, n, 2]) + PROBABILITY_FLOOR
 
 
 @inlined

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ...errors import InputError
+from ...ifs.code import PROBABILITY_FLOOR
 from ...runtime.checks import check_count, check_number, shown
 
 FLOOR = 1e-5                # of a bin's mass under the square root: what is fainter hardly counts
@@ -96,7 +97,7 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
     moments = [torch.zeros_like(maps), torch.zeros_like(maps), torch.zeros_like(logs), torch.zeros_like(logs)]
 
     def shares(m: Tensor) -> Tensor:
-        volume = torch.where(present, (m[..., 0] * m[..., 3] - m[..., 1] * m[..., 2]).abs() + 0.01, 0)
+        volume = torch.where(present, (m[..., 0] * m[..., 3] - m[..., 1] * m[..., 2]).abs() + PROBABILITY_FLOOR, 0)
         return volume / volume.sum(1, keepdim=True)
 
     def weigh(m: Tensor, logs: Tensor) -> Tensor:

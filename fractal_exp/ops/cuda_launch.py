@@ -55,7 +55,7 @@ def _stream(handle: int) -> Any:
 
 def _converted(arguments: tuple, convert: Callable[[Tensor], Any]) -> list:
     """The arguments with each tensor converted; a NamedTuple stays one, which the kernel reads by its fields."""
-    return [argument._make(_converted(argument, convert)) if isinstance(argument, tuple)
+    return [type(argument)(*_converted(argument, convert)) if isinstance(argument, tuple)
             else convert(argument.detach()) if isinstance(argument, Tensor) else argument for argument in arguments]
 
 

@@ -135,7 +135,7 @@ def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path):
     assert {"rates", "views", "iteration", "fit", "environment"} <= set(report)
 
 
-@pytest.mark.parametrize("method", ["chaotic", "collage"])
+@pytest.mark.parametrize("method", ["chaotic", pytest.param("collage", marks=pytest.mark.slow)])
 def test_the_fits_on_a_gpu_rehearse_without_one(method, tmp_path):
     command = [sys.executable, "-m", "benchmarks.gpu_fits", "--rehearse", "--method", method, "--count", "1",
                "--iterations", "5", "--output", str(tmp_path)]

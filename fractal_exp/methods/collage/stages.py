@@ -119,7 +119,7 @@ class Restart(Stage):
         return replace(state, best=best, scores=scores)
 
     def last_key(self, state: State) -> Key:
-        """Where two restarts have found the same, more are in vain."""
+        """Once two restarts have found the same, the others of the round are left out."""
         scores, within = state.scores, 1 + self.params.search.agreement
         limit = min(self.params.search.wrong_number, within * state.best.score)  # beyond: too many maps, or too few
         agreed = len(scores) > 1 and scores[1] < limit
@@ -199,7 +199,7 @@ class ImageMoves(Stage):
         return self.search.resume(state.best)
 
     def step(self, now: Candidate, number: int) -> Candidate:
-        more = number + 1 - self.expected_moves  # small maps hold large ones where they are, and the search with them
+        more = number + 1 - self.expected_moves  # small maps that make up for a wrong one keep it where it is
         due = more >= 0 and more % self.recent == 0
         return self.search.cleaned(now) if due else self.search.step(now, number)
 

@@ -47,7 +47,7 @@ class Frame:
         return self._misfit(low, high)
 
     def growth(self, maps: Tensor, probabilities: Tensor) -> float:
-        """Times what the attractor's offsets must be for its box to have the frame's side."""
+        """The factor on all offsets that gives the attractor's box the side of the frame."""
         low, high, _ = self.misfit(maps, probabilities)
         return FRAME_SIDE / (FRAME_SIDE + 2 / self.side * float(high - low))
 
@@ -80,7 +80,7 @@ class Frame:
 
 
 def _box(tips: list) -> tuple[Tensor, Tensor]:
-    """The lower and the upper corner, (2,) each, of what reaches so far to the right, the top, the left and the
+    """The lower and the upper corner, (2,) each, of a box that reaches so far to the right, the top, the left and the
     bottom."""
     right, top, left, bottom = (torch.as_tensor(tip, dtype=torch.float64) for tip in tips)
     return torch.stack([-left, -bottom]), torch.stack([right, top])

@@ -129,8 +129,9 @@ class ImageObjective:
         return max(self.params.image.least_noise, other.error(self.render(code)))
 
     def is_hopeless(self, error: float) -> bool:
-        """Whether a code of this error is so far from the image that there may be none: what is dear and only leads to
-        a true code, as roots of one of many maps, the last polish and another round, is then in vain."""
+        """Whether a code of this error is so far from the image that the image may show no attractor. What costs much
+        and helps only near a true code is then left out: roots of codes of many maps, the last polish, another
+        round."""
         return self.angle(error) >= self.params.stages.hopeless
 
 

@@ -151,7 +151,8 @@ class ImageSearch:
                               self.params.image.last_renderings)
 
     def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
-        """Weights of its own must be worth it: they follow noise, and stay behind where the maps move."""
+        """The code with weights of its own only if its error is much lower, as free weights also fit noise, and lag
+        behind when maps move."""
         return own if own.error < self.params.moves.own_weights * tied.error else tied
 
     # -- what moves are made of ---------------------------------------------------------------------------------------

@@ -90,7 +90,7 @@ class MeasureSearch:
         return error + self._price(len(maps)) + self.regime.prior / 2 * untied + identity
 
     def _price(self, count: int) -> float:
-        """Of so many maps; one that is not allowed costs more than it can ever explain."""
+        """Of so many maps. By default one too many costs more than it can ever explain."""
         fixed, most = self.params.maps, self.params.at_most
         excess = max(0, count - (fixed or most or count))
         short = max(0, (fixed or 0) - count)

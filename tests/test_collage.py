@@ -261,6 +261,18 @@ def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     assert found.method == "collage" and len(found.code) >= 2
 
 
+@pytest.mark.parametrize(("step", "settled", "reason"), [
+    (2, True, "the code renders the image as well as the true one would"), (2, False, "no move helped any more"),
+    (18, False, "all moves were made")])
+def test_a_search_says_why_it_stopped(triangle, step, settled, reason):
+    code, image = triangle
+    stage, now = ImageMoves(problem(image, moves={"count": 6})), tied(affine.from_code(code))
+    stage.open(State(best=now))
+    stage.search.is_settled = lambda candidate, moves: settled
+    after = stage.close(State(best=now, current=stage.search.judged(now), step=step))
+    assert after.stopped == reason and State.of(after.snapshot(), "cpu").stopped == reason
+
+
 def test_each_stage_tells_its_code_and_the_last_is_returned(whole):
     told, found = whole
     ends = [p for p in told if p.code is not None]

@@ -97,7 +97,7 @@ def test_a_method_without_stages_has_one():
 
 
 def test_it_says_why_it_stopped(known, found):
-    assert found.stopped == "all stages done"
+    assert found.stopped == "no move helped any more"
     assert known(triangle_picture(), stopped="the error reached 0").stopped == "the error reached 0"
     code = CodeReconstruction(found.code)
     assert stop_reason(code, 60.0, 61.0) == "the time limit of 60 s was reached"

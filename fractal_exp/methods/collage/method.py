@@ -73,12 +73,13 @@ class Collage(Method):
                 checkpoint.save(told.snapshot())
 
         try:
-            best = Pipeline(problem, told, on_move=moved, on_stage=closed).run()
+            pipeline = Pipeline(problem, told, on_move=moved, on_stage=closed)
+            best = pipeline.run()
         except KeyboardInterrupt:
             if checkpoint:  # not a move further than what was told: the resumed search does not tell it again
                 checkpoint.save(told.snapshot())
             raise
-        return CodeReconstruction(best.code.to("cpu").check_contractive())
+        return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=pipeline.state.stopped)
 
     def deadline(self) -> Deadline:
         """The limit of time, from now on."""

@@ -38,7 +38,7 @@ class Pipeline:
         if state.has_done(stage.key):
             return
         if state.current is None and state.result is not None and deadline.passed:
-            self.state = state.closed(stage.key)
+            self.state = replace(state.closed(stage.key), stopped="")  # but by the time limit
             return
         stage.open(state)
         if state.current is None:

@@ -210,6 +210,7 @@ class ImageMoves(Stage):
 
     def close(self, state: State) -> State:
         problem = self.problem
+        state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
             self.search = problem.image_search(state.current.code, problem.deadline, "finish", self.round)
         found, before = self.search.finish(state.current), state.before
@@ -222,6 +223,14 @@ class ImageMoves(Stage):
             if self._is_wrong(best):
                 return replace(state.with_pool(found.maps), best=None, before=best, scores=())
         return replace(state, best=best, before=None)
+
+    def _reason(self, state: State) -> str:
+        """Why there are no more moves; empty if time is up, which the method says itself."""
+        if self.deadline.passed:
+            return ""
+        if self.search.is_settled(state.current, state.step):
+            return "the code renders the image as well as the true one would"
+        return "all moves were made" if state.step == self.most_moves else "no move helped any more"
 
     def _is_wrong(self, candidate: Candidate) -> bool:
         stages = self.params.stages

@@ -48,7 +48,7 @@ class State:
     done: the last stage that was closed. Of the stage after it: its moves so far (`step`), its candidate (`current`,
     None before it begins), and the move at which its error was last halved, with that error. best: of the stages of
     this round; before: of the rounds before; pool (M,6): the maps of all restarts; scores: those of the restarts of
-    this round, in ascending order.
+    this round, in ascending order; stopped: why the last round ended, in words.
     """
 
     done: Key | None = None
@@ -59,6 +59,7 @@ class State:
     before: Candidate | None = None
     pool: Tensor | None = None
     scores: tuple[float, ...] = ()
+    stopped: str = ""
 
     @property
     def result(self) -> Candidate | None:
@@ -93,7 +94,7 @@ class State:
             tensors["pool"] = self.pool
         numbers = {name: [each.error, each.score] for name, each in kept.items()}
         return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
-                                             "scores": list(self.scores), **numbers})
+                                             "scores": list(self.scores), "stopped": self.stopped, **numbers})
 
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> State:
@@ -107,4 +108,4 @@ class State:
                 for name in CANDIDATES if name in numbers}
         done, halved = (tuple(each) if each else None for each in (numbers["done"], numbers["halved"]))
         return cls(done, snapshot.iteration, **kept, halved=halved, pool=tensors.get("pool"),
-                   scores=tuple(numbers["scores"]))
+                   scores=tuple(numbers["scores"]), stopped=numbers["stopped"])

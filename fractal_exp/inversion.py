@@ -15,7 +15,7 @@ from .errors import InputError
 from .evaluation import metrics
 from .ifs.code import IFS, View
 from .images.placement import Placement
-from .images.reading import Target, read_colour, write_image
+from .images.reading import ReadImage, read_colour, write_image
 from .methods.collage.image.objective import ImageObjective
 from .methods.collage.measure.levels import levels_of
 from .methods.collage.params import CollageParams
@@ -87,7 +87,7 @@ class Inversion:
     """
 
     code: IFS
-    target: Target
+    target: ReadImage
     source: Path | np.ndarray | Tensor
     likeness: Likeness
     history: tuple[StageRecord, ...]
@@ -185,7 +185,7 @@ class Inversion:
         return sheets.png(sheets.comparison_strip(drawn[None], image[None], [f"F1 {self.likeness.f1:.3f}"], side=256))
 
 
-def warnings_of(target: Target, likeness: Likeness, stopped: str) -> tuple[str, ...]:
+def warnings_of(target: ReadImage, likeness: Likeness, stopped: str) -> tuple[str, ...]:
     """What a user should know before trusting a code: doubts about the picture, and a code that is far from it."""
     far = likeness.noise_ratio >= WITHIN_NOISE and likeness.f1 < FAR
     return (*target.warnings, *([f"{likeness.verdict} ({stopped})"] if far else []))

@@ -12,7 +12,7 @@ from fractal_exp.methods.collage.measure.levels import LEVELS, guess_levels
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import Problem
+from fractal_exp.methods.collage.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate
 
 PARAMS = CollageParams()
@@ -51,9 +51,9 @@ def measure_search(masses: Tensor, grid: int = 64, seed: int = 0, smaller: float
     return MeasureSearch(masses, Regime.whole(params(**options)), params(**options), seed, smaller)
 
 
-def problem(image: Tensor, **options) -> Problem:
+def problem(image: Tensor, **options) -> SearchProblem:
     levels = LEVELS[options.pop("levels", meaning(image))](CAMERA)
-    return Problem(image, levels, params(**merged(FEW, options)))
+    return SearchProblem(image, levels, params(**merged(FEW, options)))
 
 
 def small(**options) -> Collage:

@@ -10,7 +10,7 @@ from collage_helpers import CAMERA, PARAMS, objective, params
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image.lines import Course, Light, profiled
+from fractal_exp.methods.collage.image.lines import CanvasLine, Light, profiled
 from fractal_exp.methods.collage.measure.bins import attractor_points
 
 
@@ -53,7 +53,7 @@ def test_a_course_follows_its_line_over_the_pixels():
     size, points = 64, torch.randn(500, 2, generator=torch.Generator().manual_seed(0)).double()
     for line in ([0.0, 0, 0.2, 0.1, 0.3, -0.1], [0.2, 0.1, 0.06, 0.03, 0.1, -0.4], [-0.03, 0.02, 0.15, -0.1, 0, 0.2]):
         line = torch.tensor(line).double()
-        course = Course.of(line, points)
+        course = CanvasLine.of(line, points)
         image = points @ line[:4].view(2, 2).T + line[4:]
         seen = image[(image.abs() < 1).all(1)]
         drawn = torch.zeros(size, size).double()

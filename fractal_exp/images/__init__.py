@@ -1,6 +1,6 @@
 """Images as they come: read, checked, centred, written."""
 
 from .placement import Placement
-from .reading import Target, read_target, write_image
+from .reading import ReadImage, read_target, write_image
 
-__all__ = ["Placement", "Target", "read_target", "write_image"]
+__all__ = ["Placement", "ReadImage", "read_target", "write_image"]

@@ -32,7 +32,7 @@ WHITE_LEVELS = {"bool": 1, "uint8": 255, "uint16": 65535, "float16": 1, "float32
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class ReadImage:
     """A picture brought onto the canvas, and what was done to it.
 
     image (R,R) float32 in [0,1], white shape on black; inverted, whether the picture was black on white; source_size
@@ -75,7 +75,7 @@ def read_target(
     threshold: float | None = None,
     padding: float = PADDING,
     frame: Literal["fit", "keep"] = "fit",
-) -> Target:
+) -> ReadImage:
     """Read a picture as a target (resolution, resolution), white on black.
 
     source: a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file of up to 20 000² pixels (16-bit colour at 8 bits a channel,
@@ -123,7 +123,7 @@ def read_target(
     if level > MIN_CONTRAST:
         notes.warn(f"the background is not black but {level:.2f}; a threshold would clear it")
     image = torch.from_numpy(_resample(grey, x, y, side, resolution, level))
-    return Target(image, inverted, (width, height), (x, y, x + side, y + side), resolution / side, tuple(notes),
+    return ReadImage(image, inverted, (width, height), (x, y, x + side, y + side), resolution / side, tuple(notes),
                   tuple(notes.warnings))
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ...ifs.code import IFS
 from ..base import OnStep, Progress
-from .problem import Problem
+from .problem import SearchProblem
 from .stages import Stage, last_stages, stages_of
 from .state import Candidate, State
 
@@ -18,7 +18,7 @@ ANOTHER_ROUND = 0.5   # the probability that a round is followed by another, as 
 class Course:
     """All stages that a search may have, with their numbers, and how many moves each is expected to take."""
 
-    def __init__(self, problem: Problem):
+    def __init__(self, problem: SearchProblem):
         rounds = [stage for number in range(problem.rounds) for stage in stages_of(problem, number)]
         self.stages = {stage.key: stage for stage in [*rounds, *last_stages(problem)]}
         self.total = max(1.0, sum(map(self._expected, self.stages.values())))
@@ -45,7 +45,7 @@ class Teller:
     """Tells `on_step` what there is to tell: scores and the count of moves after each, a preview now and then, and at
     the end of a stage its code."""
 
-    def __init__(self, on_step: OnStep | None, problem: Problem, previews: int, render: Callable[[IFS], Tensor]):
+    def __init__(self, on_step: OnStep | None, problem: SearchProblem, previews: int, render: Callable[[IFS], Tensor]):
         self.on_step, self.problem, self.render, self.course = on_step, problem, render, Course(problem)
         self.every = max(1, int(self.course.total) // previews) if previews else 0
 

@@ -14,7 +14,7 @@ from .course import Teller
 from .measure.levels import levels_of
 from .params import CollageParams
 from .pipeline import Pipeline
-from .problem import Problem
+from .problem import SearchProblem
 from .stages import Stage
 from .state import State
 
@@ -54,7 +54,7 @@ class Collage(Method):
         self.check(target)
         image, params = check_target(target).to(self.device), self.params
         levels = levels_of(image, params.levels, params.camera)
-        problem = Problem(image, levels, params, self.seed, self.deadline())
+        problem = SearchProblem(image, levels, params, self.seed, self.deadline())
         snapshot = checkpoint.load() if checkpoint else None
         told = State.of(snapshot, self.device) if snapshot else State()
         size = problem.image.shape[0]

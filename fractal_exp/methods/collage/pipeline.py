@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from .problem import Problem
+from .problem import SearchProblem
 from .stages import Stage, last_stages, stages_of
 from .state import Candidate, State
 
@@ -16,7 +16,7 @@ class Pipeline:
     """One search. `state` is where it stands: a search that begins with the state of another goes on from there, bit
     for bit as if it had never stopped. on_move and on_stage are called after each move and after each stage."""
 
-    def __init__(self, problem: Problem, state: State, *, on_move: Tell, on_stage: Tell):
+    def __init__(self, problem: SearchProblem, state: State, *, on_move: Tell, on_stage: Tell):
         self.problem, self.state = problem, state
         self.on_move, self.on_stage = on_move, on_stage
 

@@ -17,7 +17,7 @@ from .params import CollageParams
 
 
 @dataclass(frozen=True)
-class Problem:
+class SearchProblem:
     """The image `given` (R,R). The search is made on an `image` of at most `stages.largest_side` pixels a side, and its
     `masses`; `full_side` is the side on which the code of a larger one is polished."""
 

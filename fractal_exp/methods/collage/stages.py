@@ -14,7 +14,7 @@ from .image.pruning import pruned_in_frame
 from .image.search import ImageSearch
 from .measure.saturation import saturation_corrected
 from .measure.search import MeasureSearch, Regime
-from .problem import Problem
+from .problem import SearchProblem
 from .state import Candidate, Key, State
 
 
@@ -28,7 +28,7 @@ class Stage(ABC):
     ends_at: str
     search: MeasureSearch | ImageSearch
 
-    def __init__(self, problem: Problem, number: int = 0, restart: int = 0):
+    def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         self.problem, self.params, self.round, self.restart = problem, problem.params, number, restart
 
     @property
@@ -296,14 +296,14 @@ class LastDigits(Stage):
         return replace(state, best=state.current, before=None)
 
 
-def stages_of(problem: Problem, number: int) -> list[Stage]:
+def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
     """The stages of a round, in order."""
     restarts = [Restart(problem, number, restart) for restart in range(problem.restarts(number))]
     approach = [Approach(problem, number)] if problem.is_reduced else []
     return [*restarts, FromMixture(problem, number), Detail(problem, number), *approach, ImageMoves(problem, number)]
 
 
-def last_stages(problem: Problem) -> list[Stage]:
+def last_stages(problem: SearchProblem) -> list[Stage]:
     """What comes after all rounds."""
     full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []
     last = [LastDigits(problem, problem.rounds)] if problem.params.canonical.enabled else []

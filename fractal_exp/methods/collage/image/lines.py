@@ -29,7 +29,7 @@ class _Laid(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Course:
+class CanvasLine:
     """A straight line on the canvas: where the coordinate number `main` (0 for x, 1 for y) is t, the other one is
     height + slope · t, |slope| <= 1. Its rows are those of the pixels along `main`."""
 
@@ -38,7 +38,7 @@ class Course:
     height: float
 
     @classmethod
-    def of(cls, line: Tensor, points: Tensor) -> Course:
+    def of(cls, line: Tensor, points: Tensor) -> CanvasLine:
         """That on which a map (6,) lays points (P,2), but for the width of their image."""
         image = points @ line[:4].view(2, 2).T + line[4:]
         middle = image.mean(0)
@@ -88,7 +88,7 @@ def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: L
     """
     given, supersample = line, shown.supersample
     line, points, target, rest = (each.double().cpu() for each in (line, points, shown.target, shown.rest))
-    course = Course.of(line, points)
+    course = CanvasLine.of(line, points)
     wanted, there = (course.pixels(each, params.aside_px) for each in (target, rest))
     light, variance = _missing(wanted, there, supersample)
     cells = supersample * (1 + abs(course.slope))  # subpixels of a row that the line crosses

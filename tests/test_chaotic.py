@@ -109,6 +109,15 @@ def test_several_starts_are_scouted_and_the_best_goes_on(target):
     assert told[12].scalars["loss"] == pytest.approx(min(best_of_each), rel=0.1)
 
 
+def test_every_start_has_parameters_of_its_own(target, monkeypatch):
+    begun, start = [], Alternating.start
+    monkeypatch.setattr(Alternating, "start", lambda self, raw, seed: (begun.append(raw), start(self, raw, seed))[1])
+    fit(Alternating(every=2, candidates=2), iterations=2, starts=3, scouting=2).reconstruct(target)
+    first, second, third = ([value.detach().clone() for value in raw.values()] for raw in begun[:3])
+    assert not any(torch.equal(a, b) for a, b in zip(first, second, strict=True))
+    assert not any(torch.equal(a, b) for a, b in zip(second, third, strict=True))
+
+
 def test_splats_shrink_in_equal_parts_of_the_run_and_the_best_state_is_of_the_last(target, monkeypatch):
     drawn, told = [], []
     splat = ForwardModel._splat

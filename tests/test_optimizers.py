@@ -119,6 +119,17 @@ def test_the_centre_moves_with_every_accepted_candidate():
     assert float(walked) > 0.2 * math.sqrt(50) / 3, "a walk of 50 steps, not one step from the start"
 
 
+def test_a_candidate_is_compared_with_the_one_that_was_accepted_last():
+    class Told(Bowl):
+        energies = iter([10.0, 5.0, 8.0, 8.0])  # of the start, then of each candidate
+
+        def energy(self, raw, seed):
+            return torch.full((1,) if isinstance(seed, torch.Tensor) else (), next(self.energies))
+
+    optimizer = Alternating(lr=1e-9, every=1, candidates=3, annealing=Annealing(sharpness=1000.0))
+    assert run(optimizer, Told(), 1)[0].accepted == pytest.approx(1 / 3), "8 is less than 10, and more than 5"
+
+
 @pytest.mark.parametrize("common", [True, False])
 @pytest.mark.parametrize("together", [3, 8, 50])
 def test_candidates_rendered_together_lead_to_where_single_ones_do(together, common):

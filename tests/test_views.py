@@ -42,6 +42,7 @@ def test_views_are_pinned():
     view = evaluation_views(None, "uniform", seed=0)["4-8x-b"]
     assert (*view.center, view.zoom) == pytest.approx((0.5718998061443388, 0.06528920695491096, 4.702622482410236),
                                                       rel=1e-12)
+    assert evaluation_views(None, "uniform", seed=1)["4-8x-b"].zoom != view.zoom
 
 
 def test_the_seed_depends_on_the_fractal_alone():

@@ -35,6 +35,7 @@ from fractal_exp.runtime import threads
 from fractal_exp.runtime.deadline import Deadline
 
 from . import archive
+from .record import machine
 
 FULL, SEED = "nothing", 20261123
 SETS = {"suite": "grey", "classics": "grey", "binary": "binary"}   # and the kind of their targets
@@ -87,7 +88,8 @@ def fit(part: str, name: str, fractal: int | str, limit: float, resolution: int 
              for key in ("linear", "offset", "probabilities")}
     return {"without": part, "set": name, "fractal": fractal, "suite": seed, "limit": limit, "resolution": resolution,
             "f1_box": round(float(boxed), 4), "f1_frame": round(float(framed), 4), "exact": bool(exact),
-            "seconds": round(seconds, 2), "code": plain, **archive.here(), "date": time.strftime("%Y-%m-%d")}
+            "seconds": round(seconds, 2), "code": plain, **archive.here(), "machine": machine(),
+            "date": time.strftime("%Y-%m-%d")}
 
 
 def read(folder: Path) -> pd.DataFrame:
@@ -103,7 +105,7 @@ def table(fits: pd.DataFrame) -> pd.DataFrame:
     whole = fits[fits["without"] == FULL].set_index(keys)[SCORES].astype(float)
     for (name, part), group in fits.groupby(["set", "without"], sort=False):
         each = group.set_index(keys)[SCORES].astype(float)
-        pairs = each.join(whole, rsuffix="_whole", how="inner")
+        pairs = each.merge(whole, left_index=True, right_index=True, suffixes=("", "_whole"))
         row = {"set": name, "without": part, "fits": len(pairs)}
         for score in SCORES:
             difference = (pairs[score] - pairs[f"{score}_whole"]).to_numpy()
@@ -118,6 +120,8 @@ def table(fits: pd.DataFrame) -> pd.DataFrame:
 def report(folder: Path) -> str:
     """The tables as Markdown, written to report.md."""
     fits = read(folder)
+    if fits.empty:
+        raise SystemExit(f"{folder} holds no fits yet")
     limits, commits = sorted(set(fits["limit"])), sorted({str(commit)[:9] for commit in fits["commit"]})
     text = [f"Collage search without each part; at most {', '.join(f'{each:g}' for each in limits)} s of one core a "
             f"fit; fitted by {', '.join(commits)}.", ""]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -12,6 +13,27 @@ from ...ifs.code import IFS, PROBABILITY_FLOOR
 from ...ops.collage import BinnedMeasure
 
 SINGULAR = 1e-6  # a determinant that counts as none
+
+
+@dataclass(frozen=True)
+class WeightedMaps:
+    """Maps (N,6) with weights.
+
+    weights (N,): relative, a map's probability is its weight over their sum; None: they are tied to |det| + 0.01.
+    """
+
+    maps: Tensor
+    weights: Tensor | None
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(N,), summing to 1."""
+        return normalized(volumes(self.maps) if self.weights is None else self.weights)
+
+    @property
+    def code(self) -> IFS:
+        """The code of the maps."""
+        return to_code(self.maps, self.weights)
 
 
 def from_code(code: IFS) -> Tensor:

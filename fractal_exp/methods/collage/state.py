@@ -8,9 +8,8 @@ import torch
 from torch import Tensor
 
 from ...errors import InputError
-from ...ifs.code import IFS
 from ...runtime.checkpoint import Snapshot
-from . import maps as affine
+from .maps import WeightedMaps
 
 VERSION = 6   # of the stages and their scores, which checkpoints name
 CANDIDATES = "current", "best", "before"   # of `State`
@@ -19,26 +18,11 @@ Key = tuple[int, int, int]   # a stage: its round, its order in the round, and w
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A code as the search sees it: maps (N,6), its error, and its score; less is better of both.
+class Candidate(WeightedMaps):
+    """A code as the search sees it: its error, and its score; less is better of both."""
 
-    weights (N,): relative, a map's probability is its weight over their sum; None: they are tied to |det| + 0.01.
-    """
-
-    maps: Tensor
-    weights: Tensor | None
     error: float
     score: float = float("inf")
-
-    @property
-    def probabilities(self) -> Tensor:
-        """(N,), summing to 1."""
-        return affine.normalized(affine.volumes(self.maps) if self.weights is None else self.weights)
-
-    @property
-    def code(self) -> IFS:
-        """The code of the maps."""
-        return affine.to_code(self.maps, self.weights)
 
 
 @dataclass(frozen=True)

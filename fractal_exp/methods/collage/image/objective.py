@@ -18,24 +18,11 @@ from .frame import Frame
 
 
 @dataclass(frozen=True)
-class Rendered:
-    """Maps (N,6) with weights (N,), or None if they are tied to |det| + 0.01; the code's rendering (R,R), and its error
-    (see `ImageObjective`)."""
+class Rendered(affine.WeightedMaps):
+    """A code with its rendering (R,R), and the error of that (see `ImageObjective`)."""
 
-    maps: Tensor
-    weights: Tensor | None
     image: Tensor
     error: float
-
-    @property
-    def probabilities(self) -> Tensor:
-        """(N,), summing to 1."""
-        return affine.normalized(affine.volumes(self.maps) if self.weights is None else self.weights)
-
-    @property
-    def code(self) -> IFS:
-        """The code of the maps."""
-        return affine.to_code(self.maps, self.weights)
 
 
 class ImageObjective:

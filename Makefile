@@ -20,7 +20,7 @@ SLURM ?= /tmp/fractal-exp-slurm
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
 
-setup: $(READY) ## Create .venv and install all that commands and tests need (about 7 GB on disk, once)
+setup: $(READY) ## Create .venv and install all that commands and tests need (several gigabytes, once)
 
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "fractal-exp needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; name another with: make PYTHON=python3.12 ...")'

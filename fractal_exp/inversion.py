@@ -17,7 +17,7 @@ from .ifs.code import IFS, View
 from .images.placement import Placement
 from .images.reading import ReadImage, read_colour, write_image
 from .methods.collage.image.objective import ImageObjective
-from .methods.collage.measure.levels import levels_of
+from .methods.collage.measure.tones import levels_of
 from .methods.collage.params import CollageParams
 from .methods.history import StageRecord
 from .rendering import sheets

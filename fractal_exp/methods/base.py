@@ -64,6 +64,7 @@ class CodeReconstruction(Reconstruction):
     code: IFS
     stopped: str = ""
     notes: tuple[str, ...] = ()
+    camera: tuple[str | float, ...] = ()
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:

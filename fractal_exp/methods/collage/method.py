@@ -11,7 +11,7 @@ from ...runtime.checkpoint import Checkpoint
 from ...runtime.deadline import Deadline
 from ..base import CodeReconstruction, Method, OnStep, check_device, check_target
 from .course import Teller
-from .measure.levels import levels_of
+from .measure.tones import levels_of
 from .params import CollageParams
 from .pipeline import Pipeline
 from .problem import SearchProblem
@@ -79,7 +79,8 @@ class Collage(Method):
             if checkpoint:  # not a move further than what was told: the resumed search does not tell it again
                 checkpoint.save(told.snapshot())
             raise
-        return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=pipeline.state.stopped)
+        return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=pipeline.state.stopped,
+                                  camera=best.camera)
 
     def deadline(self) -> Deadline:
         """The limit of time, from now on."""

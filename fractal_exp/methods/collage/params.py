@@ -256,12 +256,29 @@ class CameraParams(Params):
     """Share of lit subpixels above which a pixel of a binary image is white."""
     reuse: Positive = 8
     """Words under which a point of the invariant measure is put in a rendering that judges a code."""
-    lit: Share = 1 / 64
-    """Grey level above which a pixel counts as lit, where the meaning of grey levels is guessed."""
-    white: Share = 0.95
-    """Grey level below which a pixel surrounded by lit ones is not white."""
-    density_share: Share = 0.25
-    """Share of such pixels above which grey levels are taken to be a density."""
+    rounding: Amount = 1e-3
+    """Subpixels by which a grey level of our own renderer may miss a whole number of them."""
+
+    pen_px: Amount | None = None
+    """Radius of the pen that drew lines and areas, pixels of the image; none: estimated."""
+    blur_px: Amount | None = None
+    """Standard deviation of the blur, pixels of the image; none: estimated."""
+    tiles_px: tuple[Factor, ...] = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
+    """Sizes of the smallest parts of a construction that are tried; none: only the attractor is."""
+    dotted: Share = 0.75
+    """Dots explain a picture if their angle of error is below this share of that of a pen."""
+    gain: Factor | None = None
+    """How fast dots cover the paper, for a density relative to a uniform one on the canvas; none: estimated."""
+    pens_px: Annotated[tuple[Amount, ...], Some] = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
+    """Radii that are tried."""
+    blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+    """Blurs that are tried."""
+    gains: Annotated[tuple[Factor, ...], Some] = tuple(0.01 * 2**(k / 2) for k in range(18))
+    """Gains that are tried."""
+    pen_supersample: Positive = 3
+    """Subpixels a side of a pixel where a pen is laid on."""
+    dot_supersample: Positive = 2
+    """Subpixels a side of a pixel where dots are blurred."""
 
 
 class ImageParams(Params):
@@ -294,12 +311,18 @@ class MoveParams(Params):
     """Odds of removing some maps."""
     root: Odds = 0.08
     """Odds of replacing a map by its square or cube root. 0 also leaves out the roots tried at the start."""
+    drawn_count: Count = 24
+    """Moves in a picture that others drew."""
+    alike: Share = 0.985
+    """F1 within 1 px from which on the code of such a picture is settled."""
     longest: Annotated[int, Field(ge=1)] = 3
     """Times `count` moves are made at most, while the error keeps being halved."""
     recent: Share = 2 / 3
     """Moves, as a share of `count`, within which the error must have been halved to go on."""
     price: Amount = 0.04
     """Cost of a map, in units of the noise of a rendering."""
+    worth: Amount = 0.1
+    """Share of the error by which a map must lower it in a picture that others drew."""
     missing: Amount = 1e3
     """Cost of each map fewer than asked for."""
     candidates: Positive = 24
@@ -358,6 +381,8 @@ class MoveParams(Params):
     """Maps from which on roots are not tried where the code is hopeless."""
     root_orders: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (2, 3)
     """Orders of roots."""
+    root_all: Count = 5
+    """Maps that a code of a picture that others drew may have for the roots of all to be tried at the start."""
     root_largest: Count = 2
     """Largest maps whose roots are tried at the start of the stage."""
 
@@ -530,6 +555,8 @@ class StageParams(Params):
     """Error of a rendering, radians rms, from which on the image is taken to show no code's attractor."""
     avoid_isometries: bool = True
     """Whether every other round keeps clear of near-isometries, if a code with one has failed."""
+    unlike: Share = 0.95
+    """F1 within 1 px below which the code of a picture that others drew is worth another round, and no rounding."""
     isometry: Share = 0.95
     """Smaller singular value above which a map is a near-isometry,"""
     contraction: SingularValue = 0.9
@@ -575,7 +602,7 @@ class CollageParams(Params):
     """Upper bound of the number of maps; null: no bound."""
     rounds: Positive | None = None
     """Rounds at most; null: as `stages` says for the meaning of the grey levels."""
-    levels: Literal["auto", "density", "coverage", "binary"] = "auto"
+    levels: Literal["auto", "density", "dots", "coverage", "binary"] = "auto"
     """What grey levels mean: the density of a chaos game's points, the covered share of a pixel, or nothing (black and
     white)."""
     search: SearchParams = SearchParams()

@@ -13,6 +13,7 @@ from ...runtime.seeds import derive
 from .image.objective import ImageObjective, reduced
 from .image.search import ImageSearch
 from .measure.levels import Levels
+from .measure.tones import Camera, LEVELS, seen_with
 from .params import CollageParams
 
 
@@ -54,16 +55,34 @@ class SearchProblem:
         """Whether the search is made on a smaller image than the one given."""
         return self.image is not self.given
 
-    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1) -> ImageObjective:
-        """The image at this size as a judge of codes; `code` is the best so far."""
-        image = self.given
-        if size != image.shape[0]:
-            image = reduced(image, size, code, self.levels, self.params, seed)
-        return ImageObjective(image, self.levels, self.params, seed, renderings)
+    def camera(self, code: IFS, seed: int) -> Camera:
+        """What the image says of its camera if the code is nearly right; nothing where the levels are exact."""
+        if self.levels.is_exact:
+            return ()
+        found = {}
+        for name in ("coverage", "dots") if self.params.levels == "auto" else (self.params.levels,):
+            levels = LEVELS[name](self.levels.camera, self.image)
+            judge = ImageObjective(self.image, levels, self.params)
+            tried = levels.candidates(code, len(self.image), derive(seed, "camera"))
+            error, values = min((judge.error(image), values) for values, image in tried)
+            found[name] = judge.angle(error), (name, *values)
+        first, *others = found.values()
+        return next((camera for angle, camera in others if angle < self.levels.camera.dotted * first[0]), first[1])
 
-    def image_search(self, code: IFS, deadline: Deadline, *path: str | int) -> ImageSearch:
-        """The search by renderings, at the size of the problem's image; `code` is the best so far."""
+    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1, camera: Camera = ()
+                  ) -> ImageObjective:
+        """The image at this size as a judge of codes; `code` is the best so far, seen with this camera."""
+        image, levels = self.given, seen_with(self.levels, camera)
+        if size != image.shape[0]:
+            image = reduced(image, size, code, levels, self.params, seed)
+        return ImageObjective(image, levels, self.params, seed, renderings)
+
+    def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
+                     camera: Camera | None = None) -> ImageSearch:
+        """The search by renderings, at the size of the problem's image; `code` is the best so far, seen with this
+        camera, or the one that suits it best."""
         seed = derive(self.seed, *path)
-        objective = self.objective(len(self.image), code, seed)
+        camera = self.camera(code, seed) if camera is None else camera
+        objective = self.objective(len(self.image), code, seed, camera=camera)
         masses = self.levels.measure(objective.image) if self.is_reduced else self.masses
         return ImageSearch(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)

@@ -10,7 +10,7 @@ from ...runtime.seeds import derive
 from . import maps as affine
 from .canonical.rounding import Rounding
 from .image.gauss_newton import fitted_into_frame
-from .image.pruning import pruned_in_frame
+from .image.pruning import Price, pruned_in_frame
 from .image.search import ImageSearch
 from .measure.saturation import saturation_corrected
 from .measure.search import MeasureSearch, Regime
@@ -181,11 +181,12 @@ class ImageMoves(Stage):
 
     @property
     def expected_moves(self) -> int:
-        return self.params.moves.count
+        moves = self.params.moves
+        return moves.count if self.problem.levels.is_exact else moves.drawn_count
 
     @property
     def most_moves(self) -> int:
-        return self.params.moves.longest * self.expected_moves
+        return self.params.moves.longest * self.expected_moves if self.problem.levels.is_exact else self.expected_moves
 
     @property
     def recent(self) -> int:
@@ -193,10 +194,20 @@ class ImageMoves(Stage):
         return max(1, round(self.params.moves.recent * self.expected_moves))
 
     def open(self, state: State) -> None:
-        self.search = self.problem.image_search(state.best.code, self.problem.deadline, "retouch", self.round)
+        self._open(state.best, state.current and state.current.camera)
+
+    def _open(self, best: Candidate, camera: tuple[str | float, ...] | None = None) -> None:
+        self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera)
 
     def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.best)
+        return self._seen_anew(self.search.resume(state.best))
+
+    def _seen_anew(self, found: Candidate) -> Candidate:
+        """Seen with the camera that suits it, if that has to be estimated."""
+        if self.problem.levels.is_exact:
+            return found
+        self._open(found)
+        return self.search.judged(found)
 
     def step(self, now: Candidate, number: int) -> Candidate:
         more = number + 1 - self.expected_moves  # small maps that make up for a wrong one keep it where it is
@@ -213,8 +224,8 @@ class ImageMoves(Stage):
         state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
             self.search = problem.image_search(state.current.code, problem.deadline, "finish", self.round)
-        found, before = self.search.finish(state.current), state.before
-        if before is not None and problem.is_reduced:  # it was judged by another image
+        found, before = self.search.finish(self._seen_anew(state.current)), state.before
+        if before is not None and (problem.is_reduced or not problem.levels.is_exact):  # it was judged otherwise
             before = self.search.judged(before)
         best = found if before is None or found.score < before.score else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):
@@ -234,6 +245,8 @@ class ImageMoves(Stage):
 
     def _is_wrong(self, candidate: Candidate) -> bool:
         stages = self.params.stages
+        if not self.problem.levels.is_exact:
+            return self.search.likeness(candidate) < stages.unlike
         worth = stages.later_rounds if self.round else stages.second_round
         return self.search.noise_ratio(candidate) > worth and not self.search.objective.is_hopeless(candidate.error)
 
@@ -250,19 +263,20 @@ class FullSize(Stage):
 
     def open(self, state: State) -> None:
         seed = derive(self.problem.seed, "full")
-        self.objective = self.problem.objective(self.problem.full_side, state.result.code, seed)
+        self.objective = self.problem.objective(self.problem.full_side, state.result.code, seed,
+                                                camera=state.result.camera)
 
     def begin(self, state: State) -> Candidate:
         objective, params = self.objective, self.params
         start = objective.judge(state.result.maps, state.result.weights)
         noise = objective.noise(start.code)
         near = start.error < params.frame.far * noise
-        start = pruned_in_frame(objective, start, params.moves.price * noise, params.maps or 0, near=near,
+        start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
                                 deadline=self.problem.deadline)
         found = fitted_into_frame(objective, start, params.stages.full_polish, objective.own_frame() if near else None,
                                   deadline=self.problem.deadline)
         weights = None if found.weights is None else found.probabilities
-        return Candidate(found.maps, weights, found.error, found.error)
+        return Candidate(found.maps, weights, found.error, found.error, state.result.camera)
 
     def close(self, state: State) -> State:
         return replace(state, best=state.current, before=None)
@@ -281,16 +295,23 @@ class LastDigits(Stage):
         large = self.problem.full_side > self.params.stages.largest_side
         renderings = 1 if large else self.params.image.last_renderings
         self.objective = self.problem.objective(self.problem.full_side, state.result.code,
-                                                derive(self.problem.seed, "last digits"), renderings)
+                                                derive(self.problem.seed, "last digits"), renderings, state.result.camera)
 
     def begin(self, state: State) -> Candidate:
-        found, hasty = state.result, self.objective.hasty()
-        far = max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
-        if hasty.judge(found.maps, found.weights).error > far:
+        found = state.result
+        if self._is_far(found):
             return found
         last = Rounding(self.objective, self.problem.deadline)(self.objective.judge(found.maps, found.weights))
         weights = None if last.weights is None else last.probabilities
-        return Candidate(last.maps, weights, last.error, last.error)
+        return Candidate(last.maps, weights, last.error, last.error, found.camera)
+
+    def _is_far(self, found: Candidate) -> bool:
+        """Whether simple numbers near to the found ones would tell nothing."""
+        hasty = self.objective.hasty()
+        shown = hasty.judge(found.maps, found.weights)
+        if not self.problem.levels.is_exact:
+            return hasty.likeness(shown.image) < self.params.stages.unlike
+        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
 
     def close(self, state: State) -> State:
         return replace(state, best=state.current, before=None)

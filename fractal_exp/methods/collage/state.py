@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
 from .maps import WeightedMaps
 
-VERSION = 6   # of the stages and their scores, which checkpoints name
+VERSION = 7   # of the stages and their scores, which checkpoints name
 CANDIDATES = "current", "best", "before"   # of `State`
 
 Key = tuple[int, int, int]   # a stage: its round, its order in the round, and which restart it is
@@ -19,10 +19,12 @@ Key = tuple[int, int, int]   # a stage: its round, its order in the round, and w
 
 @dataclass(frozen=True)
 class Candidate(WeightedMaps):
-    """A code as the search sees it: its error, and its score; less is better of both."""
+    """A code as the search sees it: its error, and its score; less is better of both. camera: with which it was judged,
+    see `measure.tones`."""
 
     error: float
     score: float = float("inf")
+    camera: tuple[str | float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class State:
         tensors |= {f"{name}/weights": each.weights for name, each in kept.items() if each.weights is not None}
         if self.pool is not None:
             tensors["pool"] = self.pool
-        numbers = {name: [each.error, each.score] for name, each in kept.items()}
+        numbers = {name: [each.error, each.score, *each.camera] for name, each in kept.items()}
         return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
                                              "scores": list(self.scores), "stopped": self.stopped, **numbers})
 
@@ -88,8 +90,10 @@ class State:
         if version != VERSION:
             raise InputError(f"expected a checkpoint of collage search in its version {VERSION}, got one of version "
                              f"{version}; start anew with resume=false")
-        kept = {name: Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), *numbers[name])
-                for name in CANDIDATES if name in numbers}
+        kept = {}
+        for name in (name for name in CANDIDATES if name in numbers):
+            error, score, *camera = numbers[name]
+            kept[name] = Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), error, score, tuple(camera))
         done, halved = (tuple(each) if each else None for each in (numbers["done"], numbers["halved"]))
         return cls(done, snapshot.iteration, **kept, halved=halved, pool=tensors.get("pool"),
                    scores=tuple(numbers["scores"]), stopped=numbers["stopped"])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
+from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 
 from ....ifs.code import IFS
 from ....runtime.seeds import derive
@@ -53,8 +53,8 @@ class ImageObjective:
         return other
 
     def own_frame(self) -> Frame | None:
-        """The frame that the image fills, if it fills one."""
-        return Frame.of(self.image, self.params.frame)
+        """The frame that the image fills, if it fills one; a picture that others drew tells of none."""
+        return None if not self.levels.is_exact else Frame.of(self.image, self.params.frame)
 
     def hasty(self) -> ImageObjective:
         """The same, with a single rendering of each code."""
@@ -114,6 +114,14 @@ class ImageObjective:
         """The error that the true code would have by chance, told from two renderings of this one."""
         other = ImageObjective(self.render(code, "again"), self.levels, self.params)
         return max(self.params.image.least_noise, other.error(self.render(code)))
+
+    def likeness(self, rendering: Tensor) -> float:
+        """F1 of the masks of the image and a rendering (R,R), each against the other's 3×3 dilation."""
+        masks = [image[None] > self.levels.camera.threshold for image in (self.image, rendering)]
+        wide = [max_pool2d(mask.float(), 3, 1, 1) > 0 for mask in masks]
+        recall, precision = (float((mask & other).sum()) / max(1, int(mask.sum()))
+                             for mask, other in zip(masks, reversed(wide), strict=True))
+        return 2 * precision * recall / max(precision + recall, 1e-9)
 
     def is_hopeless(self, error: float) -> bool:
         """Whether a code of this error is so far from the image that the image may show no attractor. What costs much

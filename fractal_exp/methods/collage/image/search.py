@@ -16,6 +16,7 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
 from ..canonical.rounding import Rounding
+from ..measure.tones import camera_of
 from ..state import Candidate
 from .gauss_newton import fitted_into_frame, polished
 from .jacobian import FromRenderings
@@ -23,7 +24,7 @@ from .moves import MOVES
 from .moves.growth import CorrectedMeasure
 from .moves.root import rooted
 from .objective import ImageObjective, Rendered
-from .pruning import pruned, pruned_in_frame
+from .pruning import Price, pruned, pruned_in_frame
 from .refine import refined
 
 
@@ -34,7 +35,8 @@ class ImageSearch:
     def __init__(self, objective: ImageObjective, masses: Tensor, *, noise: float, seed: int = 0,
                  deadline: Deadline = NO_DEADLINE):
         self.objective, self.params, self.masses, self.seed = objective, objective.params, masses, seed
-        self.price, self.deadline = self.params.moves.price * noise, deadline
+        worth = 0.0 if objective.levels.is_exact else self.params.moves.worth
+        self.price, self.deadline = Price(self.params.moves.price * noise, worth), deadline
         self._shown: Rendered | None = None
         self._corrected: CorrectedMeasure | None = None
         self._noise: tuple[Tensor, float] | None = None
@@ -48,13 +50,18 @@ class ImageSearch:
         tried = (None, free) if self.params.moves.own_weights else (None,)
         found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
                  for weights in tried]
-        best = self.polished(self.pruned(self._simpler(found[0], found[-1])), half)
+        first = self._simpler(found[0], found[-1])
+        best = self.polished(self.pruned(first), half)
+        if not self.objective.levels.is_exact:  # what is pruned at this price may be what the root of a map needs
+            best = min(best, self._with_root(first) or best, key=self.score)
         return self.candidate(self._with_root(best) or best)
 
     def _with_root(self, best: Rendered) -> Rendered | None:
         """The code with the root of one of its largest maps, if that is better."""
         moves = self.params.moves
-        tried = 0 if self.params.maps or not moves.root else moves.root_largest
+        tried = moves.root_largest if self.objective.levels.is_exact or len(best.maps) > moves.root_all \
+            else len(best.maps)
+        tried = 0 if self.params.maps or not moves.root else tried
         for chosen in affine.volumes(best.maps).argsort(descending=True)[:tried].tolist():
             if self.deadline.passed:
                 break
@@ -84,7 +91,7 @@ class ImageSearch:
     def finish(self, now: Candidate) -> Candidate:
         """Cleaned, and polished on several renderings at once, whose noise is less, if it is noise that is left."""
         cleaned = self.cleaned(now)
-        if self.objective.is_hopeless(cleaned.error):
+        if not self.objective.levels.is_exact or self.objective.is_hopeless(cleaned.error):
             return cleaned
         found = self.shown(cleaned)
         if found.weights is not None:
@@ -113,8 +120,14 @@ class ImageSearch:
     def is_settled(self, now: Candidate, moves: int) -> bool:
         """Whether the code's rendering is as near to the image as that of the true one would be; after many moves,
         nearly as near."""
+        if not self.objective.levels.is_exact:
+            return self.likeness(now) >= self.params.moves.alike and len(now.maps) >= (self.params.maps or 0)
         worth = self.params.moves.settled + self.params.moves.settled_more * moves
         return self.noise_ratio(now) < worth and len(now.maps) >= (self.params.maps or 0)
+
+    def likeness(self, now: Candidate) -> float:
+        """Of the code's rendering to the image, see `ImageObjective`."""
+        return self.objective.likeness(self.shown(now).image)
 
     def noise_ratio(self, now: Candidate) -> float:
         """The error, in units of the error of another rendering of the same code."""
@@ -153,7 +166,8 @@ class ImageSearch:
     def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
         """The code with weights of its own only if its error is much lower, as free weights also fit noise, and lag
         behind when maps move."""
-        return own if own.error < self.params.moves.own_weights * tied.error else tied
+        own_weights = self.params.moves.own_weights if self.objective.levels.is_exact else 1.0
+        return own if own.error < own_weights * tied.error else tied
 
     # -- what moves are made of ---------------------------------------------------------------------------------------
 
@@ -185,13 +199,13 @@ class ImageSearch:
     def score(self, rendered: Rendered) -> float:
         """The error and the price of the maps; less is better."""
         missing = max(0, (self.params.maps or 0) - len(rendered.maps))
-        return rendered.error + self.price * len(rendered.maps) + self.params.moves.missing * missing
+        return self.price.score(rendered.error, len(rendered.maps)) + self.params.moves.missing * missing
 
     def candidate(self, rendered: Rendered) -> Candidate:
         """What the search keeps of a rendering."""
         weights = None if rendered.weights is None else rendered.probabilities
         self._shown = replace(rendered, weights=weights)  # as one that is resumed has them
-        return Candidate(rendered.maps, weights, rendered.error, self.score(rendered))
+        return Candidate(rendered.maps, weights, rendered.error, self.score(rendered), camera_of(self.objective.levels))
 
     def shown(self, now: Candidate) -> Rendered:
         """The candidate's rendering."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
+from torch.nn.functional import adaptive_avg_pool2d
 
 from ....ifs.code import IFS
 from ....ops import cuda_launch
@@ -14,14 +14,17 @@ from ..params import CameraParams
 
 class Levels(ABC):
     """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel shows a line thinner
-    than itself; is_density: whether a pixel tells how often it is hit."""
+    than itself; is_density: whether a pixel tells how often it is hit. is_exact: whether an image differs from a rendering of its
+    true code by chance alone; if not, `values` holds what was estimated of the camera, and is empty before. image: the
+    picture itself (R,R)."""
 
     is_graded = True
     is_density = False
+    is_exact = True
     supersample: int
 
-    def __init__(self, camera: CameraParams):
-        self.camera, self.supersample = camera, camera.supersample
+    def __init__(self, camera: CameraParams, image: Tensor | None = None, values: tuple[float, ...] = ()):
+        self.camera, self.image, self.values, self.supersample = camera, image, values, camera.supersample
 
     @abstractmethod
     def measure(self, image: Tensor) -> Tensor:
@@ -37,12 +40,21 @@ class Levels(ABC):
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         """The image (R,R) of a code. independent: each point is used once, which costs twice the time."""
+        return self.occupied(code, resolution, self.supersample, self.points(resolution), seed, independent)
+
+    def points(self, resolution: int) -> int:
+        """Points of the chaos game for an image of this resolution."""
+        return round(self.camera.points_per_pixel * resolution**2)
+
+    def occupied(self, code: IFS, resolution: int, supersample: int, points: int, seed: int, independent: bool,
+                 mode: str = "occupancy") -> Tensor:
+        """What `render` draws of a code, (R,R)."""
         from ....rendering.still import render_with_info  # and no warning: candidates may well lie beside the canvas
 
         device = "cuda" if code.linear.is_cuda and cuda_launch.INSTALLED else "cpu"
-        image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=self.supersample, seed=seed,
-                                    points_in_view=round(self.camera.points_per_pixel * resolution**2),
-                                    reuse=1 if independent else self.camera.reuse, device=device)
+        image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=supersample, seed=seed,
+                                    points_in_view=points, reuse=1 if independent else self.camera.reuse, mode=mode,
+                                    device=device)
         return image
 
 
@@ -66,8 +78,8 @@ class Coverage(Levels):
     """The share of a pixel that the shape covers, as in an anti-aliased image: subpixels so large that points fill
     them."""
 
-    def __init__(self, camera: CameraParams):
-        super().__init__(camera)
+    def __init__(self, camera: CameraParams, image: Tensor | None = None, values: tuple[float, ...] = ()):
+        super().__init__(camera, image, values)
         self.supersample = camera.coverage_supersample
 
     def measure(self, image: Tensor) -> Tensor:
@@ -98,26 +110,6 @@ class Binary(Levels):
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
         # points are always independent: were all of an image a little brighter, many pixels would turn white together
         return (super().render(code, resolution, seed, independent=True) > self.camera.threshold).float()
-
-
-LEVELS: dict[str, type[Levels]] = {"density": Density, "coverage": Coverage, "binary": Binary}
-
-
-def levels_of(image: Tensor, name: str, camera: CameraParams) -> Levels:
-    """What the grey levels of an image (R,R) mean, by name; "auto": as they look."""
-    return LEVELS[guess_levels(image, camera) if name == "auto" else name](camera)
-
-
-def guess_levels(image: Tensor, camera: CameraParams) -> str:
-    """"binary" if there are no greys; "density" if many pixels that are lit all around are not white, as in a rendering
-    by the chaos game; else "coverage", as in an anti-aliased image."""
-    if bool(((image == 0) | (image == 1)).all()):
-        return "binary"
-    inner = -max_pool2d(-image[None, None], 3, 1, 1)[0, 0] > camera.lit
-    inner[0] = inner[-1] = inner[:, 0] = inner[:, -1] = False
-    if not bool(inner.any()):
-        return "density"
-    return "density" if float((image[inner] < camera.white).float().mean()) > camera.density_share else "coverage"
 
 
 def _mean(image: Tensor, size: int) -> Tensor:

@@ -1,0 +1,112 @@
+"""Pictures that others drew: with a pen or dots of unknown width, and grey levels of unknown gain.
+
+What is not known of the camera is estimated for a code that is nearly right, by going through its values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from ....ifs.code import IFS
+from ..params import CameraParams
+from .levels import Coverage, Density
+from .tiles import tiled
+
+
+class Drawn(Coverage):
+    """Lines and areas: the share of a pixel that the drawing covers, blurred by a Gaussian. What is drawn is either the
+    attractor, with a round pen, or a step of its construction, whose smallest parts are tiles of one shape (`tiles`).
+    values: the tiles' size (0: the attractor), the pen's radius, and the standard deviation, canvas units."""
+
+    is_exact = False
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        if not self.values:
+            return super().render(code, resolution, seed, independent=independent)
+        size, radius, sigma = self.values
+        if size:
+            drawn = tiled(self.image, code, size, resolution, self.fine)
+        else:
+            distance = self._distance(code, resolution, seed, independent)
+            drawn = _inked(distance, radius * resolution / 2, self.fine)
+        return _blurred(drawn, sigma * resolution / 2)
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
+        """Values of the camera, each with the rendering (R,R) of the code that it makes."""
+        camera, pixel = self.camera, 2 / resolution
+        blurs = _given(camera.blur_px, camera.blurs_px)
+        distance = self._distance(code, resolution, seed, False)
+        for radius in _given(camera.pen_px, camera.pens_px):
+            inked = _inked(distance, radius, self.fine)
+            yield from (((0.0, radius * pixel, sigma * pixel), _blurred(inked, sigma)) for sigma in blurs)
+        for size in camera.tiles_px if camera.pen_px is None else ():
+            drawn = tiled(self.image, code, size * pixel, resolution, self.fine)
+            yield from (((size * pixel, 0.0, sigma * pixel), _blurred(drawn, sigma)) for sigma in blurs)
+
+    @property
+    def fine(self) -> int:
+        """Subpixels a side of a pixel where the pen is laid on."""
+        return self.camera.pen_supersample
+
+    def _distance(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
+        """From each subpixel to the nearest one that the attractor lights, (R·fine, R·fine), pixels."""
+        from scipy.ndimage import distance_transform_edt
+
+        lit = self.occupied(code, resolution * self.fine, 1, self.points(resolution), seed, independent)
+        if not bool(lit.any()):
+            return torch.full_like(lit, torch.inf)
+        return torch.from_numpy(distance_transform_edt(lit.numpy() == 0) / self.fine).float()
+
+
+class Dots(Density):
+    """A scatter plot: the density of points, each a dot of unknown width and opacity, as I = 1 - exp(-gain · density);
+    the density is relative to a uniform one on the canvas. values: gain, and the standard deviation of a dot's
+    Gaussian, canvas units."""
+
+    is_exact = False
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        if not self.values:
+            return super().render(code, resolution, seed, independent=independent)
+        gain, sigma = self.values
+        return self._toned(_blurred(self._density(code, resolution, seed, independent),
+                                    sigma * resolution * self.fine / 2), gain)
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
+        """Values of the camera, each with the rendering (R,R) of the code that it makes."""
+        camera, pixel = self.camera, 2 / resolution
+        density = self._density(code, resolution, seed, False)
+        for sigma in _given(camera.blur_px, camera.blurs_px):
+            blurred = _blurred(density, sigma * self.fine)
+            for gain in _given(camera.gain, camera.gains):
+                yield (gain, sigma * pixel), self._toned(blurred, gain)
+
+    @property
+    def fine(self) -> int:
+        """Subpixels a side of a pixel where dots are blurred."""
+        return self.camera.dot_supersample
+
+    def _density(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
+        return self.occupied(code, resolution * self.fine, 1, self.points(resolution), seed, independent, "density")
+
+    def _toned(self, density: Tensor, gain: float) -> Tensor:
+        return avg_pool2d((1 - (-gain * density).exp())[None], self.fine)[0]
+
+
+def _inked(distance: Tensor, radius: float, fine: int) -> Tensor:
+    """The share (R,R) of pixels within a radius, from distances (R·fine, R·fine); both pixels."""
+    return avg_pool2d(((radius - distance) * fine + 0.5).clamp(0, 1)[None], fine)[0]
+
+
+def _blurred(image: Tensor, sigma: float) -> Tensor:
+    from scipy.ndimage import gaussian_filter
+
+    return torch.from_numpy(gaussian_filter(image.numpy(), sigma)) if sigma else image
+
+
+def _given(value: float | None, others: Sequence[float]) -> Sequence[float]:
+    return others if value is None else (value,)

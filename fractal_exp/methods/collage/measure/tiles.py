@@ -1,0 +1,78 @@
+"""The construction of a fractal that ended after some steps: copies of one shape, as polygons and turtles draw them.
+
+A picture W^d(B) consists of the images of an initiator B under all words of d maps. B is not known, but for the true
+code each word shows it: pulled back by the words, all parts of the picture are the same.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d, grid_sample
+
+from ....ifs.attractor import FRAME_SIDE
+from ....ifs.code import IFS
+from ..maps import from_code, largest_singular
+
+MOST_WORDS, SEEN_WORDS = 6000, 800   # that are drawn, and in which the initiator is looked at
+WIDEST = 160                         # cells a side of the initiator's grid
+MARGIN = 1.13                        # of that grid, around the frame
+LIT = 0.5                            # of the words must show a cell of the initiator
+
+
+def words(maps: Tensor, size: float) -> Tensor:
+    """The words (M,6) of maps (N,6) that bring the frame to a length of `size` (canvas units) or less, and those that
+    they begin with do not; larger ones where these would be too many."""
+    done, left = [], torch.eye(3, dtype=torch.float64)[:2].T.reshape(1, 6)[:, [0, 2, 1, 3, 4, 5]]
+    maps = maps.double()
+    while len(left):
+        small = FRAME_SIDE * largest_singular(left) <= size
+        done.append(left[small])
+        left = left[~small]
+        if sum(map(len, done)) + len(left) * len(maps) > MOST_WORDS:
+            done.append(left)
+            break
+        left = _composed(left, maps)
+    return torch.cat(done).float()
+
+
+def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int) -> Tensor:
+    """The picture (resolution, resolution) of which the image (R,R) would be if all its parts of this size (canvas
+    units) were the same: the share of a pixel that is covered, with `fine`² subpixels."""
+    found = words(from_code(code), size)
+    cells = min(WIDEST, max(12, math.ceil(MARGIN * size * resolution * fine / 2)))
+    spread = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))[:SEEN_WORDS]
+    places, shown = _initiator(image, found[spread], cells)
+    lit = shown > LIT * shown.max().clamp_min(1e-6)
+    points = _images(found, places[lit]).flatten(0, 1)
+    side = resolution * fine
+    column, row = (((points * points.new_tensor([1, -1]) + 1) * (side / 2)).long().clamp(0, side - 1)).unbind(1)
+    occupied = torch.zeros(side * side)
+    occupied[row * side + column] = 1
+    return avg_pool2d(occupied.view(1, side, side), fine)[0]
+
+
+def _initiator(image: Tensor, found: Tensor, cells: int) -> tuple[Tensor, Tensor]:
+    """The centres (K,2) of a grid of so many cells a side, and the mean level (K,) that words (M,6) show there, each
+    by its area."""
+    half = MARGIN * FRAME_SIDE / 2
+    axis = ((torch.arange(cells) + 0.5) / cells * 2 - 1) * half
+    places = torch.stack([axis.repeat(cells), axis.repeat_interleave(cells)], 1)
+    at = _images(found, places) * places.new_tensor([1, -1])
+    levels = grid_sample(image[None, None].float(), at[None], align_corners=False)[0, 0]
+    areas = (found[:, 0] * found[:, 3] - found[:, 1] * found[:, 2]).abs() + 1e-12
+    return places, (areas / areas.sum()) @ levels
+
+
+def _composed(first: Tensor, then: Tensor) -> Tensor:
+    """All words (nm,6) of maps (n,6) after maps (m,6)."""
+    a, b = first[:, None, :4].unflatten(-1, (2, 2)), then[None, :, :4].unflatten(-1, (2, 2))
+    offset = (a @ then[None, :, 4:, None])[..., 0] + first[:, None, 4:]
+    return torch.cat([(a @ b).flatten(-2), offset], -1).flatten(0, 1)
+
+
+def _images(found: Tensor, points: Tensor) -> Tensor:
+    """Where maps (M,6) send points (K,2): (M,K,2)."""
+    return points @ found[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + found[:, None, 4:]

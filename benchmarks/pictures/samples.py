@@ -1,8 +1,8 @@
 """The paper's method and collage search on real pictures, in the same time: a retina's vessels and a snowflake glyph.
 
-    python -m benchmarks.pictures                    one minute each
-    python -m benchmarks.pictures --seconds 120
-    python -m benchmarks.pictures --seconds 0 --methods collage --pictures retina fern --threads 1
+    python -m benchmarks.pictures samples                    one minute each
+    python -m benchmarks.pictures samples --seconds 120
+    python -m benchmarks.pictures samples --seconds 0 --methods collage --pictures retina fern --threads 1
                                                      what `make run` fits, to the end
 
 Each is judged on its input: F1, IoU, PSNR and SSIM of the inner 75% at the input's resolution. A line of JSON for each
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -29,15 +29,16 @@ from fractal_exp.rendering.sheets import comparison_strip
 from fractal_exp.runtime import threads
 from fractal_exp.targets import KnownCode
 
-from . import record
+from .. import record
 
 PICTURES = {"retina": samples.retina_vessels, "snowflake": samples.snowflake,
             "fern": lambda resolution: KnownCode("fern").load(resolution).image}
 REAL = "retina", "snowflake"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="benchmarks.pictures samples", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60, help="for each fit; 0: no limit")
     parser.add_argument("--resolution", type=int, default=256)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
@@ -46,7 +47,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, help="default: one a core")
     parser.add_argument("--record", type=Path, help="file of JSON lines to add to")
     parser.add_argument("--output", type=Path, default=Path("outputs/pictures"))
-    args = parser.parse_args()
+    args = parser.parse_args(arguments)
     rows, drawn, captions = [], [], []
     used = threads.use(args.threads)
     for name in args.pictures:
@@ -88,7 +89,3 @@ def _keeper(stages: list[dict], start: float) -> Callable[[Progress], None]:
             stages.append({"stage": progress.stage, "maps": len(progress.code), "error": progress.scalars["error"],
                            "core_seconds": round(time.process_time() - start, 2)})
     return keep
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,1 @@
+"""Pictures from elsewhere: four sets that no renderer of this project drew, and how well codes are found on them."""

@@ -1,0 +1,118 @@
+"""How well a code is recovered, or a shape drawn: masks with one pen, maps one by one, and distances of points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from fractal_exp.errors import InputError
+from fractal_exp.evaluation.code_error import displacements
+from fractal_exp.ifs.code import IFS
+from fractal_exp.rendering.still import render_with_info
+
+from .figures import Truth
+
+RESOLUTION = 256
+SHAPE_LEVEL = 0.1          # of the highest level of a picture: what lies above it is its shape
+FOUND_PX = 1.0             # a true map is found if one of the code moves the attractor's points no farther from it
+EQUIVALENT_IOU = 0.98      # of the drawings of two codes of one attractor
+SUPERSAMPLE = 8            # subpixels along a pixel, of polygons
+WITHIN_PX = 2.0            # of a density map: a point of the truth is covered by one of the code that is no farther
+COMPARED_POINTS = 2048
+
+
+def drawing(code: IFS, resolution: int = RESOLUTION) -> np.ndarray:
+    """The pixels (R,R) that a code of the canvas lights, whatever its probabilities: it is drawn by area. Nothing for
+    a code that cannot be drawn."""
+    try:
+        return render_with_info(replace(code, probabilities=None), resolution=resolution)[0].numpy() > 0
+    except InputError:
+        return np.zeros((resolution, resolution), bool)
+
+
+def true_drawing(truth: Truth, resolution: int = RESOLUTION) -> np.ndarray:
+    """The pixels (R,R) that the truth, on the canvas, lights."""
+    mask = np.any([drawing(code, resolution) for code in truth.codes], axis=0)
+    if truth.solids is not None:
+        fine = Image.new("1", (SUPERSAMPLE * resolution,) * 2)
+        pen = ImageDraw.Draw(fine)
+        for corners in (truth.solids * [1, -1] + 1) * (SUPERSAMPLE * resolution / 2) - 0.5:
+            pen.polygon([tuple(corner) for corner in corners.tolist()], fill=1)
+        parts = np.asarray(fine).reshape(resolution, SUPERSAMPLE, resolution, SUPERSAMPLE)
+        mask |= parts.any((1, 3))
+    return mask
+
+
+def thickened(mask: np.ndarray) -> np.ndarray:
+    """A mask dilated by 3×3: the pen that all drawings are compared with."""
+    from scipy import ndimage
+
+    return ndimage.binary_dilation(mask, np.ones((3, 3)))
+
+
+def iou(a: np.ndarray, b: np.ndarray) -> float:
+    """Intersection over union of two masks, 1 if both are empty."""
+    either = int((a | b).sum())
+    return int((a & b).sum()) / either if either else 1.0
+
+
+def f1_within_a_pixel(found: np.ndarray, true: np.ndarray) -> float:
+    """F1 of two masks, each against the other's 3×3 dilation; 1 if both are empty, 0 if one is."""
+    if not (found.any() and true.any()):
+        return float(found.any() == true.any())
+    precision, recall = (found & thickened(true)).sum() / found.sum(), (true & thickened(found)).sum() / true.sum()
+    return float(2 * precision * recall / (precision + recall)) if precision + recall else 0.0
+
+
+def likeness(code: IFS, image: np.ndarray) -> dict[str, float]:
+    """F1 within a pixel of a code's drawing against the picture (R,R) that it was found on."""
+    shape = image > SHAPE_LEVEL * image.max()
+    return {"f1_input": f1_within_a_pixel(drawing(code, len(image)), shape)}
+
+
+def against_truth(code: IFS, truth: Truth, resolution: int = RESOLUTION) -> dict[str, float | bool | int | None]:
+    """How a code compares with the truth, both on one canvas.
+
+    iou: of both drawings with a pen of 3 px. iou_1px: Jaccard's index that goes with F1 within a pixel, F1 / (2 - F1).
+    exact, equivalent, recovered: see `against_code`; None where the truth has no code.
+    """
+    found, true = drawing(code, resolution), true_drawing(truth, resolution)
+    overlap, f1 = iou(thickened(found), thickened(true)), f1_within_a_pixel(found, true)
+    maps = dict.fromkeys(("missed", "exact", "equivalent", "recovered")) if truth.code is None else against_code(
+        code, truth.code, overlap, resolution)
+    return {"iou": overlap, "iou_1px": f1 / (2 - f1), "true_maps": None if truth.code is None else len(truth.code),
+            **maps}
+
+
+def against_code(code: IFS, truth: IFS, overlap: float, resolution: int = RESOLUTION) -> dict[str, bool | int]:
+    """Whether a code is the true one, both on one canvas; overlap: of their drawings, as IoU.
+
+    missed: true maps without a map of the code that moves the true attractor's points within 1 px on average, by the
+    assignment that finds most. exact: none missed, and no map too many. equivalent: not exact, but no more maps than
+    the truth and an IoU of at least .98: another code of the attractor. recovered: one of both.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    near = (displacements(code, truth, resolution) <= FOUND_PX).numpy()
+    missed = len(truth) - int(near[linear_sum_assignment(near, maximize=True)].sum())
+    exact = missed == 0 and len(code) == len(truth)
+    equivalent = not exact and len(code) <= len(truth) and overlap >= EQUIVALENT_IOU
+    return {"missed": missed, "exact": exact, "equivalent": equivalent, "recovered": exact or equivalent}
+
+
+def point_distances(found: np.ndarray, true: np.ndarray, pixel: float, rng: np.random.Generator) -> dict[str, float]:
+    """Distances between 2 048 of each of two sets of points (P,2), in their unit.
+
+    chamfer: ½ sqrt(mean d² there + mean d² back). hd95: the larger of both 95% quantiles. covered: the share of true
+    points within 2 px of a found one; pixel: the side of a pixel.
+    """
+    from scipy.spatial import KDTree
+
+    a, b = (points[rng.choice(len(points), min(COMPARED_POINTS, len(points)), replace=False)]
+            for points in (found, true))
+    to_true, to_found = KDTree(b).query(a)[0], KDTree(a).query(b)[0]
+    return {"chamfer": float(np.sqrt(np.square(to_true).mean() + np.square(to_found).mean()) / 2),
+            "hd95": float(max(np.quantile(to_true, 0.95), np.quantile(to_found, 0.95))),
+            "covered": float((to_found <= WITHIN_PX * pixel).mean())}

@@ -66,9 +66,9 @@ def test_what_is_near_to_simple_numbers_stays_where_the_image_tells(triangle):
     code = replace(triangle[0], linear=triangle[0].linear * 0.985)
     maps, picture = pictured(code)
     start = picture.judge(maps)
-    assert Spread.of(start, picture).rounded(maps[0]) is None
+    assert Spread.of(start, picture, picture.params.canonical).rounded(maps[0]) is None
     picture = objective(picture.image, renderings=2, canonical={"near_px": 2.0})
-    assert Spread.of(start, picture).rounded(maps[0]) is not None
+    assert Spread.of(start, picture, picture.params.canonical).rounded(maps[0]) is not None
     found = Rounding(picture)(start)
     assert float((found.maps - maps).abs().max()) < 1e-3
 
@@ -111,7 +111,7 @@ def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
 
 def test_lines_are_none_of_maps_with_wide_images(triangle):
     maps, picture = pictured(triangle[0])
-    spread = Spread.of(picture.judge(maps), picture)
+    spread = Spread.of(picture.judge(maps), picture, picture.params.canonical)
     assert not list(spread.lines(maps[0]))
     upright = torch.tensor([0, 0, 0.001, 0.4, 0.0005, 0.1])
     lines = list(spread.lines(upright))

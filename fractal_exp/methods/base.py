@@ -59,12 +59,13 @@ class CodeReconstruction(Reconstruction):
     """A reconstruction that is an IFS, in the frame of the input image.
 
     stopped: why the work ended, in words; empty where the method does not say. notes: sentences for the user.
+    camera: what was found out of how the picture was taken, in words and pixels; None where the method assumes it.
     """
 
     code: IFS
     stopped: str = ""
     notes: tuple[str, ...] = ()
-    camera: tuple[str | float, ...] = ()
+    camera: Mapping[str, str | float] | None = None
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:

@@ -11,7 +11,7 @@ from ...runtime.checkpoint import Checkpoint
 from ...runtime.deadline import Deadline
 from ..base import CodeReconstruction, Method, OnStep, check_device, check_target
 from .course import Teller
-from .measure.tones import levels_of
+from .measure.tones import described, levels_of, seen_with
 from .params import CollageParams
 from .pipeline import Pipeline
 from .problem import SearchProblem
@@ -80,7 +80,7 @@ class Collage(Method):
                 checkpoint.save(told.snapshot())
             raise
         return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=pipeline.state.stopped,
-                                  camera=best.camera)
+                                  camera=described(seen_with(levels, best.camera)))
 
     def deadline(self) -> Deadline:
         """The limit of time, from now on."""

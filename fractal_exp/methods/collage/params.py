@@ -263,7 +263,7 @@ class CameraParams(Params):
     """Radius of the pen that drew lines and areas, pixels of the image; none: estimated."""
     blur_px: Amount | None = None
     """Standard deviation of the blur, pixels of the image; none: estimated."""
-    tiles_px: tuple[Factor, ...] = (64.0, 45.0, 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
+    tiles_px: tuple[Factor, ...] = (32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
     """Sizes of the smallest parts of a construction that are tried; none: only the attractor is."""
     dotted: Share = 0.75
     """Dots explain a picture if their angle of error is below this share of that of a pen."""
@@ -271,7 +271,7 @@ class CameraParams(Params):
     """How fast dots cover the paper, for a density relative to a uniform one on the canvas; none: estimated."""
     pens_px: Annotated[tuple[Amount, ...], Some] = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
     """Radii that are tried."""
-    blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+    blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0)
     """Blurs that are tried."""
     gains: Annotated[tuple[Factor, ...], Some] = tuple(0.01 * 2**(k / 2) for k in range(18))
     """Gains that are tried."""
@@ -313,6 +313,8 @@ class MoveParams(Params):
     """Odds of replacing a map by its square or cube root. 0 also leaves out the roots tried at the start."""
     drawn_count: Count = 24
     """Moves in a picture that others drew."""
+    drawn_least: Count = 8
+    """Moves before it is looked whether that is enough."""
     alike: Share = 0.985
     """F1 within 1 px from which on the code of such a picture is settled."""
     longest: Annotated[int, Field(ge=1)] = 3
@@ -510,6 +512,16 @@ class CanonicalParams(Params):
     """and so are these: the squared inverse of the golden ratio."""
     degrees: Annotated[tuple[Positive, ...], Some] = (15, 18)
     """A simple similarity rotates by a multiple of one of these, degrees."""
+    symmetric_level: Share = 0.25
+    """Grey level above which a pixel belongs to the shape whose symmetries are looked for."""
+    symmetric_likeness: Share = 0.93
+    """F1 within 1 px of a shape with its image under a symmetry."""
+    drawn_near_px: Amount = 0.5
+    """The same displacement in a picture that others drew,"""
+    drawn_worse: Amount = 1.5
+    """the factor on the error there,"""
+    drawn_denominators: Annotated[tuple[Positive, ...], Some] = tuple(range(1, 13))
+    """and the denominators."""
     least_side: Positive = 256
     """Side of an image, pixels, below which the pixel of this size counts instead."""
     line_px: Amount = 1.0
@@ -540,6 +552,12 @@ class CanonicalParams(Params):
     """Points that tell an attractor's mean and covariance."""
 
 
+    def of_drawn(self) -> CanonicalParams:
+        """As they are for a picture that others drew, which tells less of a code."""
+        return self.updated(near_px=self.drawn_near_px, worse=self.drawn_worse, symmetric_worse=self.drawn_worse,
+                            denominators=self.drawn_denominators)
+
+
 class StageParams(Params):
     """Rounds, sizes and shares of time."""
 
@@ -547,6 +565,11 @@ class StageParams(Params):
     """Rounds at most, where grey levels are a density."""
     other_rounds: Positive = 2
     """Rounds at most on other images: it is less likely that they show an attractor."""
+    drawn_rounds: Positive = 3
+    """The same of pictures that others drew."""
+    drawn_blur_px: Amount = 3.0
+    """In each later round their measure is blurred by so many pixels more: a construction that ended early looks like
+    its attractor from afar."""
     second_round: Amount = 1.2
     """Noise ratio above which a second round begins,"""
     later_rounds: Amount = 2.0

@@ -13,6 +13,7 @@ from ...runtime.seeds import derive
 from .image.objective import ImageObjective, reduced
 from .image.search import ImageSearch
 from .measure.levels import Levels
+from .measure.pens import blurred
 from .measure.tones import Camera, LEVELS, seen_with
 from .params import CollageParams
 
@@ -43,7 +44,14 @@ class SearchProblem:
     def rounds(self) -> int:
         """How many there may be."""
         stages = self.params.stages
+        if not self.levels.is_exact:
+            return self.params.rounds or stages.drawn_rounds
         return self.params.rounds or (stages.density_rounds if self.levels.is_density else stages.other_rounds)
+
+    def masses_of(self, number: int) -> Tensor:
+        """The masses (R,R) that a round searches."""
+        sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
+        return blurred(self.masses, sigma)
 
     def restarts(self, number: int) -> int:
         """How many a round has; half as many after the first."""

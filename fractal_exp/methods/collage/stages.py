@@ -9,8 +9,9 @@ from ...runtime.deadline import Deadline
 from ...runtime.seeds import derive
 from . import maps as affine
 from .canonical.rounding import Rounding
-from .image.gauss_newton import fitted_into_frame
-from .image.pruning import Price, pruned_in_frame
+from .canonical.symmetry import simplest, symmetries
+from .image.gauss_newton import fitted_into_frame, polished
+from .image.pruning import Price, pruned, pruned_in_frame
 from .image.search import ImageSearch
 from .measure.saturation import saturation_corrected
 from .measure.search import MeasureSearch, Regime
@@ -80,6 +81,8 @@ class Stage(ABC):
         """The most that the smaller singular value of a map may be. A symmetry of the shape explains its measure as
         well as the identity does: if a code with a near-isometry has failed, every other round keeps clear of them."""
         stages = self.params.stages
+        if stages.avoid_isometries and not self.problem.levels.is_exact:
+            return 1.0 if self.round % 2 else stages.contraction
         if not stages.avoid_isometries or state.before is None or not self.round % 2:
             return 1.0
         suspect = bool((affine.smaller_singular(state.before.maps) > stages.isometry).any())
@@ -87,7 +90,7 @@ class Stage(ABC):
 
     def _measure_search(self, state: State, found: Candidate | None, regime: Regime, seed: int) -> MeasureSearch:
         """On the image's measure, corrected for saturation by what was found."""
-        problem, masses = self.problem, self.problem.masses
+        problem, masses = self.problem, self.problem.masses_of(self.round)
         if found is not None:
             masses = saturation_corrected(masses, found.code, problem.levels, self.params.saturation, seed)
         return MeasureSearch(masses, regime, self.params, seed, self._smaller_limit(state))
@@ -225,7 +228,7 @@ class ImageMoves(Stage):
         if problem.is_reduced and not problem.deadline.passed:
             self.search = problem.image_search(state.current.code, problem.deadline, "finish", self.round)
         found, before = self.search.finish(self._seen_anew(state.current)), state.before
-        if before is not None and (problem.is_reduced or not problem.levels.is_exact):  # it was judged otherwise
+        if before is not None and problem.is_reduced and problem.levels.is_exact:  # it was judged by another image
             before = self.search.judged(before)
         best = found if before is None or found.score < before.score else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):
@@ -301,9 +304,23 @@ class LastDigits(Stage):
         found = state.result
         if self._is_far(found):
             return found
-        last = Rounding(self.objective, self.problem.deadline)(self.objective.judge(found.maps, found.weights))
+        canonical = self.params.canonical if self.problem.levels.is_exact else self.params.canonical.of_drawn()
+        if not self.problem.levels.is_exact:
+            found = self._simplest(found)
+        last = Rounding(self.objective, self.problem.deadline, canonical)(self.objective.judge(found.maps, found.weights))
+        if not self.problem.levels.is_exact:
+            last = pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
+                          deadline=self.problem.deadline)
         weights = None if last.weights is None else last.probabilities
         return Candidate(last.maps, weights, last.error, last.error, found.camera)
+
+    def _simplest(self, found: Candidate) -> Candidate:
+        """Of the codes that differ by symmetries of the shape, the simplest, unless it is rendered notably worse."""
+        now = self.objective.judge(found.maps, found.weights)
+        maps = simplest(found.maps, symmetries(self.objective.image.cpu(), self.params.canonical))
+        other = polished(self.objective, self.objective.judge(maps, found.weights), self.params.canonical.polish,
+                         deadline=self.problem.deadline)
+        return found if other.error > self.params.canonical.drawn_worse * now.error else replace(found, maps=other.maps)
 
     def _is_far(self, found: Candidate) -> bool:
         """Whether simple numbers near to the found ones would tell nothing."""

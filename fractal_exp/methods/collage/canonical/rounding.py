@@ -17,6 +17,7 @@ from ..image.frame import Frame
 from ..image.gauss_newton import fitted_into_frame, polished
 from ..image.jacobian import FromPoints, FromRenderings, Jacobian
 from ..image.objective import ImageObjective, Rendered
+from ..params import CanonicalParams
 from .simple_maps import EDGE, Line, Spread, mirrored_offsets
 
 Fixed = frozenset[tuple[int, int]]   # entries (map, column) that are simple
@@ -36,8 +37,9 @@ class _Standing:
 class Rounding:
     """Of codes whose rendering is near to the image of the objective."""
 
-    def __init__(self, objective: ImageObjective, deadline: Deadline = NO_DEADLINE):
-        self.objective, self.deadline, self.params = objective, deadline, objective.params.canonical
+    def __init__(self, objective: ImageObjective, deadline: Deadline = NO_DEADLINE,
+                 params: CanonicalParams | None = None):
+        self.objective, self.deadline, self.params = objective, deadline, params or objective.params.canonical
 
     def __call__(self, start: Rendered) -> Rendered:
         """The code with the frame filled exactly, all that is simple rounded and what is nearly its own mirror image
@@ -105,7 +107,7 @@ class Rounding:
     def _matrices(self, now: _Standing) -> _Standing:
         """With matrices near simple ones rounded, as often as others come near by that."""
         while not self.deadline.passed:
-            spread, maps, fixed = Spread.of(now.code, self.objective), now.code.maps.clone(), now.fixed
+            spread, maps, fixed = Spread.of(now.code, self.objective, self.params), now.code.maps.clone(), now.fixed
             for i, one in enumerate(now.code.maps):
                 simple = None if _matrix(i) <= fixed else spread.rounded(one)
                 if simple is not None:
@@ -121,7 +123,7 @@ class Rounding:
         best, fixed = now.code, now.fixed
         if self.deadline.passed or _matrix(i) <= fixed:
             return now
-        spread, hasty = Spread.of(best, self.objective), self.objective.hasty()
+        spread, hasty = Spread.of(best, self.objective, self.params), self.objective.hasty()
         likely = [(self._polished(hasty, found, line, fixed, i), line)
                   for found, line in _likeliest(hasty, best, i, spread.lines(best.maps[i]), self.params.lines_tried)]
         if not likely:
@@ -136,7 +138,7 @@ class Rounding:
         """With the scale of a map that is a line rounded."""
         if self.deadline.passed:
             return now
-        spread, line = Spread.of(now.code, self.objective), replace(line, one=now.code.maps[i])
+        spread, line = Spread.of(now.code, self.objective, self.params), replace(line, one=now.code.maps[i])
         (found, _), *_ = _likeliest(self.objective, now.code, i, spread.rescaled(line), 1)
         return self._tried(now, found.maps, now.fixed | _matrix(i), self.params.worse) or now
 

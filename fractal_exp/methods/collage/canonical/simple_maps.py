@@ -111,12 +111,12 @@ class Spread:
     largest: float
 
     @classmethod
-    def of(cls, found: Rendered, objective: ImageObjective) -> Spread:
+    def of(cls, found: Rendered, objective: ImageObjective, canonical: CanonicalParams) -> Spread:
         """That of a code's attractor, in the objective's pixels."""
         params = objective.params
-        points = attractor_points(found.maps, found.probabilities, params.canonical.points,
+        points = attractor_points(found.maps, found.probabilities, canonical.points,
                                   derive(objective.seed, "rounding")).double()
-        return cls(points.mean(0), points.T.cov(), 2 / objective.side, params.canonical, params.gauss_newton.largest)
+        return cls(points.mean(0), points.T.cov(), 2 / objective.side, canonical, params.gauss_newton.largest)
 
     def rounded(self, one: Tensor) -> Tensor | None:
         """The map (6,) with a simple matrix, or None if none is near."""

@@ -121,7 +121,8 @@ class ImageSearch:
         """Whether the code's rendering is as near to the image as that of the true one would be; after many moves,
         nearly as near."""
         if not self.objective.levels.is_exact:
-            return self.likeness(now) >= self.params.moves.alike and len(now.maps) >= (self.params.maps or 0)
+            enough = moves >= self.params.moves.drawn_least and len(now.maps) >= (self.params.maps or 0)
+            return enough and self.likeness(now) >= self.params.moves.alike
         worth = self.params.moves.settled + self.params.moves.settled_more * moves
         return self.noise_ratio(now) < worth and len(now.maps) >= (self.params.maps or 0)
 

@@ -16,11 +16,13 @@ class Levels(ABC):
     """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel shows a line thinner
     than itself; is_density: whether a pixel tells how often it is hit. is_exact: whether an image differs from a rendering of its
     true code by chance alone; if not, `values` holds what was estimated of the camera, and is empty before. image: the
-    picture itself (R,R)."""
+    picture itself (R,R). numbers, lengths: the names of the values, those without a unit first."""
 
     is_graded = True
     is_density = False
     is_exact = True
+    lengths: tuple[str, ...] = ()
+    numbers: tuple[str, ...] = ()
     supersample: int
 
     def __init__(self, camera: CameraParams, image: Tensor | None = None, values: tuple[float, ...] = ()):

@@ -23,6 +23,7 @@ class Drawn(Coverage):
     values: the tiles' size (0: the attractor), the pen's radius, and the standard deviation, canvas units."""
 
     is_exact = False
+    lengths = "tile_px", "pen_px", "blur_px"
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         if not self.values:
@@ -33,7 +34,7 @@ class Drawn(Coverage):
         else:
             distance = self._distance(code, resolution, seed, independent)
             drawn = _inked(distance, radius * resolution / 2, self.fine)
-        return _blurred(drawn, sigma * resolution / 2)
+        return blurred(drawn, sigma * resolution / 2)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
         """Values of the camera, each with the rendering (R,R) of the code that it makes."""
@@ -42,10 +43,10 @@ class Drawn(Coverage):
         distance = self._distance(code, resolution, seed, False)
         for radius in _given(camera.pen_px, camera.pens_px):
             inked = _inked(distance, radius, self.fine)
-            yield from (((0.0, radius * pixel, sigma * pixel), _blurred(inked, sigma)) for sigma in blurs)
+            yield from (((0.0, radius * pixel, sigma * pixel), blurred(inked, sigma)) for sigma in blurs)
         for size in camera.tiles_px if camera.pen_px is None else ():
             drawn = tiled(self.image, code, size * pixel, resolution, self.fine)
-            yield from (((size * pixel, 0.0, sigma * pixel), _blurred(drawn, sigma)) for sigma in blurs)
+            yield from (((size * pixel, 0.0, sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
 
     @property
     def fine(self) -> int:
@@ -68,12 +69,13 @@ class Dots(Density):
     Gaussian, canvas units."""
 
     is_exact = False
+    numbers, lengths = ("gain",), ("blur_px",)
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         if not self.values:
             return super().render(code, resolution, seed, independent=independent)
         gain, sigma = self.values
-        return self._toned(_blurred(self._density(code, resolution, seed, independent),
+        return self._toned(blurred(self._density(code, resolution, seed, independent),
                                     sigma * resolution * self.fine / 2), gain)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
@@ -81,9 +83,9 @@ class Dots(Density):
         camera, pixel = self.camera, 2 / resolution
         density = self._density(code, resolution, seed, False)
         for sigma in _given(camera.blur_px, camera.blurs_px):
-            blurred = _blurred(density, sigma * self.fine)
+            spread = blurred(density, sigma * self.fine)
             for gain in _given(camera.gain, camera.gains):
-                yield (gain, sigma * pixel), self._toned(blurred, gain)
+                yield (gain, sigma * pixel), self._toned(spread, gain)
 
     @property
     def fine(self) -> int:
@@ -102,7 +104,8 @@ def _inked(distance: Tensor, radius: float, fine: int) -> Tensor:
     return avg_pool2d(((radius - distance) * fine + 0.5).clamp(0, 1)[None], fine)[0]
 
 
-def _blurred(image: Tensor, sigma: float) -> Tensor:
+def blurred(image: Tensor, sigma: float) -> Tensor:
+    """An image (R,R) after a Gaussian of this standard deviation, pixels."""
     from scipy.ndimage import gaussian_filter
 
     return torch.from_numpy(gaussian_filter(image.numpy(), sigma)) if sigma else image

@@ -24,7 +24,7 @@ LIT = 0.5                            # of the words must show a cell of the init
 
 def words(maps: Tensor, size: float) -> Tensor:
     """The words (M,6) of maps (N,6) that bring the frame to a length of `size` (canvas units) or less, and those that
-    they begin with do not; larger ones where these would be too many."""
+    they begin with do not; only a part of them where there are too many, as there are of maps that hardly contract."""
     done, left = [], torch.eye(3, dtype=torch.float64)[:2].T.reshape(1, 6)[:, [0, 2, 1, 3, 4, 5]]
     maps = maps.double()
     while len(left):
@@ -32,7 +32,6 @@ def words(maps: Tensor, size: float) -> Tensor:
         done.append(left[small])
         left = left[~small]
         if sum(map(len, done)) + len(left) * len(maps) > MOST_WORDS:
-            done.append(left)
             break
         left = _composed(left, maps)
     return torch.cat(done).float()
@@ -43,6 +42,8 @@ def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int) -> 
     units) were the same: the share of a pixel that is covered, with `fine`² subpixels."""
     found = words(from_code(code), size)
     cells = min(WIDEST, max(12, math.ceil(MARGIN * size * resolution * fine / 2)))
+    if not len(found):
+        return image.new_zeros(resolution, resolution)
     spread = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))[:SEEN_WORDS]
     places, shown = _initiator(image, found[spread], cells)
     lit = shown > LIT * shown.max().clamp_min(1e-6)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from torch import Tensor
 
 from ..params import CameraParams
@@ -28,6 +30,22 @@ def seen_with(levels: Levels, camera: Camera) -> Levels:
 def camera_of(levels: Levels) -> Camera:
     """That with which the levels were estimated."""
     return (next(name for name, each in LEVELS.items() if each is type(levels)), *levels.values) if levels.values else ()
+
+
+def described(levels: Levels) -> dict[str, str | float]:
+    """The camera in words and pixels of the image, as `taken_with` reads it."""
+    name, pixel = next(name for name, each in LEVELS.items() if each is type(levels)), 2 / len(levels.image)
+    units = [1.0] * len(levels.numbers) + [pixel] * len(levels.lengths)
+    return {"levels": name, **{key: value / unit for key, value, unit in
+                               zip((*levels.numbers, *levels.lengths), levels.values, units, strict=False)}}
+
+
+def taken_with(image: Tensor, described: Mapping[str, str | float], camera: CameraParams) -> Levels:
+    """The levels of an image (R,R) that was taken with the camera so described."""
+    kind, pixel = LEVELS[str(described["levels"])], 2 / len(image)
+    values = (*(float(described[key]) for key in kind.numbers if key in described),
+              *(float(described[key]) * pixel for key in kind.lengths if key in described))
+    return kind(camera, image, values)
 
 
 def guess_levels(image: Tensor, camera: CameraParams) -> str:

@@ -1,0 +1,77 @@
+"""Shapes that are their own image under rotations or reflections: of all their codes, the simplest.
+
+Each map of a code may be preceded by a symmetry of its attractor, which then stays the same. Among these codes the one
+whose maps turn least, and mirror only where they must, is the one that people write down.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn.functional import affine_grid, grid_sample, max_pool2d
+
+from ..params import CanonicalParams
+
+ORDERS = range(2, 9)   # of the rotations that are tried
+AXES_DEGREES = 7.5     # between the axes of reflection that are tried
+
+
+def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
+    """The symmetries (6,) of the shape in an image (R,R), about its centroid, the identity first. One is found if
+    F1 within a pixel between the image and its image is at least `params.symmetric_likeness`."""
+    mask = (image > params.symmetric_level).float()
+    side = len(image)
+    axis = (torch.arange(side) + 0.5) * 2 / side - 1
+    centre = torch.stack([(image.sum(0) * axis).sum(), -(image.sum(1) * axis).sum()]) / image.sum()
+    return [about for matrix in _tried() if _likeness(mask, about := _about(matrix, centre)) >= params.symmetric_likeness
+            or bool((matrix == torch.eye(2)).all())]
+
+
+def simplest(maps: Tensor, group: list[Tensor]) -> Tensor:
+    """The maps (N,6), each after the symmetry of the group with which it turns least, a reflection counting as more
+    than any turn."""
+    found = []
+    for one in maps:
+        options = [_after(one, symmetry) for symmetry in group]
+        found.append(min(options, key=_turn))
+    return torch.stack(found)
+
+
+def _tried() -> list[Tensor]:
+    turns = sorted({round(math.tau * k / n, 9) for n in ORDERS for k in range(n)})
+    mirrors = torch.arange(0, 180, AXES_DEGREES).deg2rad().mul(2).tolist()
+    return [*(_rotation(angle, 1.0) for angle in turns), *(_rotation(angle, -1.0) for angle in mirrors)]
+
+
+def _rotation(angle: float, sign: float) -> Tensor:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return torch.tensor([[cos, -sign * sin], [sin, sign * cos]])
+
+
+def _about(matrix: Tensor, centre: Tensor) -> Tensor:
+    return torch.cat([matrix.flatten(), centre - matrix @ centre])
+
+
+def _after(one: Tensor, symmetry: Tensor) -> Tensor:
+    matrix, linear = one[:4].view(2, 2), symmetry[:4].view(2, 2).to(one)
+    return torch.cat([(matrix @ linear).flatten(), matrix @ symmetry[4:].to(one) + one[4:]])
+
+
+def _turn(one: Tensor) -> float:
+    a, b, c, d = one[:4].tolist()
+    mirrored = a * d - b * c < 0
+    turn = math.atan2(c + b, a - d) if mirrored else math.atan2(c - b, a + d)  # of the nearest orthogonal matrix
+    return round(abs(turn), 3) + 10 * mirrored + (0.001 if turn < 0 else 0)
+
+
+def _likeness(mask: Tensor, symmetry: Tensor) -> float:
+    """F1 within a pixel between a mask (R,R) and its image."""
+    a, b, c, d, e, f = symmetry.tolist()
+    theta = torch.tensor([[[a, -b, e], [-c, d, -f]]])  # rows run downwards
+    image = (grid_sample(mask[None, None], affine_grid(theta, [1, 1, *mask.shape], False), align_corners=False)
+             > 0.5).float()[0]
+    shares = [float((one * (max_pool2d(other[None], 3, 1, 1)[0] > 0)).sum() / one.sum().clamp_min(1))
+              for one, other in ((mask[None], image), (image, mask[None]))]
+    return 2 * shares[0] * shares[1] / max(sum(shares), 1e-9)

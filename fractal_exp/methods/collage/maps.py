@@ -117,6 +117,20 @@ def preceded(one: Tensor, others: Tensor) -> Tensor:
     return found[largest_singular(found) < 1]
 
 
+def composed(one: Tensor, inner: Tensor) -> Tensor:
+    """The map (6,) that does first `inner` (6,), then `one` (6,)."""
+    matrix = one[:4].view(2, 2)
+    return torch.cat([(matrix @ inner[:4].view(2, 2)).flatten(), matrix @ inner[4:] + one[4:]])
+
+
+def inverse(one: Tensor) -> Tensor | None:
+    """What undoes a map (6,), or None where it is singular."""
+    if float(volumes(one)) - PROBABILITY_FLOOR < SINGULAR:
+        return None
+    matrix = torch.linalg.inv(one[:4].view(2, 2).double())
+    return torch.cat([matrix.flatten(), -matrix @ one[4:].double()]).to(one)
+
+
 def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
     """Root mean square over the measure of |f(x) - g(x)|, canvas units: maps (n,6) and (m,6) -> (n,m)."""
     difference = a[:, None] - b[None]

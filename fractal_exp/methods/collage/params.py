@@ -383,6 +383,15 @@ class MoveParams(Params):
     """Maps from which on roots are not tried where the code is hopeless."""
     root_orders: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (2, 3)
     """Orders of roots."""
+    parent_maps: Count = 5
+    """Maps that a code of a picture that others drew may have for such to be looked for that several of its maps are
+    compositions of."""
+    parent_tried: Count = 6
+    """Those that are tried,"""
+    parent_inside: Share = 0.97
+    """if they send so many of the attractor's points to where the image is lit,"""
+    parent_points: Positive = 20_000
+    """of so many."""
     root_all: Count = 5
     """Maps that a code of a picture that others drew may have for the roots of all to be tried at the start."""
     root_largest: Count = 2

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 
+from .. import maps as affine
 from ..params import CanonicalParams
 
 ORDERS = range(2, 9)   # of the rotations that are tried
@@ -34,7 +35,7 @@ def simplest(maps: Tensor, group: list[Tensor]) -> Tensor:
     than any turn."""
     found = []
     for one in maps:
-        options = [_after(one, symmetry) for symmetry in group]
+        options = [affine.composed(one, symmetry.to(one)) for symmetry in group]
         found.append(min(options, key=_turn))
     return torch.stack(found)
 
@@ -52,11 +53,6 @@ def _rotation(angle: float, sign: float) -> Tensor:
 
 def _about(matrix: Tensor, centre: Tensor) -> Tensor:
     return torch.cat([matrix.flatten(), centre - matrix @ centre])
-
-
-def _after(one: Tensor, symmetry: Tensor) -> Tensor:
-    matrix, linear = one[:4].view(2, 2), symmetry[:4].view(2, 2).to(one)
-    return torch.cat([(matrix @ linear).flatten(), matrix @ symmetry[4:].to(one) + one[4:]])
 
 
 def _turn(one: Tensor) -> float:

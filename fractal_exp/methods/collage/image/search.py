@@ -24,6 +24,7 @@ from .moves import MOVES
 from .moves.growth import CorrectedMeasure
 from .moves.root import rooted
 from .objective import ImageObjective, Rendered
+from .parents import with_parents
 from .pruning import Price, pruned, pruned_in_frame
 from .refine import refined
 
@@ -53,7 +54,7 @@ class ImageSearch:
         first = self._simpler(found[0], found[-1])
         best = self.polished(self.pruned(first), half)
         if not self.objective.levels.is_exact:  # what is pruned at this price may be what the root of a map needs
-            best = min(best, self._with_root(first) or best, key=self.score)
+            best = min(best, self._with_root(first) or best, self._with_parent(first), key=self.score)
         return self.candidate(self._with_root(best) or best)
 
     def _with_root(self, best: Rendered) -> Rendered | None:
@@ -69,6 +70,14 @@ class ImageSearch:
             if self.score(new) < self.score(best):
                 return self.polished(new, moves.polish_ends // 2)
         return None
+
+    def _with_parent(self, now: Rendered) -> Rendered:
+        """The code with a map of which several of its maps are compositions, if that is better."""
+        moves = self.params.moves
+        if self.params.maps or len(now.maps) > moves.parent_maps:
+            return now
+        tried = [self.polished(each, moves.polish_ends // 2) for each in with_parents(self.objective, now)]
+        return min([now, *tried], key=self.score)
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better neighbour."""

@@ -1,0 +1,73 @@
+"""Maps g of which a code holds only the compositions g∘f with its others: what a dragon's half is made of."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import max_pool2d
+
+from ....runtime.seeds import derive
+from .. import maps as affine
+from ..canonical.symmetry import symmetries
+from ..measure.bins import attractor_points
+from .objective import ImageObjective, Rendered
+
+
+def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
+    """The code with each of its parents in place of the maps whose images lie within the parent's: a parent is one of
+    its maps undone by another, or by another after a symmetry of the shape, if that is contractive and sends the
+    attractor to where the image is lit; `MoveParams.parent_tried` at most, of large ones."""
+    params = objective.params.moves
+    points = attractor_points(shown.maps, shown.probabilities, params.parent_points,
+                              derive(objective.seed, "parents")).cpu()
+    maps, side = shown.maps.cpu(), len(objective.image)
+    found = _undone(maps, symmetries(objective.image.cpu(), objective.params.canonical),
+                    objective.params.gauss_newton.largest)
+    found = found[_inside(_images(found, points), objective.image.cpu() > 0) >= params.parent_inside]
+    found = found[affine.volumes(found).argsort(descending=True, stable=True)][:params.parent_tried]
+    images, judged = _images(maps, points), []
+    for parent, own in zip(found, _images(found, points), strict=True):
+        rest = _inside(images, _lit(own, side)) < params.parent_inside
+        weights = None
+        if shown.weights is not None:
+            own_share = shown.weights[~rest.to(shown.weights.device)].sum()
+            weights = torch.cat([own_share[None], shown.weights[rest.to(shown.weights.device)]])
+        if bool(rest.any()):
+            judged.append(objective.judge(torch.cat([parent[None], maps[rest]]).to(shown.maps), weights))
+    return judged
+
+
+def _undone(maps: Tensor, group: list[Tensor], largest: float) -> Tensor:
+    """Each of the maps (N,6), after each symmetry, undone by each (n,6), those that are contractive."""
+    back = [each for each in map(affine.inverse, maps) if each is not None]
+    found = [affine.composed(affine.composed(one, symmetry), each) for one in maps for symmetry in group
+             for each in back]
+    every = torch.stack(found) if found else maps[:0]
+    return every[affine.largest_singular(every) < largest]
+
+
+def _images(maps: Tensor, points: Tensor) -> Tensor:
+    """Where maps (n,6) send points (P,2): (n,P,2)."""
+    return points @ maps[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + maps[:, None, 4:]
+
+
+def _lit(points: Tensor, side: int) -> Tensor:
+    """The pixels (R,R) of points (P,2)."""
+    mask = torch.zeros(side, side, dtype=torch.bool)
+    column, row = _pixels(points, side)
+    mask[row.clamp(0, side - 1), column.clamp(0, side - 1)] = True
+    return mask
+
+
+def _inside(points: Tensor, mask: Tensor) -> Tensor:
+    """The shares (n,) of points (n,P,2) within a pixel of a mask (R,R)."""
+    side = len(mask)
+    wide = max_pool2d(mask.float()[None], 3, 1, 1)[0]
+    column, row = _pixels(points, side)
+    known = (column >= 0) & (column < side) & (row >= 0) & (row < side)
+    return (wide[row.clamp(0, side - 1), column.clamp(0, side - 1)] * known).mean(1)
+
+
+def _pixels(points: Tensor, side: int) -> tuple[Tensor, Tensor]:
+    column, row = ((points * points.new_tensor([1, -1]) + 1) * (side / 2)).long().unbind(-1)
+    return column, row

@@ -66,10 +66,20 @@ def f1_within_a_pixel(found: np.ndarray, true: np.ndarray) -> float:
     return float(2 * precision * recall / (precision + recall)) if precision + recall else 0.0
 
 
+def shape_of(image: np.ndarray) -> np.ndarray:
+    """The mask (R,R) of a picture's shape, white on black."""
+    return image > SHAPE_LEVEL * image.max()
+
+
+def shapes(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The masks of the picture (R,R) that a code was found on, and of the code's drawing."""
+    return shape_of(image), drawing(code, len(image))
+
+
 def likeness(code: IFS, image: np.ndarray) -> dict[str, float]:
     """F1 within a pixel of a code's drawing against the picture (R,R) that it was found on."""
-    shape = image > SHAPE_LEVEL * image.max()
-    return {"f1_input": f1_within_a_pixel(drawing(code, len(image)), shape)}
+    shape, drawn = shapes(code, image)
+    return {"f1_input": f1_within_a_pixel(drawn, shape)}
 
 
 def against_truth(code: IFS, truth: Truth, resolution: int = RESOLUTION) -> dict[str, float | bool | int | None]:

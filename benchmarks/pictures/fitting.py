@@ -56,11 +56,12 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
 
     try:
         found = invert(picture, seconds=setting.limit, on_step=watch, **{**chosen.options, **setting.options})
+        took = {"core_seconds": round(time.process_time() - core, 2),
+                "wall_seconds": round(time.perf_counter() - wall, 2),
+                "first_code_seconds": round(first[0], 2) if first else None}
+        scores = {key: _rounded(value) for key, value in chosen.score(name, found.code, found.target).items()}
     except Exception as error:  # a set goes on without one of its pictures
         return line | {"error": f"{type(error).__name__}: {error}"}
-    took = {"core_seconds": round(time.process_time() - core, 2), "wall_seconds": round(time.perf_counter() - wall, 2),
-            "first_code_seconds": round(first[0], 2) if first else None}
-    scores = {key: _rounded(value) for key, value in chosen.score(name, found.code, found.target).items()}
     return line | {"maps": len(found.code), **scores, **took, "stopped": found.stopped,
                    "verdict": found.facts()["verdict"], "code": archive.plain(found.code)}
 

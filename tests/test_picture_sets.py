@@ -91,6 +91,14 @@ def test_a_truth_is_placed_by_the_picture_s_own_similarity():
     assert box == pytest.approx([x0, y0, x1, y1], abs=5e-3)
 
 
+@pytest.mark.parametrize("name", ["koch_filled-5-blue", "koch_filled-5-green", "carpet-5-red", "pentagon-6-orange"])
+def test_both_tools_draw_where_the_truth_is(name):
+    """To an eighth of a pixel: counting pixels from their corners or from their centres would make more."""
+    drawn = textbook.pictures()[name].draw()
+    x0, y0, x1, y1 = attractor.visible_box(drawn.truth_on(read_target(drawn.pixels, 256).placement).codes[0])
+    assert max(abs(x0 + x1), abs(y0 + y1)) / 2 * 128 < 0.125
+
+
 def test_masks_of_known_overlap():
     a, b = np.zeros((2, 8, 8), bool)
     a[2, 2:6], b[2, 4:8] = True, True
@@ -113,6 +121,14 @@ def test_a_code_is_exact_equivalent_or_neither():
     assert more["missed"] == 0 and not more["recovered"] and more["iou"] > 0.98, "one map too many"
     moved = replace(truth, offset=truth.offset + torch.tensor([[4 / 256, 0], [0, 0], [0, 0]]))
     assert judging.against_truth(moved, Truth((truth,)))["missed"] == 1
+
+
+def test_half_a_pixel_costs_a_thin_figure_much_but_not_the_best_shift():
+    truth = attractor.normalize(replace(codes.known("koch_curve"), probabilities=None))
+    scores = judging.against_truth(truth.similar(1, (1 / 256, 0)), Truth((truth,)))
+    assert scores["iou"] < 0.95 and scores["iou_1px"] > 0.98 and scores["f1_truth"] == 1
+    far = judging.against_truth(truth.similar(1, (6 / 256, 0)), Truth((truth,)))
+    assert far["iou_1px"] < 0.8 and far["iou"] < far["iou_1px"]
 
 
 def test_what_has_no_code_is_judged_by_its_drawing_alone():

@@ -46,7 +46,7 @@ def _score_density(name: str, code: IFS, read: ReadImage) -> Scores:
     truth, rng = density_maps.true_code(params), np.random.default_rng(0)
     found = code.similar(density_maps.HALF_SIDE, (0.0, 0.0))
     framed = truth.similar(1 / density_maps.HALF_SIDE, (0.0, 0.0))
-    overlap = judging.iou(*(judging.thickened(judging.drawing(each, density_maps.BINS)) for each in (code, framed)))
+    overlap = judging.iou_within_a_pixel(*(judging.drawing(each, 2 * density_maps.BINS) for each in (code, framed)))
     true_points = density_maps.points(truth, rng)
     scores: Scores = {"published": name.startswith("published")}
     for prefix, each in (("", found), ("floor_", truth)):

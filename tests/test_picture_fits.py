@@ -99,7 +99,7 @@ def test_shallow_pictures_do_not_count_overall():
 
 def test_shapes_below_their_paving_are_counted():
     row = {"picture": "horse", "role": "tuning", "maps": 19, "f1_input": 0.6, "f1_paving": 0.8, "core_seconds": 1.0,
-           "wall_seconds": 1.0}
+           "wall_seconds": 1.0, "licence": "CC0"}
     done = tables.shapes(pd.DataFrame([row, row | {"picture": "lily", "maps": 40, "f1_input": 0.9}]))
     assert done["Overall"]["below paving"][0] == 1 and done["Overall"]["worst F1"][0] == "0.600"
     assert list(done["By number of maps"]["number of maps"]) == ["17-32", "33-64"]

@@ -33,7 +33,8 @@ def _textbook_row(rows: pd.DataFrame) -> dict[str, object]:
     return {"n": len(rows), "IoU": _mean(rows["iou"]), "best IoU within 1 px": _mean(rows["iou_1px"]),
             f"IoU >= {GOOD_IOU}": _mean(rows["iou"].fillna(0) >= GOOD_IOU),
             f"best IoU >= {GOOD_IOU}": _mean(rows["iou_1px"].fillna(0) >= GOOD_IOU),
-            "F1 within 1 px": _mean(rows["f1_truth"]), "recovered": _mean(with_code["recovered"]), "exact": _mean(with_code["exact"]), "F1 on the input": _mean(rows["f1_input"]),
+            "F1 within 1 px": _mean(rows["f1_truth"]), "recovered": _mean(with_code["recovered"]),
+            "exact": _mean(with_code["exact"]), "F1 on the input": _mean(rows["f1_input"]),
             "maps": _mean(rows["maps"], 1), "true maps": _mean(rows["true_maps"], 1), "core s": _core(rows)}
 
 
@@ -65,8 +66,8 @@ def shapes(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
     classes = pd.cut(fits["maps"].astype(float), [0, 8, 16, 32, 64, 128, 256, float("inf")],
                      labels=["1-8", "9-16", "17-32", "33-64", "65-128", "129-256", "257-"])
     by_maps = _grouped(fits.assign(**{"number of maps": classes.astype(str)}), "number of maps", _shape_row)
-    each = pd.DataFrame([{"shape": row["picture"], "role": row["role"], **_shape_row(fits.loc[[index]])}
-                         for index, row in fits.iterrows()])
+    each = pd.DataFrame([{"shape": row["picture"], "role": row["role"], **_shape_row(fits.loc[[index]]),
+                          "licence": row["licence"]} for index, row in fits.iterrows()])
     return {"Overall": pd.DataFrame([_shape_row(fits)]), "By number of maps": by_maps,
             "Shapes": each.drop(columns=["n", "below paving", "worst F1"])}
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from torch import Tensor
@@ -73,11 +74,16 @@ def here() -> dict:
 
 
 def append(folder: Path, fit: Fit) -> None:
-    """Add a fit to the run in `folder`, on a line of its own even if the last one is incomplete."""
+    """Add a fit to the run in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     record = {name: value for name, value in vars(fit).items() if name not in ("code", "stages")}
-    record |= {"code": _plain(fit.code), "stages": [vars(stage) | {"code": _plain(stage.code)} for stage in fit.stages]}
-    with open(folder / CODES, "ab+") as file:
+    record |= {"code": plain(fit.code), "stages": [vars(stage) | {"code": plain(stage.code)} for stage in fit.stages]}
+    append_line(folder / CODES, record)
+
+
+def append_line(path: Path, record: Mapping[str, Any]) -> None:
+    """Add a record to a file of JSON lines, on a line of its own even if the last one is incomplete."""
+    with open(path, "ab+") as file:
         if file.tell():
             file.seek(-1, os.SEEK_END)
         start = b"" if file.read(1) in (b"", b"\n") else b"\n"
@@ -89,17 +95,21 @@ def read(folder: Path) -> list[Fit]:
 
     A line that ends before its record does is left out with a warning: its process was killed while it wrote.
     """
-    path = folder / CODES
-    fits = []
+    fits = [_fit(record) for record in read_lines(folder / CODES)]
+    return sorted(fits, key=lambda fit: (isinstance(fit.fractal, str), fit.fractal))
+
+
+def read_lines(path: Path) -> list[dict[str, Any]]:
+    """The records of a file of JSON lines, none where there is no file; an incomplete line is left out with a
+    warning."""
+    records = []
     for number, line in enumerate(path.read_text().splitlines() if path.exists() else [], 1):
         try:
-            record = json.loads(line)
+            records.append(json.loads(line))
         except json.JSONDecodeError:
-            warnings.warn(f"{path}: line {number} is incomplete and left out; its fractal has to be fitted again",
-                          stacklevel=2)
-            continue
-        fits.append(_fit(record))
-    return sorted(fits, key=lambda fit: (isinstance(fit.fractal, str), fit.fractal))
+            warnings.warn(f"{path}: line {number} is incomplete and left out; what it held has to be fitted again",
+                          stacklevel=3)
+    return records
 
 
 def missing(folder: Path, fractals: Iterable[int | str]) -> list[int | str]:
@@ -113,7 +123,8 @@ def _fit(record: dict) -> Fit:
     return Fit(**record | {"code": IFS(**record["code"]), "stages": stages})
 
 
-def _plain(code: IFS) -> dict:
+def plain(code: IFS) -> dict[str, Any]:
+    """A code as JSON data that come back exactly."""
     return {name: None if (value := getattr(code, name)) is None else _short(value)
             for name in ("linear", "offset", "probabilities")}
 

@@ -94,7 +94,7 @@ def load(path: Path) -> tuple[np.ndarray, np.ndarray]:
         with np.load(path, allow_pickle=False) as file:
             params, values = file["params"], file["density"]
     except (OSError, KeyError, ValueError) as error:
-        raise InputError(f"{path} holds no density maps: {error}; it must be an .npz with params and density") from error
+        raise InputError(f"{path} holds no density maps: {error}; take an .npz with params and density") from error
     if params.shape[1:] != (MAPS, 6) or values.shape != (len(params), BINS, BINS):
         raise InputError(f"{path}: params must have shape (C, {MAPS}, 6) and density (C, {BINS}, {BINS}), got "
                          f"{params.shape} and {values.shape}")

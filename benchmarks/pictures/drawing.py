@@ -68,9 +68,9 @@ def by_pillow(on: Page, polygons: np.ndarray | None = None, lines: np.ndarray | 
     """Polygons (K,V,2) filled and lines (K,2,2) of `widths` pixels, each pixel all or nothing: (H,W,3) uint8."""
     picture = Image.new("RGB", on.size, on.paper)
     pen = ImageDraw.Draw(picture)
-    for corners in _in_pixels(on, polygons) - 0.5:  # Pillow counts from the centre of the upper left pixel
+    for corners in np.floor(_in_pixels(on, polygons)):  # whole numbers of the pixels that hold the points
         pen.polygon([tuple(corner) for corner in corners.tolist()], fill=INK[on.ink])
-    ends = _in_pixels(on, lines) - 0.5
+    ends = np.floor(_in_pixels(on, lines))
     for pair, width in zip(ends, np.broadcast_to(widths, len(ends)), strict=True):
         pen.line([tuple(end) for end in pair.tolist()], fill=INK[on.ink], width=max(1, round(float(width))))
     return np.asarray(picture)

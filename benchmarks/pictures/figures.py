@@ -18,7 +18,7 @@ import torch
 from fractal_exp import codes
 from fractal_exp.ifs.code import IFS
 
-TRUNK_RATIO, TRUNK_ANGLE = 0.66, math.radians(30)  # of the symmetric binary tree
+TRUNK_RATIO, TRUNK_ANGLE = 0.66, 30  # of the symmetric binary tree; degrees, a divisor of 360
 UNIT_SEGMENT = np.array([[0.0, 0], [1, 0]])
 UNIT_SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 TRIANGLE = np.array([[0, 0], [1, 0], [0.5, math.sqrt(3) / 2]])
@@ -132,13 +132,22 @@ def pythagoras() -> IFS:
 def binary_tree() -> IFS:
     """A trunk from the origin to (0, 1) and two branches, 30 degrees to each side and 0.66 as long.
 
-    The third map, of rank one, flattens the tree, which reaches from 0 to (1 + r cos a) / (1 - r²), onto its trunk.
+    The third map, of rank one, flattens the whole tree sideways and lays it on the trunk, its left end at the origin.
     """
-    ratio, angle = TRUNK_RATIO, TRUNK_ANGLE
-    branches = similarities((cmath.rect(ratio, angle), 1j), (cmath.rect(ratio, -angle), 1j))
-    height = (1 + ratio * math.cos(angle)) / (1 - ratio**2)
-    trunk = torch.tensor([[[0, 0], [0, 1 / height]]])
-    return IFS(torch.cat([branches.linear, trunk]), torch.cat([branches.offset, torch.zeros(1, 2)]))
+    angle = math.radians(TRUNK_ANGLE)
+    branches = similarities((cmath.rect(TRUNK_RATIO, angle), 1j), (cmath.rect(TRUNK_RATIO, -angle), 1j))
+    trunk = torch.tensor([[[0, 0], [1 / (2 * tree_reach()), 0]]])
+    return IFS(torch.cat([branches.linear, trunk]), torch.cat([branches.offset, torch.tensor([[0, 0.5]])]))
+
+
+def tree_reach() -> float:
+    """How far the binary tree reaches to each side: the largest sum of r^k sin(a_k), where each angle differs by 30
+    degrees from the one before, and the first is 0."""
+    sines = np.sin(np.radians(np.arange(0, 360, TRUNK_ANGLE)))
+    reach = np.zeros_like(sines)
+    for _ in range(100):
+        reach = sines + TRUNK_RATIO * np.maximum(np.roll(reach, 1), np.roll(reach, -1))
+    return float(reach[0])
 
 
 def snowflake_curves() -> tuple[IFS, ...]:

@@ -1,0 +1,94 @@
+"""What a folder of fits says: tables as Markdown, and sheets of input, result and difference of every picture."""
+
+from __future__ import annotations
+
+import json
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+
+from fractal_exp.images.reading import read_target, write_image
+from fractal_exp.rendering.sheets import comparison_strip
+
+from . import fitting
+from .sets import SETS
+
+ROWS, SIDE = 16, 240        # of a sheet: pictures, and pixels of each
+MAIN_SCORES = ("iou", "sse", "f1_box", "f1_input")  # the first that a set has stands beside a picture
+RESOLUTION = 256            # of `invert`, unless told otherwise
+
+
+def write(kind: str, folder: Path) -> str:
+    """Write report.md and the sheets of a folder; return the text. Raises SystemExit where there are no fits."""
+    lines = fitting.read(folder)
+    if not lines:
+        raise SystemExit(f"{folder} holds no fits yet")
+    order = list(SETS[kind].roles())
+    lines.sort(key=lambda line: (_setting(line), order.index(line["picture"]) if line["picture"] in order else 0))
+    text = [f"# {kind}: {len(lines)} fits", "",
+            f"Fitted by {_all(lines, 'commit', 9)} on {_all(lines, 'machine')}."]
+    for setting, group in groupby(lines, _setting):
+        text += ["", *_section(kind, setting, list(group))]
+    text = "\n".join(text) + "\n"
+    (folder / "report.md").write_text(text)
+    for old in folder.glob("sheet_*.png"):
+        old.unlink()
+    _sheets(kind, [line for line in lines if "error" not in line and line["picture"] in order], folder)
+    return text
+
+
+def _section(kind: str, setting: str, lines: list[dict[str, Any]]) -> list[str]:
+    fits = pd.DataFrame([line for line in lines if "error" not in line])
+    text = [f"## {setting}"]
+    for role, rows in [*fits.groupby("role"), ("all", fits)] if len(fits) and fits["role"].nunique() > 1 else [
+            (fits["role"].iloc[0], fits)] if len(fits) else []:
+        text += ["", f"### Pictures: {role}"]
+        for title, table in SETS[kind].tables(rows).items():
+            if len(table):
+                text += ["", f"**{title}**", "", *markdown(table)]
+    failed = [f"- {line['picture']}: {line['error']}" for line in lines if "error" in line]
+    return text + (["", "Failed, and in no table:", *failed] if failed else [])
+
+
+def markdown(table: pd.DataFrame) -> list[str]:
+    """A table as lines of Markdown."""
+    cells = [[str(name) for name in table.columns], ["---"] * len(table.columns),
+             *([("" if pd.isna(value) else str(value)) for value in row] for row in table.itertuples(index=False))]
+    return [f"| {' | '.join(row)} |" for row in cells]
+
+
+def _setting(line: dict[str, Any]) -> str:
+    limit = f"{line['limit']:g} s by the {line['clock']} clock" if line["limit"] else "no limit"
+    return f"{limit}, {json.dumps(line['options'], sort_keys=True)}" if line["options"] else limit
+
+
+def _all(lines: list[dict[str, Any]], key: str, length: int | None = None) -> str:
+    return ", ".join(sorted({str(line[key])[:length] for line in lines}))
+
+
+def _sheets(kind: str, lines: list[dict[str, Any]], folder: Path) -> None:
+    """Sheets of twenty pictures each, those of one resolution together."""
+    chosen = SETS[kind]
+    for number, first in enumerate(range(0, len(lines), ROWS)):
+        inputs, results, captions = [], [], []
+        for line in lines[first:first + ROWS]:
+            options = {**chosen.options, **line["options"]}
+            resolution = options.get("resolution", RESOLUTION)
+            read = read_target(chosen.picture(line["picture"]), resolution, frame=options.get("frame", "fit"))
+            for images, image in zip((inputs, results), chosen.shown(fitting.code_of(line), read.image.numpy()),
+                                     strict=True):
+                images.append(_resized(image))
+            score = next(key for key in MAIN_SCORES if line.get(key) is not None)
+            captions.append(f"{line['picture']}, {line['maps']} maps, {score} {line[score]:.3g}")
+        strip = comparison_strip(torch.stack(results), torch.stack(inputs), captions, side=SIDE)
+        write_image(folder / f"sheet_{number:02d}.png", strip)
+
+
+def _resized(image: np.ndarray) -> torch.Tensor:
+    """An image at the resolution of most."""
+    whole = torch.from_numpy(image.astype(np.float32))[None, None]
+    return torch.nn.functional.interpolate(whole, size=(RESOLUTION, RESOLUTION), mode="area")[0, 0]

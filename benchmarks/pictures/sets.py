@@ -1,0 +1,88 @@
+"""The four sets behind one contract: names with roles, pictures, scores of a code, tables of fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fractal_exp.ifs.code import IFS
+from fractal_exp.images.reading import ReadImage
+
+from . import binary, density_maps, judging, tables, textbook
+from .paving import paving
+from .shapes import shapes
+
+Scores = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class PictureSet:
+    """roles: the pictures by name, each "tuning" or "reporting"; picture: its pixels, as `invert` takes them; score:
+    of a code found on it, on the canvas of what was read; tables: of fits, by title; options: for `invert`, unless told
+    otherwise; shown: what a sheet shows of a code and the image that it was found on, as two images in [0,1]."""
+
+    roles: Callable[[], Mapping[str, str]]
+    picture: Callable[[str], np.ndarray]
+    score: Callable[[str, IFS, ReadImage], Scores]
+    tables: Callable[[pd.DataFrame], dict[str, pd.DataFrame]]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    shown: Callable[[IFS, np.ndarray], tuple[np.ndarray, np.ndarray]] = judging.shapes
+
+
+def _score_textbook(name: str, code: IFS, read: ReadImage) -> Scores:
+    picture = textbook.pictures()[name]
+    truth = picture.draw().truth_on(read.placement)
+    return {"family": picture.family, "depth": picture.depth, "ink": picture.ink, "tool": picture.tool,
+            "jpeg": picture.jpeg, "deepest": picture.deepest, **judging.likeness(code, read.image.numpy()),
+            **judging.against_truth(code, truth, read.image.shape[-1])}
+
+
+def _score_density(name: str, code: IFS, read: ReadImage) -> Scores:
+    params, given = density_maps.problem(name)
+    truth, rng = density_maps.true_code(params), np.random.default_rng(0)
+    found = code.similar(density_maps.HALF_SIDE, (0.0, 0.0))
+    framed = truth.similar(1 / density_maps.HALF_SIDE, (0.0, 0.0))
+    overlap = judging.iou_within_a_pixel(*(judging.drawing(each, 2 * density_maps.BINS) for each in (code, framed)))
+    true_points = density_maps.points(truth, rng)
+    scores: Scores = {"published": name.startswith("published")}
+    for prefix, each in (("", found), ("floor_", truth)):
+        points = density_maps.points(each, rng)
+        distances = judging.point_distances(points, true_points, density_maps.PIXEL, rng)
+        error = float(np.square(density_maps.density(points) - given).sum())
+        scores |= {prefix + key: value for key, value in {"sse": error, **distances}.items()}
+    return scores | judging.against_code(code, framed, overlap, density_maps.BINS)
+
+
+def _densities(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    points = density_maps.points(code.similar(density_maps.HALF_SIDE, (0.0, 0.0)), np.random.default_rng(0))
+    return image / image.max(), density_maps.picture(density_maps.density(points))
+
+
+def _score_shape(name: str, code: IFS, read: ReadImage) -> Scores:
+    image = read.image.numpy()
+    plain = paving(judging.shape_of(image), len(code))
+    return {**judging.likeness(code, image), "f1_paving": judging.likeness(plain, image)["f1_input"],
+            "licence": shapes()[name].licence}
+
+
+def _score_binary(name: str, code: IFS, read: ReadImage) -> Scores:
+    return {**judging.likeness(code, read.image.numpy()), **binary.score(name, code)}
+
+
+SETS: dict[str, PictureSet] = {
+    "textbook": PictureSet(lambda: {name: each.role for name, each in textbook.pictures().items()},
+                           lambda name: textbook.pictures()[name].draw().pixels, _score_textbook, tables.textbook),
+    "density": PictureSet(lambda: {name: "reporting" if name.startswith("published") else "tuning"
+                                   for name in density_maps.names()},
+                          lambda name: density_maps.picture(density_maps.problem(name)[1]), _score_density,
+                          tables.density, {"frame": "keep", "resolution": density_maps.BINS, "maps": density_maps.MAPS},
+                          _densities),
+    "shapes": PictureSet(lambda: {name: each.role for name, each in shapes().items()},
+                         lambda name: shapes()[name].make(0), _score_shape, tables.shapes),
+    "binary": PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(binary.names())},
+                         binary.picture, _score_binary, tables.binary, {"frame": "keep"}),
+}

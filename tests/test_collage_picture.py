@@ -14,7 +14,7 @@ from fractal_exp.methods.collage.image.moves import root
 from fractal_exp.methods.collage.image.objective import ImageObjective, reduced
 from fractal_exp.methods.collage.measure.bins import binned
 from fractal_exp.methods.collage.measure.births import flattened, mirrored, reoriented
-from fractal_exp.methods.collage.measure.levels import LEVELS
+from fractal_exp.methods.collage.measure.tones import LEVELS
 from fractal_exp.methods.collage.state import Candidate
 
 

@@ -11,7 +11,7 @@ from ...runtime.checkpoint import Checkpoint
 from ...runtime.deadline import Deadline
 from ..base import CodeReconstruction, Method, OnStep, check_device, check_target
 from .course import Teller
-from .measure.levels import levels_of
+from .measure.tones import levels_of
 from .params import CollageParams
 from .pipeline import Pipeline
 from .problem import SearchProblem

@@ -42,7 +42,13 @@ class SearchProblem:
     def rounds(self) -> int:
         """How many there may be."""
         stages = self.params.stages
-        return self.params.rounds or (stages.density_rounds if self.levels.is_density else stages.other_rounds)
+        most = 1 if self.is_crossed else stages.density_rounds if self.levels.is_density else stages.other_rounds
+        return self.params.rounds or most
+
+    @property
+    def is_crossed(self) -> bool:
+        """Whether populations of sets are crossed, in the place of stages 1 and 2."""
+        return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.largest
 
     def restarts(self, number: int) -> int:
         """How many a round has; half as many after the first."""

@@ -9,7 +9,9 @@ from ...runtime.deadline import Deadline
 from ...runtime.seeds import derive
 from . import maps as affine
 from .canonical.rounding import Rounding
+from .image.crossing import Crossing
 from .image.gauss_newton import fitted_into_frame
+from .image.objective import ImageObjective
 from .image.pruning import pruned_in_frame
 from .image.search import ImageSearch
 from .measure.saturation import saturation_corrected
@@ -26,7 +28,7 @@ class Stage(ABC):
     name: str
     order: int
     ends_at: str
-    search: MeasureSearch | ImageSearch
+    search: MeasureSearch | ImageSearch | Crossing
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         self.problem, self.params, self.round, self.restart = problem, problem.params, number, restart
@@ -173,6 +175,34 @@ class Approach(Stage):
         return self.search.resume(state.best)
 
 
+class Populations(Stage):
+    """Sets of as many maps as are asked for, crossed: the place of stages 1 and 2 where this is the better search."""
+
+    name, order, ends_at = "population", 0, "detail_share"
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.population.generations
+
+    @property
+    def most_moves(self) -> int:
+        return self.params.population.rounds * self.expected_moves
+
+    def open(self, state: State) -> None:
+        problem, size = self.problem, self.params.population.view
+        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
+        seed = derive(problem.seed, "population", self.round)
+        objective = ImageObjective(image, problem.levels, self.params, seed)
+        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
+                               deadline=self.deadline)
+
+    def begin(self, state: State) -> Candidate:
+        return self.search.start()
+
+    def is_settled(self, state: State) -> bool:
+        return self.search.is_settled(state.current)
+
+
 class ImageMoves(Stage):
     """Refinement, and moves of single maps, judged by renderings; the end of a round. While the error has been halved
     not long ago there are more moves than asked for. It leaves no best code where another round is worth while."""
@@ -181,7 +211,7 @@ class ImageMoves(Stage):
 
     @property
     def expected_moves(self) -> int:
-        return self.params.moves.count
+        return self.params.population.moves if self.problem.is_crossed else self.params.moves.count
 
     @property
     def most_moves(self) -> int:
@@ -299,8 +329,9 @@ class LastDigits(Stage):
 def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
     """The stages of a round, in order."""
     restarts = [Restart(problem, number, restart) for restart in range(problem.restarts(number))]
+    search = [*restarts, FromMixture(problem, number), Detail(problem, number)]
     approach = [Approach(problem, number)] if problem.is_reduced else []
-    return [*restarts, FromMixture(problem, number), Detail(problem, number), *approach, ImageMoves(problem, number)]
+    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, ImageMoves(problem, number)]
 
 
 def last_stages(problem: SearchProblem) -> list[Stage]:

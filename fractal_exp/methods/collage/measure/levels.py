@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Self
 
 from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
+from torch.nn.functional import adaptive_avg_pool2d
 
 from ....ifs.code import IFS
 from ....ops import cuda_launch
@@ -14,14 +15,21 @@ from ..params import CameraParams
 
 class Levels(ABC):
     """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel shows a line thinner
-    than itself; is_density: whether a pixel tells how often it is hit."""
+    than itself; is_density: whether a pixel tells how often it is hit; is_linear: whether grey levels are in proportion
+    to that, so that they tell the probabilities of the maps."""
 
     is_graded = True
     is_density = False
+    is_linear = False
     supersample: int
 
     def __init__(self, camera: CameraParams):
         self.camera, self.supersample = camera, camera.supersample
+
+    @classmethod
+    def of(cls, image: Tensor, camera: CameraParams) -> Self:
+        """Those of an image (R,R)."""
+        return cls(camera)
 
     @abstractmethod
     def measure(self, image: Tensor) -> Tensor:
@@ -45,6 +53,22 @@ class Levels(ABC):
                                     reuse=1 if independent else self.camera.reuse, device=device)
         return image
 
+    def redrawn(self, code: IFS, resolution: int, seed: int) -> Tensor:
+        """The image (R,R) of a code with as much noise as the given one has."""
+        return self.render(code, resolution, seed)
+
+    def subpixels(self, resolution: int, side: int) -> float:
+        """n of `stabilized` for a cell, where an image of this resolution has `side` of them to the side."""
+        return (self.supersample * resolution / side) ** 2
+
+    def stabilized(self, image: Tensor, subpixels: float) -> Tensor:
+        """Grey levels (…) such that their counting error has the variance 1 / 4n everywhere, n the subpixels."""
+        return stabilize(image, subpixels)
+
+    def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
+        """The derivative of `stabilized`."""
+        return stabilizing_slope(image, subpixels)
+
 
 class Density(Levels):
     """The share of subpixels that points of a chaos game hit."""
@@ -59,7 +83,7 @@ class Density(Levels):
         return 1 - grey
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        return 1 - (-_mean(self.measure(image), size)).exp()
+        return 1 - (-mean_of(self.measure(image), size)).exp()
 
 
 class Coverage(Levels):
@@ -77,7 +101,7 @@ class Coverage(Levels):
         return 1 - around
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        return _mean(image, size)
+        return mean_of(image, size)
 
 
 class Binary(Levels):
@@ -92,7 +116,7 @@ class Binary(Levels):
         return 1 - around
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        covered, least = _mean(image, size), self.camera.threshold
+        covered, least = mean_of(image, size), self.camera.threshold
         return (covered > (least if bool((covered > least).any()) else 0)).float()
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
@@ -100,25 +124,17 @@ class Binary(Levels):
         return (super().render(code, resolution, seed, independent=True) > self.camera.threshold).float()
 
 
-LEVELS: dict[str, type[Levels]] = {"density": Density, "coverage": Coverage, "binary": Binary}
-
-
-def levels_of(image: Tensor, name: str, camera: CameraParams) -> Levels:
-    """What the grey levels of an image (R,R) mean, by name; "auto": as they look."""
-    return LEVELS[guess_levels(image, camera) if name == "auto" else name](camera)
-
-
-def guess_levels(image: Tensor, camera: CameraParams) -> str:
-    """"binary" if there are no greys; "density" if many pixels that are lit all around are not white, as in a rendering
-    by the chaos game; else "coverage", as in an anti-aliased image."""
-    if bool(((image == 0) | (image == 1)).all()):
-        return "binary"
-    inner = -max_pool2d(-image[None, None], 3, 1, 1)[0, 0] > camera.lit
-    inner[0] = inner[-1] = inner[:, 0] = inner[:, -1] = False
-    if not bool(inner.any()):
-        return "density"
-    return "density" if float((image[inner] < camera.white).float().mean()) > camera.density_share else "coverage"
-
-
-def _mean(image: Tensor, size: int) -> Tensor:
+def mean_of(image: Tensor, size: int) -> Tensor:
+    """The image (R,R) at a smaller size (S,S), each pixel the mean of what it covers."""
     return adaptive_avg_pool2d(image[None], size)[0]
+
+
+def stabilize(image: Tensor, subpixels: float) -> Tensor:
+    """arcsin sqrt of grey levels that are shares of so many subpixels (Anscombe 1948)."""
+    return ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1).sqrt().asin()
+
+
+def stabilizing_slope(image: Tensor, subpixels: float) -> Tensor:
+    """The derivative of `stabilize`."""
+    share = ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1)
+    return 0.5 * (share * (1 - share)).clamp_min(1e-4).rsqrt()

@@ -52,7 +52,8 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
     if not isinstance(found, CodeReconstruction):
         raise TypeError(f"the method {method!r} reconstructs a {type(found).__name__}, which is no code")
     stopped = stop_reason(found, seconds, took)
-    likeness = Likeness.of(found.code, target.image, levels=options.get("levels", "auto"), seed=seed)
+    likeness = Likeness.of(found.code, target.image, levels=options.get("levels", "auto"),
+                           camera=options.get("camera"), seed=seed)
     return Inversion(
         code=found.code, target=target, source=Path(image).absolute() if isinstance(image, str | Path) else image,
         likeness=likeness, history=history.stages(), stopped=stopped, seconds=took, method=method,

@@ -56,10 +56,11 @@ class Likeness:
     noise_ratio: float
 
     @classmethod
-    def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", seed: int = 0) -> Likeness:
+    def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", camera: Mapping[str, Any] | None = None,
+           seed: int = 0) -> Likeness:
         """The likeness of a contractive code to an image (R,R) in [0,1]; levels: what its grey levels mean, "density",
-        "coverage", "binary" or "auto"."""
-        params = CollageParams()
+        "linear", "coverage", "binary" or "auto"; camera: what is known of how it was drawn, see `CameraParams`."""
+        params = CollageParams().updated(camera=dict(camera or {}))
         objective = ImageObjective(image, levels_of(image, levels, params.camera), params, derive(seed, "likeness"))
         rendering = objective.render(code)
         return cls(float(metrics.f1(rendering[None], image[None])), float(metrics.iou(rendering[None], image[None])),

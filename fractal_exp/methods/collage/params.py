@@ -166,6 +166,59 @@ class SearchParams(Params):
     """A set in which two maps were made one."""
 
 
+class PopulationParams(Params):
+    """Many sets of maps at once, improved alone and crossed: stages 1 and 2 where the number of maps is given and grey
+    levels are linear. Each set descends on the collage error with all of the measure to explain (a memetic algorithm,
+    Moscato 1989)."""
+
+    largest: Count = 8
+    """Maps of a set up to which there is a population; 0: none."""
+    first: Positive = 500
+    """Random sets that the first population is chosen from."""
+    size: Annotated[int, Field(ge=2)] = 48
+    """Sets of a population."""
+    generations: Positive = 40
+    """Generations at most. In each, every set has a child, which takes its place if it is better."""
+    judged_every: Positive = 10
+    """Generations after which the best sets are rendered,"""
+    judged: Positive = 8
+    """so many of them,"""
+    polished: Positive = 3
+    """and polished, those of the best renderings."""
+    polish_first: Count = 3
+    """Gauss-Newton steps of each,"""
+    polish: Count = 8
+    """and more steps if those have brought the error below `hopeful` of what it was: near the true code they do."""
+    hopeful: Share = 0.3
+    """That share."""
+    rounds: Positive = 5
+    """Populations at most, each begun anew."""
+    moves: Count = 6
+    """Moves by renderings that follow them, in the place of `moves.count`."""
+    settled: Amount = 1.15
+    """Noise ratio up to which a code is taken for the true one; another population begins above it."""
+    crossed: Share = 0.5
+    """Probability that a child takes maps from another set; otherwise they are random."""
+    two: Share = 0.45
+    """Probability that two maps are exchanged, not one."""
+    grid: Grid = 32
+    """Cells a side of the grid on which sets descend."""
+    view: Annotated[int, Field(ge=16)] = 64
+    """Pixels a side, at most, of the image by which they are judged and polished."""
+    sizes: Sizes = (0.15, 0.85)
+    """Range of the larger singular value of a random map."""
+    least_ratio: Share = 0.2
+    """Least ratio of its singular values."""
+    faint: Share = 0.02
+    """Mass of a cell, as a share of the mean cell's, below which it is no sample of the measure."""
+    alike: Share = 0.002
+    """Relative difference of errors below which two sets are the same; a new random one replaces one of them."""
+    descent: DescentSteps = _descent(80, 0.03, 0.95)
+    """Of each set."""
+    prior: Amount = 0.01
+    """Strength of the pull of weights towards |det| + 0.01."""
+
+
 class BirthParams(Params):
     """New maps where a set leaves the measure uncovered, in stages 1 and 2. The shapes of stage 3's are made alike."""
 
@@ -256,13 +309,17 @@ class CameraParams(Params):
     """Share of lit subpixels above which a pixel of a binary image is white."""
     reuse: Positive = 8
     """Words under which a point of the invariant measure is put in a rendering that judges a code."""
+    linear_points: Annotated[float, Field(ge=0.1, allow_inf_nan=False)] = 12.0
+    """Points for each pixel, at least, of a rendering that judges a code by a linear image."""
+    deblur_steps: Count = 10
+    """Steps of Richardson (1972) and Lucy (1974) that sharpen a blurred image before maps are sought."""
     rounding: Amount = 1e-3
     """Subpixels by which a grey level of our own renderer may miss a whole number of them."""
 
     pen_px: Amount | None = None
     """Radius of the pen that drew lines and areas, pixels of the image; none: estimated."""
     blur_px: Amount | None = None
-    """Standard deviation of the blur, pixels of the image; none: estimated."""
+    """Standard deviation of the blur, pixels of the image; none: estimated, or none of a linear image."""
     tiles_px: tuple[Factor, ...] = (32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
     """Sizes of the smallest parts of a construction that are tried; none: only the attractor is."""
     dotted: Share = 0.75
@@ -634,10 +691,12 @@ class CollageParams(Params):
     """Upper bound of the number of maps; null: no bound."""
     rounds: Positive | None = None
     """Rounds at most; null: as `stages` says for the meaning of the grey levels."""
-    levels: Literal["auto", "density", "dots", "coverage", "binary"] = "auto"
-    """What grey levels mean: the density of a chaos game's points, the covered share of a pixel, or nothing (black and
-    white)."""
+    levels: Literal["auto", "density", "linear", "dots", "coverage", "binary"] = "auto"
+    """What grey levels mean: the share of subpixels that a chaos game hits, the number of its points in a pixel up to a
+    factor, the ink of as many dots, the covered share of a pixel, or nothing (black and white). `auto` takes what our
+    own renderer did not draw for coverage, and dots if these explain it better in the end."""
     search: SearchParams = SearchParams()
+    population: PopulationParams = PopulationParams()
     births: BirthParams = BirthParams()
     descent: DescentParams = DescentParams()
     saturation: SaturationParams = SaturationParams()

@@ -13,7 +13,7 @@ from ...runtime.seeds import derive
 from .image.objective import ImageObjective, reduced
 from .image.search import ImageSearch
 from .measure.levels import Levels
-from .measure.pens import blurred
+from .measure.blur import blurred
 from .measure.tones import Camera, LEVELS, seen_with
 from .params import CollageParams
 
@@ -44,9 +44,13 @@ class SearchProblem:
     def rounds(self) -> int:
         """How many there may be."""
         stages = self.params.stages
-        if not self.levels.is_exact:
-            return self.params.rounds or stages.drawn_rounds
-        return self.params.rounds or (stages.density_rounds if self.levels.is_density else stages.other_rounds)
+        most = 1 if self.is_crossed else stages.density_rounds if self.levels.is_density else stages.other_rounds
+        return self.params.rounds or (most if self.levels.is_exact else stages.drawn_rounds)
+
+    @property
+    def is_crossed(self) -> bool:
+        """Whether populations of sets are crossed, in the place of stages 1 and 2."""
+        return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.largest
 
     def masses_of(self, number: int) -> Tensor:
         """The masses (R,R) that a round searches."""

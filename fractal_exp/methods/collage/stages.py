@@ -10,7 +10,9 @@ from ...runtime.seeds import derive
 from . import maps as affine
 from .canonical.rounding import Rounding
 from .canonical.symmetry import simplest, symmetries
+from .image.crossing import Crossing
 from .image.gauss_newton import fitted_into_frame, polished
+from .image.objective import ImageObjective
 from .image.pruning import Price, pruned, pruned_in_frame
 from .image.search import ImageSearch
 from .measure.saturation import saturation_corrected
@@ -27,7 +29,7 @@ class Stage(ABC):
     name: str
     order: int
     ends_at: str
-    search: MeasureSearch | ImageSearch
+    search: MeasureSearch | ImageSearch | Crossing
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         self.problem, self.params, self.round, self.restart = problem, problem.params, number, restart
@@ -176,6 +178,34 @@ class Approach(Stage):
         return self.search.resume(state.best)
 
 
+class Populations(Stage):
+    """Sets of as many maps as are asked for, crossed: the place of stages 1 and 2 where this is the better search."""
+
+    name, order, ends_at = "population", 0, "detail_share"
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.population.generations
+
+    @property
+    def most_moves(self) -> int:
+        return self.params.population.rounds * self.expected_moves
+
+    def open(self, state: State) -> None:
+        problem, size = self.problem, self.params.population.view
+        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
+        seed = derive(problem.seed, "population", self.round)
+        objective = ImageObjective(image, problem.levels, self.params, seed)
+        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
+                               deadline=self.deadline)
+
+    def begin(self, state: State) -> Candidate:
+        return self.search.start()
+
+    def is_settled(self, state: State) -> bool:
+        return self.search.is_settled(state.current)
+
+
 class ImageMoves(Stage):
     """Refinement, and moves of single maps, judged by renderings; the end of a round. While the error has been halved
     not long ago there are more moves than asked for. It leaves no best code where another round is worth while."""
@@ -185,6 +215,8 @@ class ImageMoves(Stage):
     @property
     def expected_moves(self) -> int:
         moves = self.params.moves
+        if self.problem.is_crossed:
+            return self.params.population.moves
         return moves.count if self.problem.levels.is_exact else moves.drawn_count
 
     @property
@@ -231,7 +263,9 @@ class ImageMoves(Stage):
         if before is not None and problem.is_reduced and problem.levels.is_exact:  # it was judged by another image
             before = self.search.judged(before)
         best = found if before is None or found.score < before.score else before
-        if self.round + 1 < problem.rounds and self._is_wrong(best):
+        if self.round + 1 < problem.rounds and not problem.levels.is_exact and self._is_unlike(best):
+            return replace(state.with_pool(found.maps), best=None, before=best, scores=())
+        if self.round + 1 < problem.rounds and problem.levels.is_exact and self._is_wrong(best):
             simple = self.search.simplified(best)
             best = best if simple is None or self._is_wrong(simple) else simple
             if self._is_wrong(best):
@@ -246,10 +280,15 @@ class ImageMoves(Stage):
             return "the code renders the image as well as the true one would"
         return "all moves were made" if state.step == self.most_moves else "no move helped any more"
 
+    def _is_unlike(self, candidate: Candidate) -> bool:
+        """Whether a code of a picture that others drew, seen with its own camera, is worth another round."""
+        objective = self.problem.objective(len(self.problem.image), candidate.code, self.problem.seed,
+                                           camera=candidate.camera)
+        shown = objective.judge(candidate.maps, candidate.weights)
+        return objective.likeness(shown.image) < self.params.stages.unlike
+
     def _is_wrong(self, candidate: Candidate) -> bool:
         stages = self.params.stages
-        if not self.problem.levels.is_exact:
-            return self.search.likeness(candidate) < stages.unlike
         worth = stages.later_rounds if self.round else stages.second_round
         return self.search.noise_ratio(candidate) > worth and not self.search.objective.is_hopeless(candidate.error)
 
@@ -337,8 +376,9 @@ class LastDigits(Stage):
 def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
     """The stages of a round, in order."""
     restarts = [Restart(problem, number, restart) for restart in range(problem.restarts(number))]
+    search = [*restarts, FromMixture(problem, number), Detail(problem, number)]
     approach = [Approach(problem, number)] if problem.is_reduced else []
-    return [*restarts, FromMixture(problem, number), Detail(problem, number), *approach, ImageMoves(problem, number)]
+    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, ImageMoves(problem, number)]
 
 
 def last_stages(problem: SearchProblem) -> list[Stage]:

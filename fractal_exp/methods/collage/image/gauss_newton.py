@@ -14,17 +14,17 @@ from torch import Tensor
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .frame import Frame
-from .jacobian import FromPoints, Jacobian
+from .jacobian import FromCounts, FromPoints, Jacobian
 from .objective import ImageObjective, Rendered
 
 
 def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
-             patience: int | None = None, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] = FromPoints,
+             patience: int | None = None, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] | None = None,
              alone: bool = False, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
     """The code after at most so many steps of Levenberg and Marquardt, never worse.
 
     moving: the maps that may move, all if None; patience: after how many steps in vain to stop, None: as
-    `GaussNewtonParams` says; jacobian: where it is got from; alone: whether each parameter is tried by itself where all
+    `GaussNewtonParams` says; jacobian: where it is got from, None: from points or, of linear grey levels, from counts; alone: whether each parameter is tried by itself where all
     together lead nowhere, as is done for a single map; fixed: entries (map, column) that stay, a translation's only
     with those of its row, since matrices turn about the attractor's mean.
     """
@@ -34,6 +34,7 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
     if not moving or not params.enabled:
         return rendered
     patience = params.patience if patience is None else patience
+    jacobian = jacobian or (FromCounts if objective.levels.is_linear else FromPoints)
     damping, idle = params.damping, 0
     for number in range(steps):
         if deadline.passed or idle == patience:
@@ -72,7 +73,7 @@ def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, s
     """The step, or a multiple of it, whichever comes closest; None if it leads up."""
     best = None
     for factor in objective.params.gauss_newton.strides:
-        tried = objective.judge(jacobian.moved(factor * step), rendered.weights)
+        tried = objective.judge(jacobian.moved(factor * step), jacobian.weighed(factor * step))
         if tried.error >= (best or rendered).error:
             break
         best = tried
@@ -90,7 +91,7 @@ def _one_by_one(objective: ImageObjective, rendered: Rendered, jacobian: Jacobia
         for factor in objective.params.gauss_newton.strides:
             further = taken.clone()
             further[k] = factor * step
-            tried = objective.judge(jacobian.moved(further), rendered.weights)
+            tried = objective.judge(jacobian.moved(further), jacobian.weighed(further))
             if tried.error >= rendered.error:
                 break
             rendered, taken = tried, further

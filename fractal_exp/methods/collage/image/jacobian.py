@@ -9,13 +9,20 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from ....ops.collage import orbit_bins
+from ....ops.collage import orbit_bins, pushforward
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
 from ..measure.bins import attractor_points, point_bins, trajectories
-from .objective import ImageObjective, Rendered, stabilizing_slope
+from ..measure.blur import blurred
+from .objective import ImageObjective, Rendered
 
+WEIGHT = 6                 # the column of a map's probability, after its six entries
+LOG_STEP = 0.1             # of a probability's logarithm, which counts as much as a pixel
+LEAST_WEIGHT = 1e-3        # of a map, relative to the heaviest
+LETTERS = 8                # of the words through which a probability is followed
+MARGIN = 8                 # a grid is so much wider than the canvas, as a part of its side, on each side
+BILINEAR = 1 / 12          # variance, cells², that bilinear bins add to that of bins with edges
 ROWS = 2**21               # numbers of a Jacobian that are multiplied at once
 
 
@@ -33,8 +40,9 @@ class Jacobian(ABC):
         self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed)
         self.mean, spread = self.points.mean(0).tolist(), self.points.std(0).clamp_min(1e-3).tolist()
         pixel = 2 / objective.side
+        self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
-                      if (i, j) not in fixed]
+                      if (i, j) not in fixed] + self.weight_units(moving)
         count = len(self.units)
         self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
         grids = self.grids(objective, rendered)
@@ -47,6 +55,14 @@ class Jacobian(ABC):
                 self.gradient += (scaled @ residual[piece].flatten().double()).cpu()
         if objective.frame is not None:
             self._add_frame(objective, rendered)
+
+    def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
+        """Probabilities that move too: (map, 6, step of their logarithm). A rendering that saturates tells none."""
+        return []
+
+    def weighed(self, step: Tensor) -> Tensor | None:
+        """The weights (N,) after a step, None if they are tied."""
+        return self.weights
 
     @abstractmethod
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
@@ -80,6 +96,8 @@ class Jacobian(ABC):
         """The maps (N,6) after a step; a matrix turns about the attractor's mean."""
         maps = self.maps.tolist()  # number by number, for which tensors are slow, and a GPU's still more
         for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
+            if j == WEIGHT:
+                continue
             maps[i][j] += value * unit
             if j < 4:
                 maps[i][4 + j // 2] -= value * unit * self.mean[j % 2]
@@ -109,10 +127,69 @@ class FromPoints(Jacobian):
         for k, grey in enumerate(greys):
             if k:
                 columns = avg_pool2d(columns, 2, ceil_mode=True)
-            yield columns, stabilizing_slope(grey, objective.subpixels * 4**k)
+            yield columns, objective.levels.stabilizing_slope(grey, objective.subpixels * 4**k)
 
     def _smooth(self, image: Tensor) -> Tensor:
         return avg_pool2d(image[None], self.params.window, 1, self.params.window // 2)[0]
+
+
+class FromCounts(Jacobian):
+    """Of grey levels in proportion to counts: as from points, under the blur of the image, and the probabilities move
+    with the maps if they are free. They change the invariant measure mu = T mu by d mu = f_i#mu - mu + T d mu for each
+    map i, a series that ends as soon as the maps have contracted it below a cell."""
+
+    def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
+        return [] if self.weights is None else [(i, WEIGHT, LOG_STEP) for i in moving]
+
+    def weighed(self, step: Tensor) -> Tensor | None:
+        if self.weights is None:
+            return None
+        moved = self.weights.log()
+        for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
+            if j == WEIGHT:
+                moved[i] += value * unit
+        return (moved - moved.max()).exp().clamp_min(LEAST_WEIGHT)
+
+    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
+        levels, side, step = objective.levels, self.side, self.params.step_px
+        margin = -(-side // MARGIN)
+        size = side + 2 * margin  # what lies just beyond the canvas is blurred into it
+        scale = rendered.maps.new_tensor([1, 1, 1, 1, side / size, side / size])
+        entries = [k for k, (_, j, _) in enumerate(self.units) if j != WEIGHT]
+        moved = torch.stack([rendered.maps, *(self.nudged(k, step) for k in entries)]) * scale
+        bins = orbit_bins(moved, rendered.probabilities, size, seed=self.seed, **trajectories(self.count))
+        known, columns = bins[0], list((bins[1:] - bins[0]) / step)
+        for i, j, unit in self.units:
+            if j == WEIGHT:
+                columns.append(unit * rendered.probabilities[i] * _shifted(known, rendered.maps * scale,
+                                                                           rendered.probabilities, i))
+        canvas = slice(margin, margin + side)
+        sigma = max(0.0, levels.blur_px(side) ** 2 - BILINEAR) ** 0.5
+        bins = blurred(torch.stack([known, *columns]), sigma)[:, canvas, canvas]
+        shown, total = bins[0], bins[0].sum().clamp_min(1e-12)
+        columns = (bins[1:] - shown * (bins[1:].sum((1, 2), keepdim=True) / total)) * levels.exposure(shown)
+        for k, grey in enumerate(objective.grids(rendered.image)):
+            if k:
+                columns = avg_pool2d(columns, 2, ceil_mode=True)
+            yield columns, levels.stabilizing_slope(grey, objective.subpixels * 4**k)
+
+
+def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int) -> Tensor:
+    """How a code's invariant measure (G,G) changes with the probability of one map, relative to the others'."""
+    step = _pushed(measure, maps[chosen, None], probabilities.new_ones(1)) - measure
+    change = step.clone()
+    for _ in range(LETTERS - 1):
+        step = _pushed(step, maps, probabilities)
+        change += step
+    return change
+
+
+def _pushed(bins: Tensor, maps: Tensor, weights: Tensor) -> Tensor:
+    """What maps (N,6) of these weights (N,) make of a measure or a difference of two, (G,G)."""
+    size = bins.shape[0]
+    row, column = bins.nonzero().unbind(1)
+    samples = torch.stack([(2 * column + 1) / size - 1, 1 - (2 * row + 1) / size, bins[row, column]], 1)
+    return pushforward(maps[None].contiguous(), weights[None].contiguous(), samples, size)[0]
 
 
 class FromRenderings(Jacobian):

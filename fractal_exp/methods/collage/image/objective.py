@@ -12,9 +12,12 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
 from ....ifs.code import IFS
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..measure.levels import Levels
+from ..measure.levels import Levels, stabilize
 from ..params import CollageParams
 from .frame import Frame
+
+
+REDRAWN = 4   # images whose mean error tells the noise of one that is blurred, of which few parts are independent
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class ImageObjective:
         self.image, self.levels, self.params = image, levels, params
         self.seed, self.renderings = derive(seed, "picture"), renderings
         self.side = min(image.shape[0], params.image.finest)
-        self.subpixels = (levels.supersample * image.shape[0] / self.side) ** 2
+        self.subpixels = levels.subpixels(image.shape[0], self.side)
         self.stable = self.stabilized(image)
         self.lit = [max(1, int((grid > 0).sum())) for grid in self.grids(image)]
 
@@ -53,8 +56,10 @@ class ImageObjective:
         return other
 
     def own_frame(self) -> Frame | None:
-        """The frame that the image fills, if it fills one; a picture that others drew tells of none."""
-        return None if not self.levels.is_exact else Frame.of(self.image, self.params.frame)
+        """The frame that the image fills, if it fills one; neither a picture that others drew nor the density of points
+        tells of one."""
+        levels = self.levels
+        return None if levels.is_linear or not levels.is_exact else Frame.of(self.image, self.params.frame)
 
     def hasty(self) -> ImageObjective:
         """The same, with a single rendering of each code."""
@@ -72,7 +77,7 @@ class ImageObjective:
 
     def stabilized(self, image: Tensor) -> list[Tensor]:
         """The grids of an image, of variance 1 / 4n everywhere."""
-        return [stabilize(grid, self.subpixels * 4**k) for k, grid in enumerate(self.grids(image))]
+        return [self.levels.stabilized(grid, self.subpixels * 4**k) for k, grid in enumerate(self.grids(image))]
 
     def residuals(self, rendering: Tensor) -> list[Tensor]:
         """Target minus rendering (R,R), of equal variance, on every grid."""
@@ -112,6 +117,11 @@ class ImageObjective:
 
     def noise(self, code: IFS) -> float:
         """The error that the true code would have by chance, told from two renderings of this one."""
+        if self.levels.is_linear:  # renderings have less noise than the image
+            shown, seeds = self.render(code), (derive(self.seed, "again", n) for n in range(REDRAWN))
+            drawn = (self.levels.redrawn(code, len(shown), seed).to(shown) for seed in seeds)
+            errors = [ImageObjective(each, self.levels, self.params).error(shown) for each in drawn]
+            return max(self.params.image.least_noise, sum(errors) / len(errors))
         other = ImageObjective(self.render(code, "again"), self.levels, self.params)
         return max(self.params.image.least_noise, other.error(self.render(code)))
 
@@ -146,14 +156,3 @@ def reduced(image: Tensor, size: int, code: IFS, levels: Levels, params: Collage
     share = stable.clamp(0, torch.pi / 2).sin().square()
     found = ((share * (subpixels + 0.75) - 0.375) / subpixels).clamp(0, 1)
     return torch.where(shrunk > 0, found, 0)
-
-
-def stabilize(image: Tensor, subpixels: float) -> Tensor:
-    """arcsin sqrt of grey levels that are shares of so many subpixels (Anscombe 1948)."""
-    return ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1).sqrt().asin()
-
-
-def stabilizing_slope(image: Tensor, subpixels: float) -> Tensor:
-    """The derivative of `stabilize`."""
-    share = ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1)
-    return 0.5 * (share * (1 - share)).clamp_min(1e-4).rsqrt()

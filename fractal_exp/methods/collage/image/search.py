@@ -48,7 +48,7 @@ class ImageSearch:
         """The best rendering of the candidate and its refinements, with its own weights or those of |det| + 0.01."""
         half = self.params.moves.polish_ends // 2
         free = found.probabilities if found.weights is None else found.weights
-        tried = (None, free) if self.params.moves.own_weights else (None,)
+        tried = (free,) if self.objective.levels.is_linear else (None, free) if self.params.moves.own_weights else (None,)
         found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
                  for weights in tried]
         first = self._simpler(found[0], found[-1])
@@ -103,7 +103,7 @@ class ImageSearch:
         if not self.objective.levels.is_exact or self.objective.is_hopeless(cleaned.error):
             return cleaned
         found = self.shown(cleaned)
-        if found.weights is not None:
+        if found.weights is not None and not self.objective.levels.is_linear:
             tied = self.polished(self.objective.judge(found.maps), self.params.moves.polish_ends)
             found = self._simpler(tied, found)
         last = self._last_judged(found)
@@ -161,7 +161,7 @@ class ImageSearch:
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), self.params.moves.polish_ends,
                                  self.objective.own_frame() if near else None, deadline=self.deadline)
         ratio = self.noise_ratio(self.candidate(self.objective.judge(best.maps, best.weights)))
-        if params.rendered_steps and params.rendered_above < ratio < params.rendered_below \
+        if params.rendered_steps and not self.objective.levels.is_linear and params.rendered_above < ratio < params.rendered_below \
                 and not self.deadline.passed:
             once = self.objective.within(self.objective.own_frame())
             last = polished(once, once.judge(best.maps, best.weights), params.rendered_steps, deadline=self.deadline,
@@ -176,8 +176,9 @@ class ImageSearch:
     def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
         """The code with weights of its own only if its error is much lower, as free weights also fit noise, and lag
         behind when maps move."""
-        own_weights = self.params.moves.own_weights if self.objective.levels.is_exact else 1.0
-        return own if own.error < own_weights * tied.error else tied
+        levels = self.objective.levels
+        factor = 1.0 if levels.is_linear or not levels.is_exact else self.params.moves.own_weights
+        return own if own.error < factor * tied.error else tied
 
     # -- what moves are made of ---------------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Self
 
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
@@ -14,12 +15,14 @@ from ..params import CameraParams
 
 class Levels(ABC):
     """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel shows a line thinner
-    than itself; is_density: whether a pixel tells how often it is hit. is_exact: whether an image differs from a rendering of its
+    than itself; is_density: whether a pixel tells how often it is hit; is_linear: whether grey levels are in proportion
+    to that, so that they tell the probabilities of the maps. is_exact: whether an image differs from a rendering of its
     true code by chance alone; if not, `values` holds what was estimated of the camera, and is empty before. image: the
     picture itself (R,R). numbers, lengths: the names of the values, those without a unit first."""
 
     is_graded = True
     is_density = False
+    is_linear = False
     is_exact = True
     lengths: tuple[str, ...] = ()
     numbers: tuple[str, ...] = ()
@@ -27,6 +30,11 @@ class Levels(ABC):
 
     def __init__(self, camera: CameraParams, image: Tensor | None = None, values: tuple[float, ...] = ()):
         self.camera, self.image, self.values, self.supersample = camera, image, values, camera.supersample
+
+    @classmethod
+    def of(cls, image: Tensor, camera: CameraParams) -> Self:
+        """Those of an image (R,R)."""
+        return cls(camera, image)
 
     @abstractmethod
     def measure(self, image: Tensor) -> Tensor:
@@ -59,6 +67,22 @@ class Levels(ABC):
                                     device=device)
         return image
 
+    def redrawn(self, code: IFS, resolution: int, seed: int) -> Tensor:
+        """The image (R,R) of a code with as much noise as the given one has."""
+        return self.render(code, resolution, seed)
+
+    def subpixels(self, resolution: int, side: int) -> float:
+        """n of `stabilized` for a cell, where an image of this resolution has `side` of them to the side."""
+        return (self.supersample * resolution / side) ** 2
+
+    def stabilized(self, image: Tensor, subpixels: float) -> Tensor:
+        """Grey levels (…) such that their counting error has the variance 1 / 4n everywhere, n the subpixels."""
+        return stabilize(image, subpixels)
+
+    def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
+        """The derivative of `stabilized`."""
+        return stabilizing_slope(image, subpixels)
+
 
 class Density(Levels):
     """The share of subpixels that points of a chaos game hit."""
@@ -73,7 +97,7 @@ class Density(Levels):
         return 1 - grey
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        return 1 - (-_mean(self.measure(image), size)).exp()
+        return 1 - (-mean_of(self.measure(image), size)).exp()
 
 
 class Coverage(Levels):
@@ -91,7 +115,7 @@ class Coverage(Levels):
         return 1 - around
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        return _mean(image, size)
+        return mean_of(image, size)
 
 
 class Binary(Levels):
@@ -106,7 +130,7 @@ class Binary(Levels):
         return 1 - around
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        covered, least = _mean(image, size), self.camera.threshold
+        covered, least = mean_of(image, size), self.camera.threshold
         return (covered > (least if bool((covered > least).any()) else 0)).float()
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
@@ -114,5 +138,17 @@ class Binary(Levels):
         return (super().render(code, resolution, seed, independent=True) > self.camera.threshold).float()
 
 
-def _mean(image: Tensor, size: int) -> Tensor:
+def mean_of(image: Tensor, size: int) -> Tensor:
+    """The image (R,R) at a smaller size (S,S), each pixel the mean of what it covers."""
     return adaptive_avg_pool2d(image[None], size)[0]
+
+
+def stabilize(image: Tensor, subpixels: float) -> Tensor:
+    """arcsin sqrt of grey levels that are shares of so many subpixels (Anscombe 1948)."""
+    return ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1).sqrt().asin()
+
+
+def stabilizing_slope(image: Tensor, subpixels: float) -> Tensor:
+    """The derivative of `stabilize`."""
+    share = ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1)
+    return 0.5 * (share * (1 - share)).clamp_min(1e-4).rsqrt()

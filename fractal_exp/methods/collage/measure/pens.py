@@ -13,6 +13,7 @@ from torch.nn.functional import avg_pool2d
 
 from ....ifs.code import IFS
 from ..params import CameraParams
+from .blur import blurred
 from .levels import Coverage, Density
 from .tiles import tiled
 
@@ -102,13 +103,6 @@ class Dots(Density):
 def _inked(distance: Tensor, radius: float, fine: int) -> Tensor:
     """The share (R,R) of pixels within a radius, from distances (R·fine, R·fine); both pixels."""
     return avg_pool2d(((radius - distance) * fine + 0.5).clamp(0, 1)[None], fine)[0]
-
-
-def blurred(image: Tensor, sigma: float) -> Tensor:
-    """An image (R,R) after a Gaussian of this standard deviation, pixels."""
-    from scipy.ndimage import gaussian_filter
-
-    return torch.from_numpy(gaussian_filter(image.numpy(), sigma)) if sigma else image
 
 
 def _given(value: float | None, others: Sequence[float]) -> Sequence[float]:

@@ -8,15 +8,17 @@ from torch import Tensor
 
 from ..params import CameraParams
 from .levels import Binary, Density, Levels
+from .linear import Linear
 from .pens import Dots, Drawn
 
-LEVELS: dict[str, type[Levels]] = {"density": Density, "dots": Dots, "coverage": Drawn, "binary": Binary}
+LEVELS: dict[str, type[Levels]] = {"density": Density, "linear": Linear, "dots": Dots, "coverage": Drawn,
+                                 "binary": Binary}
 Camera = tuple[str | float, ...]   # the name of the levels and their values; empty: as the levels are given
 
 
 def levels_of(image: Tensor, name: str, camera: CameraParams) -> Levels:
     """What the grey levels of an image (R,R) mean, by name; "auto": as they look."""
-    return LEVELS[guess_levels(image, camera) if name == "auto" else name](camera, image)
+    return LEVELS[guess_levels(image, camera) if name == "auto" else name].of(image, camera)
 
 
 def seen_with(levels: Levels, camera: Camera) -> Levels:
@@ -34,7 +36,8 @@ def camera_of(levels: Levels) -> Camera:
 
 def described(levels: Levels) -> dict[str, str | float]:
     """The camera in words and pixels of the image, as `taken_with` reads it."""
-    name, pixel = next(name for name, each in LEVELS.items() if each is type(levels)), 2 / len(levels.image)
+    name = next(name for name, each in LEVELS.items() if each is type(levels))
+    pixel = 1.0 if levels.image is None else 2 / len(levels.image)
     units = [1.0] * len(levels.numbers) + [pixel] * len(levels.lengths)
     return {"levels": name, **{key: value / unit for key, value, unit in
                                zip((*levels.numbers, *levels.lengths), levels.values, units, strict=False)}}

@@ -1,0 +1,79 @@
+"""Populations of sets of maps, whose best sets are judged by renderings: the code that is sought has its number given."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....runtime.seeds import derive
+from ..measure.population import Population
+from ..params import CollageParams
+from ..state import Candidate
+from .gauss_newton import polished
+from .objective import ImageObjective, Rendered
+
+
+class Crossing:
+    """One population after another, each until its time is up, on masses (R,R) and judged by `objective`.
+
+    Every random number derives from the seed and the number of the step: a search that is resumed at a step is the same
+    as one that never stopped.
+    """
+
+    def __init__(self, masses: Tensor, objective: ImageObjective, params: CollageParams, *, seed: int = 0,
+                 done: int = 0, deadline: Deadline = NO_DEADLINE):
+        self.masses, self.objective, self.deadline, self.seed = masses, objective, deadline, seed
+        self.all, self.params = params, params.population
+        self._noise: tuple[Tensor, float] | None = None
+        self._begin(done // self.params.generations)
+        for number in range(done - done % self.params.generations, done):
+            self._advance(number)
+
+    def start(self) -> Candidate:
+        """The best set of the first population."""
+        return self._candidate(self._judged(0))
+
+    def step(self, now: Candidate, number: int) -> Candidate:
+        """`now`, or a better code of the generation after this one."""
+        if number and number % self.params.generations == 0:
+            self._begin(number // self.params.generations)
+        new = [self._judged(i) for i in self._advance(number)]
+        new.sort(key=lambda rendered: rendered.error)
+        for each in new[:self.params.polished]:
+            if not self.deadline.passed:
+                now = min(now, self._candidate(self._polished(each)), key=lambda candidate: candidate.error)
+        return now
+
+    def is_settled(self, now: Candidate) -> bool:
+        """Whether the code explains the image."""
+        if self._noise is None or self._noise[0] is not now.maps:
+            self._noise = now.maps, self.objective.noise(now.code)
+        return now.error <= self.params.settled * self._noise[1]
+
+    def _begin(self, number: int) -> None:
+        """A new population."""
+        self.population = Population(self.masses, self.all.maps, self.all, derive(self.seed, "population", number))
+        self._seen: set[float] = set()
+
+    def _advance(self, number: int) -> list[int]:
+        """One generation; the sets that are to be judged now and have not been."""
+        self.population.advance()
+        if (number + 1) % self.params.judged_every:
+            return []
+        errors = self.population.errors[:self.params.judged].tolist()
+        new = [i for i, error in enumerate(errors) if error not in self._seen]
+        self._seen |= set(errors)
+        return new
+
+    def _judged(self, i: int) -> Rendered:
+        return self.objective.judge(self.population.maps[i], self.population.probabilities[i])
+
+    def _polished(self, first: Rendered) -> Rendered:
+        found = polished(self.objective, first, self.params.polish_first, deadline=self.deadline)
+        if found.error > self.params.hopeful * first.error:
+            return found
+        return polished(self.objective, found, self.params.polish, deadline=self.deadline)
+
+    @staticmethod
+    def _candidate(rendered: Rendered) -> Candidate:
+        return Candidate(rendered.maps, rendered.probabilities, rendered.error, rendered.error)

@@ -1,0 +1,36 @@
+"""Gaussian blur of images and its inverse, on whatever device they are."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import conv2d
+
+REACH = 4.0      # standard deviations, as scipy.ndimage truncates
+NARROW_PX = 0.2  # a blur below it changes nothing: its kernel is one pixel
+EMPTY = 1e-12    # of the mass of an image
+
+
+def blurred(images: Tensor, sigma_px: float) -> Tensor:
+    """Images (…,H,W) after a Gaussian of this standard deviation, with nothing beyond their edges; as
+    `scipy.ndimage.gaussian_filter(mode="constant")` does."""
+    if sigma_px < NARROW_PX:
+        return images
+    reach = int(REACH * sigma_px + 0.5)
+    kernel = (-0.5 * (torch.arange(-reach, reach + 1, device=images.device) / sigma_px).square()).exp().to(images)
+    kernel = kernel / kernel.sum()
+    flat = images.reshape(-1, 1, *images.shape[-2:])
+    flat = conv2d(flat, kernel.view(1, 1, -1, 1), padding=(reach, 0))
+    return conv2d(flat, kernel.view(1, 1, 1, -1), padding=(0, reach)).view(images.shape)
+
+
+def deblurred(image: Tensor, sigma_px: float, steps: int) -> Tensor:
+    """The measure (H,W) of mass 1 whose blur comes near an image (H,W) of no negative values, after so many steps of
+    Richardson (1972) and Lucy (1974); what is left of the blur is the less, the more steps."""
+    image = image / image.sum()
+    if sigma_px < NARROW_PX:
+        return image
+    found = image + EMPTY
+    for _ in range(steps):
+        found = found * blurred((image + EMPTY) / (blurred(found, sigma_px) + EMPTY), sigma_px)
+    return found / found.sum()

@@ -1,0 +1,90 @@
+"""Grey levels in proportion to the density of points: counts of a chaos game, blurred or not."""
+
+from __future__ import annotations
+
+import math
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from ....ifs.code import IFS
+from .. import maps as affine
+from ..params import CameraParams
+from .bins import attractor_points
+from .blur import blurred, deblurred
+from .levels import Levels, mean_of
+
+BOX = 1 / 12     # variance of a point that is known by its pixel, pixels²
+
+
+class Linear(Levels):
+    """The number of points in a pixel, up to an unknown factor, under a Gaussian blur of known width. No grey level
+    saturates, so the image is its own measure.
+
+    brightness: mean grey level, which the points on the canvas make up together whatever their number; side: pixels a
+    side of the image that was drawn, of which the camera tells blur and points; None: of each that is rendered.
+    """
+
+    is_density = True
+    is_linear = True
+
+    def __init__(self, camera: CameraParams, brightness: float = 0.1, side: int | None = None):
+        super().__init__(camera)
+        self.brightness, self.side = brightness, side
+
+    @classmethod
+    def of(cls, image: Tensor, camera: CameraParams) -> Self:
+        return cls(camera, float(image.mean()), image.shape[0])
+
+    def blur_px(self, resolution: int) -> float:
+        """The blur in pixels of an image of this resolution."""
+        return (self.camera.blur_px or 0.0) * resolution / (self.side or resolution)
+
+    def points(self, resolution: int) -> float:
+        """Points of the chaos game on an image of this resolution, as many as on the given one."""
+        return self.camera.points_per_pixel * (self.side or resolution) ** 2
+
+    def measure(self, image: Tensor) -> Tensor:
+        """The image itself, sharpened."""
+        return deblurred(image, self.blur_px(image.shape[0]), self.camera.deblur_steps)
+
+    def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
+        return torch.ones_like(grey)
+
+    def shrunk(self, image: Tensor, size: int) -> Tensor:
+        return mean_of(image, size)
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        """The image (R,R) of a code, of more points than the given one has: its noise is that of the given one."""
+        points = max(self.points(resolution), self.camera.linear_points * resolution**2)
+        return self._drawn(code, resolution, seed, points)
+
+    def redrawn(self, code: IFS, resolution: int, seed: int) -> Tensor:
+        return self._drawn(code, resolution, seed, self.points(resolution))
+
+    def subpixels(self, resolution: int, side: int) -> float:
+        """Points that make a cell white, a cell being one of `side` to the side of the image. A blurred count has less
+        noise, as if it were one over the area that the blur covers."""
+        area = max(1.0, 4 * math.pi * (self.blur_px(side) ** 2 + BOX))
+        return area * self.points(resolution) / side**2 / self.brightness
+
+    def stabilized(self, image: Tensor, subpixels: float) -> Tensor:
+        """The square root (Anscombe 1948), of variance 1 / 4n where white stands for n points."""
+        return (image + 0.375 / subpixels).clamp_min(0).sqrt()
+
+    def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
+        return 0.5 * (image + 0.375 / subpixels).rsqrt()
+
+    def exposure(self, counts: Tensor) -> Tensor:
+        """The factor that gives blurred counts (R,R) the brightness of the image."""
+        return self.brightness / counts.mean().clamp_min(1e-12)
+
+    def _drawn(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
+        points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed)
+        column, row = ((points * points.new_tensor([1, -1]) + 1) * (resolution / 2)).floor().long().unbind(1)
+        inside = (column >= 0) & (column < resolution) & (row >= 0) & (row < resolution)
+        counts = torch.bincount((row * resolution + column)[inside], minlength=resolution**2)
+        counts = counts.view(resolution, resolution).to(points.dtype)
+        counts = blurred(counts, self.blur_px(resolution))
+        return counts * self.exposure(counts)

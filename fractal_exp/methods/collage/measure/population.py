@@ -1,0 +1,104 @@
+"""Many sets of so many maps at once: each descends alone, and sets are crossed.
+
+A set of given size with all of the measure to explain has many local optima. But a map that is right in one set may be
+what another lacks, and a descent of a set takes a millisecond. So a genetic algorithm whose children descend (a memetic
+algorithm, Moscato 1989) finds the code where no single set would.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ....ops.collage import BinnedMeasure, descend, pushforward
+from ....runtime.seeds import generator
+from .. import maps as affine
+from ..params import CollageParams
+from .bins import binned, grid_for
+from .search import descent_of
+
+LITTLE = 1e-9   # mass that every cell lacks, so that there is a place to draw
+
+
+class Population:
+    """Sets of `count` maps that explain the measure of masses (R,R), best first: `maps` (P,N,6), `weights` (P,N), their
+    collage `errors` (P,). Every random number derives from the seed and the number of the generation."""
+
+    def __init__(self, masses: Tensor, count: int, params: CollageParams, seed: int = 0, smaller_limit: float = 1.0):
+        self.params, self.count, self.seed = params.population, count, seed
+        size = grid_for(masses.shape[0], self.params.grid, params.descent)
+        self.measure = _without_faint(binned(masses, size, params.descent.grids), self.params.faint)
+        self.how = descent_of(params, self.params.descent, prior=self.params.prior, smaller=smaller_limit)
+        self.generation = 0
+        first = self._descended(*self._random(self.params.first, generator(seed, "first")))
+        self.maps, self.weights, self.errors = (each[:self.params.size] for each in _sorted(*first))
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(P,N), those of each set summing to 1."""
+        return self.weights / self.weights.sum(1, keepdim=True)
+
+    def advance(self) -> None:
+        """One generation: a child of each set takes its place if it is better."""
+        self.generation += 1
+        g = generator(self.seed, "generation", self.generation)
+        children = [self._child(i, g) for i in range(len(self.maps))]
+        maps, weights, errors = self._descended(*(torch.stack(each) for each in zip(*children, strict=True)))
+        better = errors < self.errors
+        self._replace(better, maps[better], weights[better], errors[better])
+        alike = torch.zeros_like(better)
+        alike[1:] = self.errors[1:] - self.errors[:-1] < self.params.alike * self.errors[:-1]
+        if bool(alike.any()):
+            self._replace(alike, *self._descended(*self._random(int(alike.sum()), g)))
+
+    def _replace(self, which: Tensor, maps: Tensor, weights: Tensor, errors: Tensor) -> None:
+        self.maps[which], self.weights[which], self.errors[which] = maps, weights, errors
+        self.maps, self.weights, self.errors = _sorted(self.maps, self.weights, self.errors)
+
+    def _child(self, parent: int, g: torch.Generator) -> tuple[Tensor, Tensor]:
+        """A set with one or two of its maps replaced, by those of another set or by random ones where it lacks mass."""
+        maps, weights = self.maps[parent].clone(), self.weights[parent].clone()
+        crossed = bool(torch.rand((), generator=g) < self.params.crossed)
+        many = min(self.count - 1, 1 + int(torch.rand((), generator=g) < self.params.two))
+        order = torch.randperm(self.count, generator=g).to(maps.device)
+        gone, kept = order[:many], order[many:]
+        if crossed:
+            other = int(torch.randint(len(self.maps), (), generator=g))
+            taken = torch.randperm(self.count, generator=g)[:many].to(maps.device)
+            maps[gone], weights[gone] = self.maps[other, taken], self.weights[other, taken]
+            return maps, weights
+        there = pushforward(maps[None, kept], weights[None, kept], self.measure.samples, self.measure.size)[0]
+        lacking = (self.measure.bins - there).clamp_min(0) + LITTLE
+        maps[gone] = self._born(lacking, many, g)
+        weights[gone] = affine.volumes(maps[gone])
+        return maps, weights
+
+    def _random(self, sets: int, g: torch.Generator) -> tuple[Tensor, Tensor]:
+        """Sets (n,N,6) of random maps anywhere on the measure, and their weights (n,N)."""
+        maps = self._born(self.measure.bins, sets * self.count, g).view(sets, self.count, 6)
+        return maps, affine.volumes(maps)
+
+    def _born(self, wanted: Tensor, count: int, g: torch.Generator) -> Tensor:
+        """Random maps (count,6) that send the mean of the measure to places drawn from `wanted` (G,G)."""
+        size = wanted.shape[0]
+        cell = torch.multinomial(wanted.flatten().cpu(), count, replacement=True, generator=g)
+        place = torch.stack([(2 * (cell % size) + 1) / size - 1, 1 - (2 * (cell // size) + 1) / size], 1)
+        matrices = affine.random_matrices(count, *self.params.sizes, self.params.least_ratio, g)
+        return affine.sending(matrices, self.measure.mean.cpu().expand(count, 2), place).to(wanted)
+
+    def _descended(self, maps: Tensor, weights: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        return descend(maps, weights / weights.sum(1, keepdim=True), self.measure, self.how)
+
+
+def _sorted(maps: Tensor, weights: Tensor, errors: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Best first."""
+    order = errors.argsort()
+    return maps[order], weights[order], errors[order]
+
+
+def _without_faint(measure: BinnedMeasure, share: float) -> BinnedMeasure:
+    """Without the samples that weigh less than so much of a mean cell: there are many, and they tell little."""
+    mass = measure.samples[:, 2]
+    samples = measure.samples[mass > share / measure.size**2].clone()
+    samples[:, 2] /= samples[:, 2].sum()
+    return BinnedMeasure(samples, measure.bins, measure.levels)

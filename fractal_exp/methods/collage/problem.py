@@ -12,9 +12,9 @@ from ...runtime.deadline import NO_DEADLINE, Deadline
 from ...runtime.seeds import derive
 from .image.objective import ImageObjective, reduced
 from .image.search import ImageSearch
-from .measure.levels import Levels
 from .measure.blur import blurred
-from .measure.tones import Camera, LEVELS, seen_with
+from .measure.levels import Levels
+from .measure.tones import LEVELS, Camera, seen_with
 from .params import CollageParams
 
 

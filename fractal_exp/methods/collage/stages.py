@@ -337,7 +337,8 @@ class LastDigits(Stage):
         large = self.problem.full_side > self.params.stages.largest_side
         renderings = 1 if large else self.params.image.last_renderings
         self.objective = self.problem.objective(self.problem.full_side, state.result.code,
-                                                derive(self.problem.seed, "last digits"), renderings, state.result.camera)
+                                                derive(self.problem.seed, "last digits"), renderings,
+                                                state.result.camera)
 
     def begin(self, state: State) -> Candidate:
         found = state.result
@@ -346,7 +347,8 @@ class LastDigits(Stage):
         canonical = self.params.canonical if self.problem.levels.is_exact else self.params.canonical.of_drawn()
         if not self.problem.levels.is_exact:
             found = self._simplest(found)
-        last = Rounding(self.objective, self.problem.deadline, canonical)(self.objective.judge(found.maps, found.weights))
+        rounding = Rounding(self.objective, self.problem.deadline, canonical)
+        last = rounding(self.objective.judge(found.maps, found.weights))
         if not self.problem.levels.is_exact:
             last = pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
                           deadline=self.problem.deadline)

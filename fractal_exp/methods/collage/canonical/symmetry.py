@@ -26,8 +26,8 @@ def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
     side = len(image)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
     centre = torch.stack([(image.sum(0) * axis).sum(), -(image.sum(1) * axis).sum()]) / image.sum()
-    return [about for matrix in _tried() if _likeness(mask, about := _about(matrix, centre)) >= params.symmetric_likeness
-            or bool((matrix == torch.eye(2)).all())]
+    about = [_about(matrix, centre) for matrix in _tried()]
+    return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= params.symmetric_likeness)]
 
 
 def simplest(maps: Tensor, group: list[Tensor]) -> Tensor:

@@ -1,4 +1,4 @@
-"""Populations of sets of maps, whose best sets are judged by renderings: the code that is sought has its number given."""
+"""Populations of sets of as many maps as are asked for, whose best sets are judged by renderings."""
 
 from __future__ import annotations
 

@@ -16,7 +16,6 @@ from ..measure.levels import Levels, stabilize
 from ..params import CollageParams
 from .frame import Frame
 
-
 REDRAWN = 4   # images whose mean error tells the noise of one that is blurred, of which few parts are independent
 
 

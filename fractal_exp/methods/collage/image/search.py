@@ -48,7 +48,8 @@ class ImageSearch:
         """The best rendering of the candidate and its refinements, with its own weights or those of |det| + 0.01."""
         half = self.params.moves.polish_ends // 2
         free = found.probabilities if found.weights is None else found.weights
-        tried = (free,) if self.objective.levels.is_linear else (None, free) if self.params.moves.own_weights else (None,)
+        tried = (None, free) if self.params.moves.own_weights else (None,)
+        tried = (free,) if self.objective.levels.is_linear else tried
         found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
                  for weights in tried]
         first = self._simpler(found[0], found[-1])
@@ -161,8 +162,8 @@ class ImageSearch:
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), self.params.moves.polish_ends,
                                  self.objective.own_frame() if near else None, deadline=self.deadline)
         ratio = self.noise_ratio(self.candidate(self.objective.judge(best.maps, best.weights)))
-        if params.rendered_steps and not self.objective.levels.is_linear and params.rendered_above < ratio < params.rendered_below \
-                and not self.deadline.passed:
+        is_open = params.rendered_steps and not self.objective.levels.is_linear and not self.deadline.passed
+        if is_open and params.rendered_above < ratio < params.rendered_below:
             once = self.objective.within(self.objective.own_frame())
             last = polished(once, once.judge(best.maps, best.weights), params.rendered_steps, deadline=self.deadline,
                             jacobian=FromRenderings, alone=True)

@@ -12,7 +12,6 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
 from ....ifs.code import IFS
-from ..params import CameraParams
 from .blur import blurred
 from .levels import Coverage, Density
 from .tiles import tiled

@@ -31,16 +31,20 @@ def seen_with(levels: Levels, camera: Camera) -> Levels:
 
 def camera_of(levels: Levels) -> Camera:
     """That with which the levels were estimated."""
-    return (next(name for name, each in LEVELS.items() if each is type(levels)), *levels.values) if levels.values else ()
+    return (_name(levels), *levels.values) if levels.values else ()
 
 
 def described(levels: Levels) -> dict[str, str | float]:
     """The camera in words and pixels of the image, as `taken_with` reads it."""
-    name = next(name for name, each in LEVELS.items() if each is type(levels))
+    name = _name(levels)
     pixel = 1.0 if levels.image is None else 2 / len(levels.image)
     units = [1.0] * len(levels.numbers) + [pixel] * len(levels.lengths)
     return {"levels": name, **{key: value / unit for key, value, unit in
                                zip((*levels.numbers, *levels.lengths), levels.values, units, strict=False)}}
+
+
+def _name(levels: Levels) -> str:
+    return next(name for name, each in LEVELS.items() if each is type(levels))
 
 
 def taken_with(image: Tensor, described: Mapping[str, str | float], camera: CameraParams) -> Levels:

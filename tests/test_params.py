@@ -111,7 +111,7 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"search": {"mix": {"largest": 1.2}}}, "search.mix.largest must be below 1.0, got 1.2"),
     ({"births": {"large": [0.1]}}, "births.large.1 is needed"),
     ({"frame": {"enabled": "yes"}}, "frame.enabled must be true or false, got 'yes'"),
-    ({"levels": "colour"}, "levels must be 'auto', 'density', 'coverage' or 'binary', got 'colour'"),
+    ({"levels": "colour"}, "levels must be 'auto', 'density', 'linear', 'dots', 'coverage' or 'binary', got 'colour'"),
     ({"saturation": 3}, "saturation must be a mapping of settings, got 3"),
     ({"maps": 3, "at_most": 4}, "give the number of maps or its upper bound, not both"),
     ({"births": {"large": [0.9, 0.4]}}, "births.large must be a lower and an upper end, got [0.9, 0.4]"),

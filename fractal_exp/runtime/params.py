@@ -117,7 +117,8 @@ def as_yaml(params: Params, interpolated: dict[str, str], indent: int = 0, prefi
     for name, info in type(params).model_fields.items():
         value, full, margin = getattr(params, name), prefix + name, " " * indent
         if isinstance(value, Params):
-            lines += ["", *(f"{margin}# {line.strip()}".rstrip() for line in (type(value).__doc__ or "").splitlines()), f"{margin}{name}:",
+            told = (type(value).__doc__ or "").splitlines()
+            lines += ["", *(f"{margin}# {line.strip()}".rstrip() for line in told), f"{margin}{name}:",
                       as_yaml(value, interpolated, indent + 2, f"{full}.")]
         else:
             text = interpolated.get(full) or json.dumps(value)

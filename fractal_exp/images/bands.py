@@ -6,7 +6,7 @@ import contextlib
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,12 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from ..errors import InputError
 from ..runtime.files import check_file
+from .refusals import known_as
 
 # Those that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
 FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM")
 LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds it whole, in 1 to 4 bytes a pixel, and some decoders twice
+LARGE_SIDE = 4096  # pixels of the longer side down to which a JPEG may be shrunk while it is decoded
 BAND_PIXELS = 2**20
 MOST_LEVELS = 65535
 EXIF_ORIENTATION = 0x0112
@@ -25,12 +27,18 @@ EXIF_ORIENTATION = 0x0112
 
 @dataclass(frozen=True)
 class Bands:
-    """A picture of `height` × `width` pixels: `rows(first, last)` gives some of its rows, `channels` 1, 3 or 4."""
+    """A picture of `height` × `width` pixels: `rows(first, last)` gives some of its rows, `channels` 1, 3 or 4.
+
+    scale: pixels of the file, a side, for each pixel, which was shrunk as it was read. lossy: whether the file keeps
+    pixels with errors, as a JPEG does.
+    """
 
     height: int
     width: int
     channels: int
     rows: Callable[[int, int], np.ndarray]
+    scale: int = 1
+    lossy: bool = False
 
     @classmethod
     def of_array(cls, pixels: np.ndarray) -> Bands:
@@ -38,9 +46,20 @@ class Bands:
         channels = pixels.shape[2] if pixels.ndim == 3 else 1
         return cls(pixels.shape[0], pixels.shape[1], channels, lambda first, last: pixels[first:last])
 
-    def map(self, function: Callable[[np.ndarray], np.ndarray]) -> Bands:
-        """The same picture with every band changed when it is read, to one of a single channel."""
-        return Bands(self.height, self.width, 1, lambda first, last: function(self.rows(first, last)))
+    def map(self, function: Callable[[np.ndarray], np.ndarray], channels: int = 1) -> Bands:
+        """The same picture with every band changed when it is read, to one of so many channels."""
+        return replace(self, channels=channels, rows=lambda first, last: function(self.rows(first, last)))
+
+    def without(self, dropped: np.ndarray, block: int, fill: np.ndarray | float = 0.0) -> Bands:
+        """The same picture with the level or the colour `fill` where `dropped` (h,w) says so of blocks of `block`²
+        pixels."""
+        columns, colour = np.arange(self.width) // block, np.asarray(fill, np.float32)
+
+        def rows(first: int, last: int) -> np.ndarray:
+            gone = dropped[np.arange(first, last) // block][:, columns]
+            return np.where(gone[..., None] if self.channels > 1 else gone, colour, self.rows(first, last))
+
+        return replace(self, rows=rows)
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """All rows from the top, about a million pixels at a time."""
@@ -88,14 +107,54 @@ class Profile:
         return Profile(rising(self.rows), rising(self.columns), rising(self.border))
 
 
-def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str], np.ndarray]) -> Bands:
+@dataclass(frozen=True, eq=False)
+class Overview:
+    """A grey picture in blocks of `block`² pixels, a thousand a side at most: the mean and the highest level (h,w) of
+    each; a picture of few pixels is its own overview."""
+
+    mean: np.ndarray
+    highest: np.ndarray
+    block: int
+
+    def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> Overview:
+        """About that of the picture whose levels a function that never falls has changed."""
+        return Overview(rising(self.mean), rising(self.highest), self.block)
+
+    @classmethod
+    def of(cls, grey: Bands, side: int = 1024) -> Overview:
+        """Read the picture once."""
+        block = -(-max(grey.height, grey.width) // side)
+        if block == 1:
+            whole = np.concatenate(list(grey))
+            return cls(whole, whole, 1)
+        shape = -(-grey.height // block), -(-grey.width // block)
+        total, highest, first = np.zeros(shape, np.float32), np.zeros(shape, np.float32), 0
+        starts = np.arange(0, grey.width, block)
+        for band in grey:
+            rows = np.arange(first, first + len(band)) // block
+            np.add.at(total, rows, np.add.reduceat(band, starts, axis=1))
+            np.maximum.at(highest, rows, np.maximum.reduceat(band, starts, axis=1))
+            first += len(band)
+        tall, wide = (np.diff(np.append(np.arange(0, count, block), count)) for count in (grey.height, grey.width))
+        return cls(total / np.outer(tall, wide).astype(np.float32), highest, block)
+
+
+def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str], np.ndarray], *,
+                 shrink: bool = False) -> Bands:
     """The upright picture of a file, as bands of uint8, uint16 or float32, each passed through `check(band, name)`.
 
-    Adds to `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
+    shrink: let a JPEG of more than 4096 px a side be shrunk while it is decoded, to no less than that. Adds to `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
     """
     path = path.absolute()
     check_file(path, "the picture")
     with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
+        lossy, scale = picture.format == "JPEG", 1
+        if shrink and lossy and max(picture.size) > LARGE_SIDE:
+            before = picture.size
+            picture.draft(None, tuple(max(1, side * LARGE_SIDE // max(before)) for side in before))
+            scale = round(before[0] / picture.size[0])
+            if scale > 1:
+                notes.append(f"shrunk {scale} times as it was read, from {before[0]}×{before[1]} px")
         picture.load()
         frames = getattr(picture, "n_frames", 1)
         if frames > 1:
@@ -112,7 +171,7 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
         pixels = np.asarray(band if band.mode == mode else band.convert(mode))
         return check(_sixteen_bits(pixels, path) if mode.startswith("I") else pixels, f"the picture {path}")
 
-    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows)
+    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows, scale, lossy)
 
 
 def _formats() -> list[str]:
@@ -160,6 +219,8 @@ def _one_line(path: Path) -> Iterator[None]:
         raise InputError(f"{path} has more than {LARGEST_PIXELS} pixels, which is the most that is read; shrink the "
                          "picture first") from error
     except UnidentifiedImageError as error:
+        if told := known_as(path):
+            raise InputError(f"{path} is {told}") from error
         raise InputError(f"{path} is no picture of the kinds that are read ({', '.join(FORMATS)}); convert it to PNG"
                          ) from error
     except Exception as error:  # on a damaged file Pillow's readers raise almost anything

@@ -145,8 +145,8 @@ def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndar
     away = ndimage.distance_transform_edt(~large)
     lone = [piece for piece in tiny
             if away[piece.box].min() > max(SPECK_GAP * span, SPECK_GAPS * piece.size)]
-    others = len(tiny) - len(lone)
-    if others > LIKE_SPECKS or len(pieces) - len(tiny) > MOST_PIECES or sum(piece.count for piece in lone) > SPECK_MASS * lit.sum():
+    dusty = len(tiny) - len(lone) > LIKE_SPECKS or len(pieces) - len(tiny) > MOST_PIECES
+    if dusty or sum(piece.count for piece in lone) > SPECK_MASS * lit.sum():
         return none
     return np.isin(labels, [piece.label for piece in lone])
 
@@ -167,8 +167,7 @@ def _other_shapes(lit: np.ndarray, pieces: int) -> tuple[np.ndarray, int]:
     if pieces > PIECES_OF_SHAPES * len(large):
         return none, 1
     shapes = [lit & (labels == label) for label in large]
-    if not _apart(shapes, gap) or any(max(piece.count for piece in _pieces(_closed(shape))[0]) < SHAPE_SOLID * _closed(shape).sum()
-           for shape in shapes) or _equal([_sides(shape) for shape in shapes]):
+    if not _apart(shapes, gap) or _equal([_sides(shape) for shape in shapes]) or not all(map(_solid, shapes)):
         return none, 1
     return lit & (labels != int(areas.argmax()) + 1), len(large)
 
@@ -191,11 +190,12 @@ def _equal(sides: list[tuple[int, int]]) -> bool:
     return bool((high - low <= SAME_SIZE * high + 1).all())
 
 
-def _closed(shape: np.ndarray) -> np.ndarray:
-    """With gaps of a pixel or two filled."""
+def _solid(shape: np.ndarray) -> bool:
+    """Whether a shape hangs together, but for gaps of a pixel or two and crumbs."""
     from scipy import ndimage
 
-    return ndimage.binary_dilation(shape, np.ones((3, 3)))
+    closed = ndimage.binary_dilation(shape, np.ones((3, 3)))
+    return max(piece.count for piece in _pieces(closed)[0]) >= SHAPE_SOLID * closed.sum()
 
 
 def _nearer(dropped: np.ndarray, kept: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from drawings import fern_plot, koch, leaf
 from PIL import Image
 
 from fractal_exp import suite
+from fractal_exp.images import bands
 from fractal_exp.images.reading import read_target
 
 
@@ -104,9 +105,18 @@ def test_an_animation_gives_its_first_frame(tmp_path):
         torch.testing.assert_close(found.image, read_target(np.asarray(first), 128).image, atol=1e-4, rtol=0)
 
 
-def test_a_large_jpeg_is_shrunk_as_it_is_read(tmp_path):
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_a_large_picture_is_shrunk_as_it_is_read(tmp_path, monkeypatch, suffix):
+    monkeypatch.setattr(bands, "LARGE_SIDE", 512)
+    monkeypatch.setattr(bands, "LARGE_SHORTER_SIDE", 512)
     small = leaf("black", fine=1).convert("L")
-    small.resize((4800, 4800), Image.Resampling.NEAREST).save(tmp_path / "large.jpg", quality=90)
-    found, expected = read_target(tmp_path / "large.jpg", 96), read_target(np.asarray(small), 96)
-    assert found.source_size == (4800, 4800) and found.notes[0].startswith("the shape") is False
-    np.testing.assert_allclose(np.array(found.crop_box) / 16, expected.crop_box, atol=0.3)
+    large = small.resize((1200, 1200), Image.Resampling.NEAREST)
+    large.save(tmp_path / f"large.{suffix}", **({"quality": 95} if suffix == "jpg" else {}))
+    found, expected = read_target(tmp_path / f"large.{suffix}", 96), read_target(np.asarray(small), 96)
+    assert found.source_size == (1200, 1200)
+    assert "shrunk 2 times as it was read, from 1200×1200 px" in found.notes
+    np.testing.assert_allclose(np.array(found.crop_box) / 4, expected.crop_box, atol=0.5)
+    assert found.scale == pytest.approx(expected.scale / 4, rel=0.01)
+    np.testing.assert_allclose(found.placement.to_canvas([(600, 600)]), expected.placement.to_canvas([(150, 150)]),
+                               atol=0.01)
+    assert not any("shrunk" in note for note in read_target(tmp_path / f"large.{suffix}", 96, frame="keep").notes)

@@ -19,7 +19,9 @@ from .refusals import known_as
 # Those that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
 FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM")
 LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds it whole, in 1 to 4 bytes a pixel, and some decoders twice
-LARGE_SIDE = 4096  # pixels of the longer side down to which a JPEG may be shrunk while it is decoded
+# Pixels of the longer and of the shorter side down to which a picture may be shrunk as it is read.
+LARGE_SIDE, LARGE_SHORTER_SIDE = 4096, 1024
+SHRUNK_MODES = ("L", "LA", "RGB", "RGBA", "CMYK")
 BAND_PIXELS = 2**20
 MOST_LEVELS = 65535
 EXIF_ORIENTATION = 0x0112
@@ -29,8 +31,8 @@ EXIF_ORIENTATION = 0x0112
 class Bands:
     """A picture of `height` × `width` pixels: `rows(first, last)` gives some of its rows, `channels` 1, 3 or 4.
 
-    scale: pixels of the file, a side, for each pixel, which was shrunk as it was read. lossy: whether the file keeps
-    pixels with errors, as a JPEG does.
+    scale: pixels of the file, a side, for each pixel, which was shrunk as it was read, and `full` its own (width,
+    height), if so. lossy: whether the file keeps pixels with errors, as a JPEG does.
     """
 
     height: int
@@ -38,6 +40,7 @@ class Bands:
     channels: int
     rows: Callable[[int, int], np.ndarray]
     scale: int = 1
+    full: tuple[int, int] | None = None
     lossy: bool = False
 
     @classmethod
@@ -143,26 +146,31 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
                  shrink: bool = False) -> Bands:
     """The upright picture of a file, as bands of uint8, uint16 or float32, each passed through `check(band, name)`.
 
-    shrink: let a JPEG of more than 4096 px a side be shrunk while it is decoded, to no less than that. Adds to `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
+    shrink: let a picture of more than 8192 px a side be shrunk as it is read, a JPEG while it is decoded. Adds to
+    `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
     """
     path = path.absolute()
     check_file(path, "the picture")
     with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
-        lossy, scale = picture.format == "JPEG", 1
-        if shrink and lossy and max(picture.size) > LARGE_SIDE:
-            before = picture.size
-            picture.draft(None, tuple(max(1, side * LARGE_SIDE // max(before)) for side in before))
+        lossy, scale, before = picture.format == "JPEG", 1, picture.size
+        if shrink and lossy:
+            picture.draft(None, tuple(max(1, side // _factor(before)) for side in before))
             scale = round(before[0] / picture.size[0])
-            if scale > 1:
-                notes.append(f"shrunk {scale} times as it was read, from {before[0]}×{before[1]} px")
         picture.load()
         frames = getattr(picture, "n_frames", 1)
         if frames > 1:
             notes.append(f"the file holds {frames} pictures: the first was taken")
         picture.load()  # counting them may have left it
         if picture.getexif().get(EXIF_ORIENTATION, 1) != 1:
+            tall = picture.size
             picture = ImageOps.exif_transpose(picture)
+            before = before[::-1] if picture.size != tall else before
             notes.append("turned upright by its EXIF orientation")
+        if shrink and scale == 1 and _factor(before) > 1 and picture.mode in SHRUNK_MODES:
+            scale = _factor(before)
+            picture = picture.reduce(scale)
+        if scale > 1:
+            notes.append(f"shrunk {scale} times as it was read, from {before[0]}×{before[1]} px")
         mode = _mode(picture)
         picture.crop((0, 0, 1, 1)).convert(mode)  # raises where Pillow cannot
 
@@ -171,7 +179,13 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
         pixels = np.asarray(band if band.mode == mode else band.convert(mode))
         return check(_sixteen_bits(pixels, path) if mode.startswith("I") else pixels, f"the picture {path}")
 
-    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows, scale, lossy)
+    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows, scale,
+                 before if scale > 1 else None, lossy)
+
+
+def _factor(size: tuple[int, int]) -> int:
+    """How many times a picture may be shrunk."""
+    return max(1, min(max(size) // LARGE_SIDE, min(size) // LARGE_SHORTER_SIDE))
 
 
 def _formats() -> list[str]:

@@ -116,7 +116,7 @@ def read_target(
         notes.warn(f"the background is not black but {shape.level:.2f}; a threshold would clear it")
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
     crop_box = (scale * x, scale * y, scale * (x + side), scale * (y + side))
-    return ReadImage(image, shape.inverted, (scale * width, scale * height), crop_box, resolution / side / scale,
+    return ReadImage(image, shape.inverted, pixels.full or (width, height), crop_box, resolution / side / scale,
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
                      Path(source).absolute() if isinstance(source, str | Path) else source)
 

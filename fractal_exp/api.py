@@ -54,8 +54,11 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     from .methods.history import History
 
     build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step)
-    reading = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean}
-    target = image if isinstance(image, ReadImage) else read_target(image, resolution, **reading)
+    reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean}
+    if isinstance(image, ReadImage):
+        target, reading = image, {}
+    else:
+        target = read_target(image, resolution, **reading)
     built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
     codes: list[IFS] = []
     with _Bar(progress) as bar:

@@ -64,7 +64,8 @@ class Likeness:
         return cls(f1, iou, objective.error(rendering) / objective.noise(code), f1_1px)
 
     def __str__(self) -> str:
-        return f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, error {self.noise_ratio:.3g} × noise"
+        return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, "
+                f"error {self.noise_ratio:.3g} × noise")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +74,9 @@ class Inversion:
 
     code: in the frame of the canvas [-1,1]²; target: the picture as the method saw it (white on black, (R,R)), with
     its `placement`; source: the picture as it was given, a path or an array; likeness: of the code's rendering to the
-    target; verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the method ended; seconds: that it took; options: of the
-    method; notes: what was done to the picture and what the method says; warnings: what may spoil the result.
+    target; verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the
+    method ended; seconds: that it took; options: of the method; notes: what was done to the picture and what the method
+    says; warnings: what may spoil the result.
     """
 
     code: IFS
@@ -137,15 +139,16 @@ class Inversion:
 
     def facts(self) -> dict[str, Any]:
         """All but the code as plain JSON data: version, method, options, source (a path or null), resolution, inverted,
-        scale (target pixels per picture pixel), placement {size, crop_box}, likeness {f1, iou, noise_ratio, f1_1px}, verdict {kind, words, remedy}, stopped, seconds, stages [{name, seconds,
-        score, error, maps}], notes, warnings."""
+        placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px},
+        verdict {kind, words, remedy}, stopped, seconds, stages [{name, seconds, score, error, maps}], notes, warnings.
+        """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
             "source": str(self.source) if isinstance(self.source, Path) else None,
             "resolution": self.target.image.shape[-1], "inverted": self.target.inverted,
             "placement": {name: list(value) for name, value in asdict(self.placement).items()},
-            "likeness": asdict(self.likeness), "verdict": asdict(self.verdict),
-            "scale": self.target.scale, "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
+            "scale": self.target.scale, "likeness": asdict(self.likeness), "verdict": asdict(self.verdict),
+            "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
             "notes": list(self.notes), "warnings": list(self.warnings),
         }
 
@@ -182,7 +185,8 @@ class Inversion:
         code = IFS.load(folder / INVERSION)
         facts = code.meta.get("inversion")
         if not isinstance(facts, Mapping) or facts.get("version") != VERSION:
-            raise InputError(f"{folder / INVERSION} is no inversion of this version ({VERSION}); IFS.load reads its code")
+            raise InputError(f"{folder / INVERSION} is no inversion of this version ({VERSION}); IFS.load reads its "
+                             "code")
         try:
             return cls._from(facts, replace(code, meta={key: value for key, value in code.meta.items()
                                                         if key != "inversion"}), folder / TARGET)

@@ -16,6 +16,7 @@ from .checks import Notes
 from .frames import frame_of, scan_edges
 from .text import is_text, rows_of
 
+STROKE = 0.4            # level of the strokes of text: what is fainter joins glyphs
 PAGE_ROWS = 6           # rows of text, one below the other, from which on they are a page
 PAGE_SHARE = 0.7        # of the lit pixels of a page that are in such rows
 CAPTION_SHARE = 0.15    # of the longer side of all that is lit: height of a row of text beside a shape
@@ -59,7 +60,7 @@ def beside_the_shape(overview: Overview, noise: float, notes: Notes, *, graded: 
     if not lit.any():
         return None
     dropped = np.zeros_like(lit)
-    for what, found in _found(lit, graded, notes):
+    for what, found in _found(lit, overview.highest > STROKE, graded, notes):
         dropped |= found
         notes.append(what)
     if not dropped.any():
@@ -67,7 +68,7 @@ def beside_the_shape(overview: Overview, noise: float, notes: Notes, *, graded: 
     return _nearer(dropped & lit, lit & ~dropped)
 
 
-def _found(lit: np.ndarray, graded: bool, notes: Notes) -> Iterator[tuple[str, np.ndarray]]:
+def _found(lit: np.ndarray, strokes: np.ndarray, graded: bool, notes: Notes) -> Iterator[tuple[str, np.ndarray]]:
     """What is beside the shape, in words, and where; each is looked for in what the ones before have left."""
     left = lit.copy()
     for what, search in (("the edge of the paper was ignored", scan_edges),
@@ -76,10 +77,10 @@ def _found(lit: np.ndarray, graded: bool, notes: Notes) -> Iterator[tuple[str, n
         if found is not None and (left & ~found).any():
             left &= ~found
             yield what, found
-    if _is_page(left):
+    if _is_page(left, strokes):
         notes.no_clear_shape("it looks like a page of text")
         return
-    captions = _captions(left)
+    captions = _captions(left, strokes)
     if captions.any():
         left &= ~captions
         yield "text beside the shape was ignored", captions
@@ -112,21 +113,21 @@ def _span(lit: np.ndarray) -> int:
     return max(int(side[-1] - side[0] + 1) for side in sides)
 
 
-def _is_page(lit: np.ndarray) -> bool:
+def _is_page(lit: np.ndarray, strokes: np.ndarray) -> bool:
     rows = rows_of(lit)
     if len(rows) < PAGE_ROWS:
         return False
-    text = [row for row in rows if is_text(lit[row])]
+    text = [row for row in rows if is_text((lit & strokes)[row])]
     held = sum(int(lit[row].sum()) for row in text)
     return len(text) >= PAGE_ROWS and held > PAGE_SHARE * lit.sum()
 
 
-def _captions(lit: np.ndarray) -> np.ndarray:
+def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
     """Rows of text at the top and at the bottom, one after another."""
     found, rows = np.zeros_like(lit), rows_of(lit)
     most = CAPTION_SHARE * _span(lit)
     for end in (-1, 0):
-        while len(rows) > 1 and rows[end].stop - rows[end].start <= most and is_text(lit[rows[end]]):
+        while len(rows) > 1 and rows[end].stop - rows[end].start <= most and is_text((lit & strokes)[rows[end]]):
             found[rows.pop(end)] = True
     return found & lit
 

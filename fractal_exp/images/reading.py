@@ -74,8 +74,9 @@ def read_target(
     source: a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file of up to 20 000² pixels (16-bit colour at 8 bits a channel,
     of several frames the first), or an array or tensor (H,W) grey, (H,W,3) RGB or (H,W,4) RGBA of bool, uint8, uint16
     or floats in [0,1]; at least 16 px a side.
-    Colour becomes luminance (BT.709), unless `clean` finds a pen. Transparent parts are laid on black or white, whichever the visible part stands
-    out from; where the visible part has one colour, the alpha channel itself is the picture.
+    Colour becomes luminance (BT.709), unless `clean` finds a pen. Transparent parts are laid on black or white,
+    whichever the visible part stands out from; where the visible part has one colour, the alpha channel itself is the
+    picture.
     invert: True for a black shape on white, False for white on black, "auto" to judge by the border: its median is
     the background, and the shape is what deviates from it, brighter or darker, by summed squares.
     threshold: in (0,1), makes every pixel of the picture, once white on black, 0 or 1 before it is resized.

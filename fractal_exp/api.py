@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -14,51 +15,94 @@ if TYPE_CHECKING:
     import numpy as np
     from torch import Tensor
 
+    from .ifs.code import IFS
+    from .images.reading import ReadImage
     from .inversion import Inversion
+    from .methods.history import History
 
-OWN = ("method", "resolution", "frame", "seed", "seconds", "progress", "on_step")  # of `invert`, whatever the method
+INTERRUPTED = "interrupted"
+LAST_CODES = 4  # of an interrupted search that are compared
+OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "seed", "seconds", "progress", "on_step",
+       "keep_interrupted")  # of `invert`, whatever the method
 
 
-def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", resolution: int = 256,
-           frame: Literal["fit", "keep"] = "fit", seed: int = 0, seconds: float | None = None, progress: bool = False,
-           on_step: OnStep | None = None, **options: Any) -> Inversion:
+def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str = "collage", resolution: int = 256,
+           frame: Literal["fit", "keep"] = "fit", invert: bool | Literal["auto"] = "auto",
+           threshold: float | None = None, clean: bool = True, seed: int = 0, seconds: float | None = None,
+           progress: bool = False, on_step: OnStep | None = None, keep_interrupted: bool = False, **options: Any
+           ) -> Inversion:
     """Recover the code of the self-similar shape on a picture.
 
     image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
     white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
     image: the shape's longer side spans [-0.75, 0.75]; the result's `placement` takes it back to the picture's pixels.
-    frame: "keep" takes a square picture as it is framed, as one that `render` or `suite.target` drew; fitting it again
-    would resample its grey levels. seconds: a limit after which the best code so far is returned. progress: show a
-    bar. on_step is told a `Progress` after every step.
+    What `read_target` returned is taken as it is. frame: "keep" takes a square picture as it is framed, as one that
+    `render` or `suite.target` drew; fitting it again would resample its grey levels. invert, threshold, clean: see
+    `read_target`. seconds: a limit after which the best code so far is returned. progress: show a bar. on_step is told
+    a `Progress` after every step. keep_interrupted: let an interruption (Ctrl-C) return the best code so far, if there
+    is one, instead of raising KeyboardInterrupt.
 
     options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`, those of a
     component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. For "chaotic" they are the
     arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800).
 
-    Returns an `Inversion`: the code, its likeness to the picture, how it was found and why the method stopped.
-    Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before any work.
+    Returns an `Inversion`: the code, its likeness to the picture, a verdict, how it was found and why the method
+    stopped. Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before
+    any work.
     """
-    from .images.reading import read_target
-    from .inversion import Inversion, Likeness, warnings_of
+    from .images.reading import ReadImage, read_target
     from .methods.history import History
 
     build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step)
-    target = read_target(image, resolution, frame=frame)
-    built = build(resolution=resolution, seed=seed, seconds=seconds, **options)
+    reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean}
+    if isinstance(image, ReadImage):
+        target, reading = image, {}
+    else:
+        target = read_target(image, resolution, **reading)
+    built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
+    codes: list[IFS] = []
     with _Bar(progress) as bar:
-        history = History([each for each in (on_step, bar) if each is not None])
-        found = built.reconstruct(target.image, on_step=history)
+        history = History([each for each in (on_step, bar, partial(_note, codes)) if each is not None])
+        try:
+            found = built.reconstruct(target.image, on_step=history)
+        except KeyboardInterrupt:
+            if not (keep_interrupted and codes):
+                raise
+            found = CodeReconstruction(_most_alike(codes, target.image, options, seed), INTERRUPTED)
         took = history.seconds()
     if not isinstance(found, CodeReconstruction):
         raise TypeError(f"the method {method!r} reconstructs a {type(found).__name__}, which is no code")
-    stopped = stop_reason(found, seconds, took)
+    used = {"seed": seed, "seconds": seconds, **{key: value for key, value in reading.items() if value is not None},
+            **options}
+    return _concluded(found, target, history, method, used, stop_reason(found, seconds, took), took)
+
+
+def _note(codes: list[IFS], progress: Progress) -> None:
+    if progress.code is not None:
+        codes.append(progress.code)
+
+
+def _most_alike(codes: list[IFS], image: Tensor, options: Mapping[str, Any], seed: int) -> IFS:
+    """Of the codes that ended the last stages, that which draws the image best: a round may begin with a worse one."""
+    from .inversion import Likeness
+
+    levels = options.get("levels", "auto")
+    return max(codes[-LAST_CODES:], key=lambda code: Likeness.of(code, image, levels=levels, seed=seed).f1_1px)
+
+
+def _concluded(found: CodeReconstruction, target: ReadImage, history: History, method: str, options: dict[str, Any],
+               stopped: str, seconds: float) -> Inversion:
+    """The result, judged."""
+    from .inversion import Inversion, Likeness, Verdict, warnings_of
+
     likeness = Likeness.of(found.code, target.image, levels=options.get("levels", "auto"),
-                           camera=options.get("camera"), seed=seed)
+                           camera=options.get("camera"), found=found.camera, seed=options["seed"])
+    verdict = Verdict.of(likeness, len(found.code), target.image, picture=target, stopped=stopped, options=options)
+    source = target.source if target.source is not None else target.image
     return Inversion(
-        code=found.code, target=target, source=Path(image).absolute() if isinstance(image, str | Path) else image,
-        likeness=likeness, history=history.stages(), stopped=stopped, seconds=took, method=method,
-        options={"seed": seed, "seconds": seconds, "frame": frame, **options}, notes=(*target.notes, *found.notes),
-        warnings=warnings_of(target, likeness, stopped))
+        code=found.code, target=target, source=source, likeness=likeness, verdict=verdict, history=history.stages(),
+        stopped=stopped, seconds=seconds, method=method, options=options, notes=(*target.notes, *found.notes),
+        warnings=warnings_of(target, verdict, likeness, stopped), camera=found.camera)
 
 
 def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:

@@ -15,30 +15,26 @@ from .errors import InputError
 from .evaluation import metrics
 from .ifs.code import IFS, View
 from .images.placement import Placement
-from .images.reading import ReadImage, read_colour, write_image
+from .images.reading import ReadImage, read_colour, read_target, write_image
 from .methods.collage.image.objective import ImageObjective
-from .methods.collage.measure.tones import levels_of
+from .methods.collage.image.camera import estimated
+from .methods.collage.measure.tones import levels_of, seen_with, taken_with
 from .methods.collage.params import CollageParams
 from .methods.history import StageRecord
 from .rendering import sheets
 from .rendering.still import points_per_view, render_with_info
 from .runtime.seeds import derive
+from .verdict import Verdict
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-VERSION = 1  # of the facts in inversion.json
+VERSION = 2  # of the facts in inversion.json
 COLOUR = (255, 96, 0)
 OVERLAY_SUPERSAMPLE = 4
+INVERSION, TARGET = "inversion.json", "target.png"  # in the folder of an inversion
+FAR = 0.8  # F1 within a pixel below which a user is warned
 OVERLAY_POINTS = points_per_view(2048)  # at most; larger overlays are thinner, not slower
-WITHIN_NOISE = 1.2  # a noise ratio below which a code cannot be told from the true one
-VERDICTS = (  # of an F1 from there on
-    (0.97, "the code has nearly the shape of the input"),
-    (0.8, "the code has roughly the shape of the input"),
-    (0.0, "the code is far from the input, which may be of no code with so few maps"),
-)
-FAR = VERDICTS[1][0]
-
 
 
 @dataclass(frozen=True)
@@ -46,7 +42,8 @@ class Likeness:
     """How like the input a code's rendering is, both (R,R), the rendering made as the input was drawn (its grey levels
     a density of points, a coverage of pixels, or black and white).
 
-    f1, iou: of the masks I > 0 on the whole canvas, in [0,1]. noise_ratio: the error of the rendering over the error
+    f1, iou: of the masks I > 0 (I > 1/4 of a picture that others drew) on the whole canvas, in [0,1]; f1_1px: F1 within a pixel, each mask against the other's
+    dilation by 3×3 pixels. noise_ratio: the error of the rendering over the error
     between two renderings of the code with other random points: about 1 for the true code. The error compares both at
     several scales, see `methods.collage`.
     """
@@ -54,27 +51,29 @@ class Likeness:
     f1: float
     iou: float
     noise_ratio: float
+    f1_1px: float
 
     @classmethod
     def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", camera: Mapping[str, Any] | None = None,
-           seed: int = 0) -> Likeness:
+           found: Mapping[str, str | float] | None = None, seed: int = 0) -> Likeness:
         """The likeness of a contractive code to an image (R,R) in [0,1]; levels: what its grey levels mean, "density",
-        "linear", "coverage", "binary" or "auto"; camera: what is known of how it was drawn, see `CameraParams`."""
-        params = CollageParams().updated(camera=dict(camera or {}))
-        objective = ImageObjective(image, levels_of(image, levels, params.camera), params, derive(seed, "likeness"))
+        "linear", "coverage", "binary" or "auto"; camera: what is known of how it was drawn, see `CameraParams`; found: what a
+        method found out of it, estimated here if None and need be."""
+        params = CollageParams().updated(camera=dict(camera or {}), levels=levels)
+        taken = levels_of(image, levels, params.camera)
+        if not taken.is_exact:
+            own = taken_with(image, found, params.camera) if found else None
+            taken = own or seen_with(taken, estimated(image, taken, code, params, derive(seed, "likeness")))
+        objective = ImageObjective(image, taken, params, derive(seed, "likeness"))
         rendering = objective.render(code)
-        return cls(float(metrics.f1(rendering[None], image[None])), float(metrics.iou(rendering[None], image[None])),
-                   objective.error(rendering) / objective.noise(code))
-
-    @property
-    def verdict(self) -> str:
-        """What the figures mean, in words."""
-        if self.noise_ratio < WITHIN_NOISE:
-            return "the code renders the input to within a rendering's own noise"
-        return next(words for least, words in VERDICTS if self.f1 >= least)
+        least = 0.0 if taken.is_exact else params.camera.threshold
+        masks = [(each > least).float()[None] for each in (rendering, image)]
+        f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
+        return cls(f1, iou, objective.error(rendering) / objective.noise(code), f1_1px)
 
     def __str__(self) -> str:
-        return f"F1 {self.f1:.3f}, IoU {self.iou:.3f}, error {self.noise_ratio:.3g} × noise"
+        return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, "
+                f"error {self.noise_ratio:.3g} × noise")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +82,17 @@ class Inversion:
 
     code: in the frame of the canvas [-1,1]²; target: the picture as the method saw it (white on black, (R,R)), with
     its `placement`; source: the picture as it was given, a path or an array; likeness: of the code's rendering to the
-    target; history: a record of every stage; stopped: why the method ended; seconds: that it took; options: of the
-    method; notes: what was done to the picture and what the method says; warnings: what may spoil the result.
+    target; verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the
+    method ended; seconds: that it took; options: of the method; notes: what was done to the picture and what the method
+    says; warnings: what may spoil the result; camera: what the method found out of how the picture was drawn, the
+    meaning of its grey levels and lengths in pixels of the target, None if it found out nothing.
     """
 
     code: IFS
     target: ReadImage
     source: Path | np.ndarray | Tensor
     likeness: Likeness
+    verdict: Verdict
     history: tuple[StageRecord, ...]
     stopped: str
     seconds: float
@@ -98,6 +100,7 @@ class Inversion:
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    camera: Mapping[str, str | float] | None = None
 
     @property
     def placement(self) -> Placement:
@@ -105,11 +108,23 @@ class Inversion:
         return self.target.placement
 
     def render(self, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-               supersample: int = 8, seed: int = 0) -> Tensor:
-        """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`."""
+               supersample: int = 8, seed: int = 0, path: str | Path | None = None) -> Tensor:
+        """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
+
+        path: of a PNG to write, if there is one. Raises `InputError` where it cannot be written.
+        """
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
                                     supersample=supersample, seed=seed)
+        if path is not None:
+            write_image(path, image)
         return image
+
+    def redrawn(self, *, seed: int = 0) -> Tensor:
+        """The code's rendering (R,R) as the picture was drawn: with its pen, dots, blur and tone, as far as found."""
+        image, params = self.target.image, CollageParams()
+        taken = taken_with(image, self.camera, params.camera) if self.camera else levels_of(image, "auto",
+                                                                                           params.camera)
+        return taken.render(self.code, image.shape[-1], seed)
 
     def overlay(self, path: str | Path | None = None, *, colour: tuple[int, int, int] = COLOUR,
                 opacity: float = 0.8) -> Image:
@@ -141,14 +156,16 @@ class Inversion:
 
     def facts(self) -> dict[str, Any]:
         """All but the code as plain JSON data: version, method, options, source (a path or null), resolution, inverted,
-        placement {size, crop_box}, likeness {f1, iou, noise_ratio}, verdict, stopped, seconds, stages [{name, seconds,
-        score, error, maps}], notes, warnings."""
+        placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px},
+        verdict {kind, words, remedy}, stopped, seconds, stages [{name, seconds, score, error, maps}], notes, warnings.
+        """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
             "source": str(self.source) if isinstance(self.source, Path) else None,
             "resolution": self.target.image.shape[-1], "inverted": self.target.inverted,
             "placement": {name: list(value) for name, value in asdict(self.placement).items()},
-            "likeness": asdict(self.likeness), "verdict": self.likeness.verdict,
+            "scale": self.target.scale, "likeness": asdict(self.likeness), "verdict": asdict(self.verdict),
+            "camera": None if self.camera is None else dict(self.camera),
             "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
             "notes": list(self.notes), "warnings": list(self.warnings),
         }
@@ -157,8 +174,9 @@ class Inversion:
         """Write the code and all facts, and return the absolute path.
 
         A path that ends in .json becomes one file: the code in this package's format, with `facts` under "inversion"
-        in its `meta`. Any other path is a folder, made if need be, of code.json (the code alone) and inversion.json
-        (such a file). `IFS.load` reads each of them. Raises `InputError` where a file cannot be written.
+        in its `meta`. Any other path is a folder, made if need be, of code.json (the code alone), inversion.json (such
+        a file) and target.png (the picture as the method saw it, with 16 bits). `IFS.load` reads each of the codes,
+        and `Inversion.load` the folder. Raises `InputError` where a file cannot be written.
         """
         path = Path(path).absolute()
         whole = replace(self.code, meta={**self.code.meta, "inversion": self.facts()})
@@ -169,12 +187,51 @@ class Inversion:
         except OSError as error:
             raise InputError(f"cannot make the folder {path}: {error.strerror}") from error
         self.code.save(path / "code.json")
-        whole.save(path / "inversion.json")
+        whole.save(path / INVERSION)
+        write_image(path / TARGET, self.target.image, bits=16)
         return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Inversion:
+        """What `save` wrote to a folder; path: the folder, or inversion.json in it.
+
+        The target comes with 16 bits; the source is the path of the picture, or else the target. Raises `InputError`
+        where a file is missing or damaged.
+        """
+        path = Path(path).absolute()
+        folder = path.parent if path.name == INVERSION else path
+        code = IFS.load(folder / INVERSION)
+        facts = code.meta.get("inversion")
+        if not isinstance(facts, Mapping) or facts.get("version") != VERSION:
+            raise InputError(f"{folder / INVERSION} is no inversion of this version ({VERSION}); IFS.load reads its "
+                             "code")
+        try:
+            return cls._from(facts, replace(code, meta={key: value for key, value in code.meta.items()
+                                                        if key != "inversion"}), folder / TARGET)
+        except (KeyError, TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"{folder / INVERSION} is damaged ({error!r}); invert the picture again") from error
+
+    @classmethod
+    def _from(cls, facts: Mapping[str, Any], code: IFS, target: Path) -> Inversion:
+        side = int(facts["resolution"])
+        image = read_target(target, side, frame="keep", invert=False).image
+        width, height = facts["placement"]["size"]
+        x0, y0, x1, y1 = facts["placement"]["crop_box"]
+        notes, warnings = (tuple(map(str, facts[key])) for key in ("notes", "warnings"))
+        source = Path(facts["source"]) if facts["source"] else image
+        read = ReadImage(image, bool(facts["inverted"]), (width, height), (x0, y0, x1, y1), float(facts["scale"]),
+                         notes, warnings, source=source)
+        return cls(code=code, target=read, source=source, likeness=Likeness(**facts["likeness"]),
+                   verdict=Verdict(**facts["verdict"]), history=tuple(StageRecord(**each) for each in facts["stages"]),
+                   stopped=facts["stopped"], seconds=float(facts["seconds"]), method=facts["method"],
+                   options=facts["options"], notes=notes, warnings=warnings, camera=facts.get("camera"))
 
     def __str__(self) -> str:
         count = len(self.code)
-        return f"{self.likeness}, {count} map{'s' * (count > 1)}, {self.seconds:.0f} s, {self.stopped}"
+        return (f"{self.verdict.words}: {self.likeness}, {count} map{'s' * (count > 1)}, {self.seconds:.0f} s, "
+                f"{self.stopped}")
 
     def __repr__(self) -> str:
         return f"<Inversion: {self}>"
@@ -186,10 +243,10 @@ class Inversion:
         return sheets.png(sheets.comparison_strip(drawn[None], image[None], [f"F1 {self.likeness.f1:.3f}"], side=256))
 
 
-def warnings_of(target: ReadImage, likeness: Likeness, stopped: str) -> tuple[str, ...]:
+def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:
     """What a user should know before trusting a code: doubts about the picture, and a code that is far from it."""
-    far = likeness.noise_ratio >= WITHIN_NOISE and likeness.f1 < FAR
-    return (*target.warnings, *([f"{likeness.verdict} ({stopped})"] if far else []))
+    far = verdict.kind == "not self-similar" or (verdict.kind == "approximation" and likeness.f1_1px < FAR)
+    return (*target.warnings, *([f"{verdict} ({stopped})"] if far else []))
 
 
 def _plain(value: Any) -> Any:

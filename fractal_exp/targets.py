@@ -18,11 +18,13 @@ from .images import samples
 
 @dataclass(frozen=True)
 class Target:
-    """An image (R,R) to invert, the code that drew it where one is known, and what was done to it in words."""
+    """An image (R,R) to invert, the code that drew it where one is known, what was done to it in words, and how
+    it was read, if it is a picture."""
 
     image: Tensor
     truth: IFS | None = None
     notes: tuple[str, ...] = ()
+    picture: images.ReadImage | None = None
 
 
 class TargetSource(ABC):
@@ -71,14 +73,16 @@ class SuiteFractal(TargetSource):
 class Picture(TargetSource):
     """An image file: shape found, centred and padded; see `fractal_exp.images.read_target`."""
 
-    def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None):
-        self.path, self.threshold = Path(path).absolute(), threshold
+    def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None,
+                 clean: bool = True):
+        self.path, self.threshold, self.clean = Path(path).absolute(), threshold, clean
         self.invert: bool | Literal["auto"] = invert
         self.label = self.path.stem
 
     def load(self, resolution: int) -> Target:
-        read = images.read_target(self.path, resolution, invert=self.invert, threshold=self.threshold)
-        return Target(read.image, None, read.notes)
+        read = images.read_target(self.path, resolution, invert=self.invert, threshold=self.threshold,
+                                  clean=self.clean)
+        return Target(read.image, None, read.notes, read)
 
 
 class RetinaVessels(TargetSource):

@@ -85,7 +85,8 @@ def test_fits_of_codes_and_of_pictures_are_judged_apart(folder, capsys):
     (folder / "cross.png").unlink()
     app.main(["outputs/fits", "--resolution", "32", "--track", "judgements"])
     report = capsys.readouterr().out
-    assert "1 codes, mean of 7 views each" in report and "1 codes of pictures against the input" in report
+    assert "1 code, mean of 7 views each" in report and "1 code of pictures against the input" in report
+    assert "unfinished" not in report
     judged = pd.read_parquet(folder / "evaluation" / "per_view.parquet")
     assert set(judged.fractal) == {"fern"} and len(pd.read_csv(folder / "evaluation" / "codes.csv")) == 1
     inputs = pd.read_csv(folder / "evaluation" / "inputs.csv")
@@ -103,6 +104,15 @@ def test_fits_of_codes_and_of_pictures_are_judged_apart(folder, capsys):
     [logged] = tracking.runs_frame(uri, "fits").itertuples()
     [candidate] = gather([f"run:{logged.run_id}"], None, folder / "outputs")
     assert candidate.aim.truth is None and candidate.aim.picture.shape == (64, 64)
+
+
+def test_unfinished_fits_are_named(folder, capsys):
+    train("target=known", "name=fern", "tracking=none")
+    for name in ("begun", "fern2"):
+        (folder / "outputs" / "fits" / name).mkdir()
+        (folder / "outputs" / "fits" / name / "config.yaml").write_text("seed: 0")
+    app.main(["outputs/fits", "--resolution", "32"])
+    assert "not judged, since unfinished: begun, fern2; the same command with resume=true" in capsys.readouterr().out
 
 
 def test_only_pictures_and_older_ones(folder, capsys):

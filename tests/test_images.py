@@ -136,12 +136,15 @@ def test_threshold_makes_the_shape_solid():
     picture = rectangle(100, 100, 20, 20, 80, 80) * 0.6 + 0.2
     target = read_target(picture, 64, threshold=0.5)
     assert target.image.max() == 1 and target.image.min() == 0 and "binary at the threshold 0.5" in target.notes
-    plain = read_target(picture, 64)
+    cleaned = read_target(picture, 64)
+    assert cleaned.image.max() == 1 and cleaned.image.min() == 0
+    assert "the background's level, 0.20, was taken away" in cleaned.notes
+    plain = read_target(picture, 64, clean=False)
     assert float(plain.image.min()) == pytest.approx(0.2) and "not black but 0.20" in " ".join(plain.notes)
 
 
 def test_background_continues_beyond_the_picture():
-    image = read_target(rectangle(40, 40, 0, 0, 40, 20) * 0.7 + 0.2, 80, invert=False).image
+    image = read_target(rectangle(40, 40, 0, 0, 40, 20) * 0.7 + 0.2, 80, invert=False, clean=False).image
     assert float(image[0, 0]) == pytest.approx(0.2, abs=1e-6)
     assert float(image[-1, -1]) == pytest.approx(0.2, abs=1e-6)
 
@@ -196,7 +199,7 @@ def test_luminance_is_linear_in_the_channels():
     for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
         colour = np.zeros((40, 40, 3))
         colour[..., channel] = shape
-        assert float(read_target(colour, 40, invert=False).image.max()) == pytest.approx(weight, rel=1e-5)
+        assert float(read_target(colour, 40, invert=False, clean=False).image.max()) == pytest.approx(weight, rel=1e-5)
 
 
 def test_transparent_picture_is_laid_on_what_it_stands_out_from():
@@ -255,6 +258,7 @@ def test_unusable_images_are_refused(case):
     ({"padding": -0.1}, "got -0.1"),
     ({"invert": "yes"}, 'invert must be "auto", true or false, got \'yes\''),
     ({"invert": None}, "got None"),
+    ({"clean": "yes"}, "clean must be true or false, got 'yes'"),
     ({"frame": "crop"}, 'frame must be "fit" or "keep", got \'crop\''),
 ])
 def test_unusable_options_are_refused(options, message):
@@ -273,4 +277,4 @@ def test_keep_refuses_an_oblong_picture():
 ])
 def test_threshold_without_effect_is_refused(threshold, message):
     with pytest.raises(InputError, match=message):
-        read_target(SQUARE * 0.5 + 0.2, 32, threshold=threshold)
+        read_target(SQUARE * 0.5 + 0.2, 32, threshold=threshold, clean=False)

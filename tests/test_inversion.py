@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 
 import numpy as np
 import pytest
@@ -12,8 +11,10 @@ from PIL import Image
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images import Placement, read_target
+from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Likeness
 from fractal_exp.methods.base import CodeReconstruction, Method, Progress, stop_reason
+from fractal_exp.verdict import Verdict
 
 QUICK = {"resolution": 64, "rounds": 1,
          "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1}}
@@ -121,17 +122,20 @@ def test_the_true_code_is_as_like_as_another_rendering_of_it(kind):
     code = attractor.normalize(codes.known("heighway_dragon"))
     true = Likeness.of(code, suite.target(code, 128, kind))
     assert 0.7 < true.noise_ratio < 1.4 and true.f1 > 0.97 and true.iou == pytest.approx(true.f1 / (2 - true.f1))
-    assert "to within a rendering's own noise" in true.verdict
+    target = suite.target(code, 128, kind)
+    assert Verdict.of(true, len(code), target) == Verdict(
+        "recovered", "recovered: the picture is explained to its noise", "")
     other = Likeness.of(attractor.normalize(codes.known("fern")), suite.target(code, 128, kind))
-    assert other.noise_ratio > 30 and other.f1 < 0.8 and "far from the input" in other.verdict
+    assert other.noise_ratio > 30 and other.f1 < 0.8 and other.f1 < other.f1_1px < 1
+    assert Verdict.of(other, 4, target).kind != "recovered"
 
 
 def test_a_code_that_is_far_off_is_warned_of(known):
     target = suite.target(codes.known("sierpinski_triangle"), 64).numpy()
     assert known(target, resolution=64, frame="keep").warnings == ()
     fern = attractor.normalize(codes.known("fern"))
-    [warning] = known(target, resolution=64, frame="keep", stopped="asked to", code=fern).warnings
-    assert "far from the input" in warning and "(asked to)" in warning
+    found = known(target, resolution=64, frame="keep", stopped="asked to", code=fern)
+    assert found.warnings == (f"{found.verdict} (asked to)",) and found.verdict.kind == "not self-similar"
 
 
 def test_notes_and_warnings_of_the_picture_and_of_the_method_are_kept(known):
@@ -219,7 +223,9 @@ def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, na
     facts = json.loads(whole.read_text())["meta"]["inversion"]
     assert facts == found.facts()
     assert facts["likeness"] == {"f1": found.likeness.f1, "iou": found.likeness.iou,
-                                 "noise_ratio": found.likeness.noise_ratio}
+                                 "noise_ratio": found.likeness.noise_ratio, "f1_1px": found.likeness.f1_1px}
+    assert facts["verdict"] == {"kind": found.verdict.kind, "words": found.verdict.words,
+                                "remedy": found.verdict.remedy}
     assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}
     assert facts["source"] == str(path) and facts["stopped"] == "all stages done" and "a note" in facts["notes"]
     assert [stage["name"] for stage in facts["stages"]] == ["look", "polish"] and facts["options"]["seconds"] == 9
@@ -250,7 +256,132 @@ def test_a_misspelt_argument_of_invert_itself_is_known():
         invert(triangle_picture(), progres=True)
 
 
-def test_a_likeness_is_never_without_a_verdict():
-    verdicts = [Likeness(f1, f1, noise_ratio).verdict for f1, noise_ratio in
-                ((0.99, 1.0), (0.99, 3.0), (0.9, 3.0), (0.0, math.inf))]
-    assert len(set(verdicts)) == 4 and all(verdicts)
+SHAPE = torch.zeros(64, 64)
+SHAPE[16:48, 8:56] = torch.eye(48)[:32]
+
+
+def likeness(f1_1px, noise_ratio=9.0):
+    return Likeness(f1_1px, f1_1px, noise_ratio, f1_1px)
+
+
+def read(**facts):
+    return ReadImage(SHAPE, False, (64, 64), (0, 0, 64, 64), **{"scale": 1.0, "notes": (), **facts})
+
+
+def test_a_verdict_has_a_kind_words_and_a_remedy():
+    verdict = Verdict.of(likeness(0.553), 23, SHAPE)
+    assert verdict == Verdict("approximation", "approximation with 23 maps; F1 .55 within a pixel; more maps would "
+                              "help", "more maps: maps=46, with more time for each")
+    assert str(verdict) == f"{verdict.words} ({verdict.remedy})"
+    none = Verdict.of(likeness(0.2), 3, SHAPE)
+    assert none.words == "not self-similar as far as we can see; F1 .20 within a pixel" and none.remedy
+    assert Verdict.of(likeness(0.3, 1.0), 3, SHAPE).kind == "recovered"
+    assert "1 map;" in Verdict.of(likeness(0.6), 1, SHAPE).words
+    assert "F1 1.00" in Verdict.of(likeness(1), 9, SHAPE).words
+
+
+@pytest.mark.parametrize("facts, expected", [
+    ({"picture": read(unclear="it looks like a page of text")}, "cut one shape out of the picture"),
+    ({"picture": read(doubtful=True)}, "invert=true, if the shape is what was taken for the background"),
+    ({"stopped": "the time limit of 9 s was reached", "options": {"seconds": 9}}, "more time: seconds=36"),
+    ({"picture": read(scale=5.0)}, "a larger picture: the shape was enlarged 5 times"),
+    ({"options": {"maps": 8}}, "more maps: maps=16"), ({"options": {"at_most": 8}}, "more maps: at_most=16")])
+def test_the_remedy_is_what_is_most_likely_to_help(facts, expected):
+    assert expected in Verdict.of(likeness(0.7), 4, SHAPE, **facts).remedy
+
+
+@pytest.mark.parametrize("options, expected", [({}, "levels=coverage instead of binary"),
+                                               ({"levels": "coverage"}, "levels=density instead of coverage")])
+def test_where_the_shape_is_right_the_levels_may_be_wrong(options, expected):
+    verdict = Verdict.of(likeness(0.97), 4, SHAPE, options=options)
+    assert verdict.remedy == expected and "another meaning of grey levels would help" in verdict.words
+
+
+def test_a_code_no_better_than_a_box_is_none():
+    filled = torch.zeros(64, 64)
+    filled[16:48, 16:48] = 1
+    filled[20:22, 20:40] = 0
+    assert Verdict.of(likeness(0.9), 4, filled).kind == "not self-similar"
+    assert Verdict.of(likeness(0.9), 4, SHAPE).kind == "approximation"
+
+
+def test_a_picture_without_a_clear_shape_must_be_hit_well():
+    unclear = read(unclear="it looks like a page of text")
+    verdict = Verdict.of(likeness(0.8), 4, SHAPE, picture=unclear)
+    assert verdict.kind == "not self-similar" and "(it looks like a page of text)" in verdict.words
+    assert Verdict.of(likeness(0.93), 4, SHAPE, picture=unclear).kind == "approximation"
+
+
+def test_a_saved_inversion_is_loaded(known, path, tmp_path):
+    found = known(path, notes=("a note",))
+    folder = found.save(tmp_path / "found")
+    for place in (folder, folder / "inversion.json"):
+        loaded = Inversion.load(place)
+        assert torch.equal(loaded.code.linear, found.code.linear) and loaded.facts() == found.facts()
+        torch.testing.assert_close(loaded.target.image, found.target.image, atol=1e-5, rtol=0)
+    assert np.array_equal(np.asarray(loaded.overlay()), np.asarray(found.overlay()))
+    assert "inversion" not in loaded.code.meta
+
+
+def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):
+    folder = known(path).save(tmp_path / "found")
+    codes.known("fern").save(tmp_path / "inversion.json")
+    with pytest.raises(InputError, match="is no inversion of this version"):
+        Inversion.load(tmp_path)
+    data = json.loads((folder / "inversion.json").read_text())
+    del data["meta"]["inversion"]["likeness"]["f1"]
+    (folder / "inversion.json").write_text(json.dumps(data))
+    with pytest.raises(InputError, match="inversion.json is damaged"):
+        Inversion.load(folder)
+    (folder / "target.png").unlink()
+    with pytest.raises(InputError, match="target.png"):
+        Inversion.load(folder)
+
+
+def test_a_rendering_is_written_where_it_is_asked_for(known, tmp_path):
+    found = known(triangle_picture())
+    image = found.render(resolution=64, path=tmp_path / "still.png")
+    written = np.asarray(Image.open(tmp_path / "still.png"))
+    np.testing.assert_array_equal(written, np.rint(255 * image.numpy()).astype(np.uint8))
+
+
+def test_a_picture_that_was_read_is_taken_as_it_is(known, path):
+    picture = read_target(path, 96, padding=0.5)
+    found = known(picture)
+    assert found.target is picture and found.source == path
+
+
+def test_how_the_picture_is_read_can_be_told(known):
+    found = known(triangle_picture(), invert=True, threshold=0.5, clean=False)
+    assert "black shape on white: inverted, as asked" in found.notes and "binary at the threshold 0.5" in found.notes
+    assert found.options["threshold"] == 0.5
+
+
+class Interrupted(Method):
+    """A method that is interrupted after it has told some codes."""
+
+    def __init__(self, told):
+        self.told = told
+
+    def reconstruct(self, target, *, on_step=None, checkpoint=None):
+        for step, code in enumerate(self.told, 1):
+            on_step(Progress(step, 0.1 * step, stage=str(step), code=code))
+        raise KeyboardInterrupt
+
+
+def test_an_interruption_returns_the_best_code_so_far(monkeypatch):
+    triangle, fern = (attractor.normalize(codes.known(name)) for name in ("sierpinski_triangle", "fern"))
+
+    def build(told):
+        def method(*, resolution: int, seed: int, seconds: float | None = None):
+            return Interrupted(told)
+        return method
+
+    monkeypatch.setattr("fractal_exp.api.load", lambda name: build([triangle, fern]))
+    with pytest.raises(KeyboardInterrupt):
+        invert(triangle_picture())
+    found = invert(triangle_picture(), keep_interrupted=True)
+    assert found.stopped == "interrupted" and found.code is triangle
+    monkeypatch.setattr("fractal_exp.api.load", lambda name: build([]))
+    with pytest.raises(KeyboardInterrupt):
+        invert(triangle_picture(), keep_interrupted=True)

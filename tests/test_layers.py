@@ -20,7 +20,8 @@ FLOORS = [  # from the ground up; what is named alone is a file or a folder of t
     {"targets"},
     {"evaluation"},
     {"methods"},
-    {"perceptual_training", "studies", "inversion"},
+    {"perceptual_training", "studies", "verdict"},
+    {"inversion"},
     {"api"},
     {"cli"},
 ]

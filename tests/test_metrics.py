@@ -82,3 +82,15 @@ def test_compare_looks_at_the_inner_part_only():
 def test_images_that_cannot_be_compared(a, b, message):
     with pytest.raises(InputError, match=message):
         metrics.compare(a, b)
+
+
+def test_f1_within_a_pixel_forgives_a_pixel():
+    truth = torch.zeros(1, 32, 32)
+    truth[0, 10, 5:25] = 0.3
+    assert float(metrics.f1_1px(truth, truth)) == 1
+    assert float(metrics.f1_1px(truth.roll(1, 1), truth)) == 1 and float(metrics.f1(truth.roll(1, 1), truth)) == 0
+    assert float(metrics.f1_1px(truth.roll(2, 1), truth)) == 0
+    half = truth.clone()
+    half[0, :, 15:] = 0  # ten of twenty pixels, which reach an eleventh
+    assert float(metrics.f1_1px(half, truth)) == pytest.approx(2 * (11 / 20) / (1 + 11 / 20))
+    assert float(metrics.f1_1px(0 * truth, 0 * truth)) == 1 and float(metrics.f1_1px(0 * truth, truth)) == 0

@@ -117,3 +117,15 @@ def test_a_suite_that_cannot_be_written(tmp_path, capsys, arguments, message):
     with pytest.raises(SystemExit):
         suite_app.main([str(tmp_path / "file")])
     assert "cannot make the folder" in capsys.readouterr().err
+
+
+def test_an_empty_view_names_the_nearest_point(tmp_path, capsys):
+    for center, empty in ((("0.9", "0.9"), True), (("0", "0"), False)):
+        render_app.main(["sierpinski_triangle", str(tmp_path / "a.png"), "--size", "32", "--points", "1e4",
+                         "--center", *center, "--zoom", "8" if empty else "1"])
+        told = capsys.readouterr().err
+        assert ("nearest to its centre is at --center" in told) == empty
+        if empty:
+            point = tuple(float(word) for word in told.split("--center ")[1].split())
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    assert render(code, View(point, 50), resolution=32, points_in_view=1000).max() > 0

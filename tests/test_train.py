@@ -58,6 +58,8 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     history = json.loads((folder / "history.json").read_text())
     assert history["stopped"] == "all 6 iterations done" and [stage["name"] for stage in history["stages"]] == ["fit"]
     assert "stopped    all 6 iterations done" in printed
+    verdict = history["verdict"]
+    assert verdict["kind"] != "recovered" and f"verdict    {verdict['words']} ({verdict['remedy']})" in printed
     assert "no perceptual term in this objective" in printed and "inverted" in printed and str(folder) in printed
 
     uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
@@ -91,6 +93,8 @@ def test_a_finished_fit_is_not_repeated_on_resume_but_another_is_refused(picture
     first = train(*settings)
     assert train(*settings, "resume=true") == first
     assert "finished; resume=false fits it again" in capsys.readouterr().out
+    assert train(*settings)["eval/f1"] == first["eval/f1"]
+    assert "held this fit, finished; it is fitted again (resume=true takes it as it is)" in capsys.readouterr().out
     with pytest.raises(InputError, match="seed: 0 there, 1 now"):
         train(*settings, "resume=true", "seed=1")
 

@@ -43,6 +43,13 @@ def gather(sources: list[str], truth: str | None, output: str | Path) -> list[Su
     return found
 
 
+def unfinished(sources: list[str]) -> list[str]:
+    """The names of the fits in the folders among `sources` that were begun and are not finished."""
+    folders = [Path(source).absolute() for source in sources if not source.startswith("run:")]
+    return [record.parent.name for folder in folders for pattern in (records.CONFIG, f"*/{records.CONFIG}")
+            for record in sorted(folder.glob(pattern)) if not (record.parent / records.FINISHED).exists()]
+
+
 def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[Submission]:
     if source.startswith("run:"):
         run_id = source.removeprefix("run:")

@@ -28,7 +28,7 @@ from ..runtime import threads
 from ..runtime.checks import check_count
 from ..runtime.files import write_atomically
 from . import records
-from .candidates import Submission, gather
+from .candidates import Submission, gather, unfinished
 from .commands import command, command_parser, make_folder
 from .judging import against_input, f1_in_words
 
@@ -97,7 +97,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         check_count("--points", options.points)
     check_kind(options.views)
     threads.use()
-    candidates = gather(options.codes, options.truth, options.output)
+    candidates, begun = gather(options.codes, options.truth, options.output), unfinished(options.codes)
     known = [candidate for candidate in candidates if candidate.aim.truth is not None]
     pictured = [candidate for candidate in candidates if candidate.aim.picture is not None]
     lost = [candidate.name for candidate in candidates if candidate not in known + pictured]
@@ -120,6 +120,9 @@ def evaluate_codes(options: argparse.Namespace) -> None:
             parts.append(_write_inputs(_judge_pictures(pictured, options, distance, strips, run), folder, run))
         if lost:
             parts.append(f"not judged, since fitted to pictures that are not kept: {', '.join(lost)}")
+        if begun:
+            parts.append(f"not judged, since unfinished: {', '.join(begun)}; the same command with resume=true goes on "
+                         "with a fit")
         report = "\n\n".join(parts)
         write_atomically(folder / "report.txt", report + "\n")
         run.artifact("report.txt", report)
@@ -205,7 +208,8 @@ def _write_inputs(table: pd.DataFrame, folder: Path, run: tracking.Tracker) -> s
     count, coarse = int((table["method"] == RESULT).sum()), sorted(
         table.loc[table["input"] == records.EIGHT_BITS, "fractal"].unique())
     return "\n".join([
-        f"{count} codes of pictures against the input: the whole view at the input's own resolution, no truth is known",
+        f"{_codes(count)} of pictures against the input: the whole view at the input's own resolution, no truth is "
+        "known",
         means.rename_axis(None).to_string(float_format="{:.3f}".format), "",
         "each result against its input",
         scores[scores["method"] == RESULT].drop(columns="method").set_index("fractal").rename_axis(None).dropna(
@@ -237,7 +241,7 @@ def _report(summaries: dict[str, pd.DataFrame], summary: pd.DataFrame, codes: pd
     attributes, ceiling = summaries[RESULT].attrs, summaries[CEILING].attrs
     absent, distance = attributes["perceptual_absent"], attributes["perceptual"]
     empty = summaries[RESULT].attrs["empty_views"]
-    lines = [f"{len(codes)} codes, mean of 7 views each, views={views} [bootstrap 95% interval over codes]",
+    lines = [f"{_codes(len(codes))}, mean of 7 views each, views={views} [bootstrap 95% interval over codes]",
              *([f"{empty} of {7 * len(codes)} views are empty in truth and result and are left out"] if empty else []),
              describe(summary[summary["zoom_class"] == "all"], "method"), "", "the results by zoom",
              describe(summaries[RESULT]), "",
@@ -251,6 +255,10 @@ def _report(summaries: dict[str, pd.DataFrame], summary: pd.DataFrame, codes: pd
                  for key, count in codes["probabilities"].value_counts().items()),
              f"no perceptual distance: {absent}" if absent else f"perceptual distance: {distance}"]
     return "\n".join(lines)
+
+
+def _codes(count: int) -> str:
+    return f"{count} code{'s' * (count != 1)}"
 
 
 def _start_run(options: argparse.Namespace, folder: Path) -> tracking.Tracker:

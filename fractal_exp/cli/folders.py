@@ -21,6 +21,7 @@ from ..methods.history import StageRecord
 from ..runtime.checkpoint import compare
 from ..runtime.files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
+from ..verdict import Verdict
 from . import records
 
 WHITE = 65535  # of 16 bits
@@ -100,11 +101,11 @@ class FitFolder:
         levels = torch.maximum((image.double() * WHITE).round(), (image > 0).double()).numpy().astype(np.uint16)
         return write_image(kept, levels, bits=16)
 
-    def keep_history(self, stages: Sequence[StageRecord], stopped: str) -> Path:
-        """Keep the stages of the fit and why it stopped, as history.json."""
+    def keep_history(self, stages: Sequence[StageRecord], stopped: str, verdict: Verdict | None = None) -> Path:
+        """Keep the stages of the fit, why it stopped and, of a code, the verdict, as history.json."""
         path = self.path / "history.json"
-        write_atomically(path, json.dumps({"stopped": stopped, "stages": [asdict(stage) for stage in stages]},
-                                          indent=1).encode())
+        write_atomically(path, json.dumps({"stopped": stopped, "verdict": verdict and asdict(verdict),
+                                           "stages": [asdict(stage) for stage in stages]}, indent=1).encode())
         return path
 
     def remember_run(self, uri: str, run_id: str | None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -103,9 +104,15 @@ def draw_still(code: IFS, options: argparse.Namespace) -> Path:
     """Draw one view, tile by tile."""
     size = _size(options, 1024)
     view = View(tuple(options.center or (0.0, 0.0)), 1.0 if options.zoom is None else options.zoom)
+    lit = False
     with PngWriter(options.out, size, size, bits=options.bits, transparent=options.transparent) as file:
         for band in _bands(code, view, size, options):
+            lit |= bool(band.any())
             file.write(band)
+    if not lit:
+        x, y = nearest_point(code, view.center)
+        print(f"fractal-render: the view is empty; the point of the attractor nearest to its centre is at "
+              f"--center {x:.6g} {y:.6g}", file=sys.stderr)
     return file.path
 
 

@@ -16,13 +16,15 @@ from omegaconf import DictConfig, OmegaConf
 
 from ..evaluation import Perceptual
 from ..images.reading import write_image
-from ..methods.base import CodeReconstruction, Method, stop_reason
+from ..inversion import Likeness
+from ..methods.base import CodeReconstruction, Method, Reconstruction, stop_reason
 from ..methods.history import History
 from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.files import write_atomically
 from ..targets import Target
 from ..tracking import Tracker
+from ..verdict import Verdict
 from . import configuration, interruption, words
 from .folders import FitFolder
 from .judging import Judgement, check_options, judge
@@ -72,6 +74,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         runs.check_kept(folder, settings)
         print(f"{folder.path} holds this fit, finished; resume=false fits it again")
         return scores
+    if scores:
+        print(f"{folder.path} held this fit, finished; it is fitted again (resume=true takes it as it is)")
     checkpoint = Checkpoint(folder.checkpoint, config.checkpoint_every, identity, config.resume)
     checkpoint.load()
     if aside := checkpoint.set_aside():
@@ -90,18 +94,33 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
             run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
-        run.artifact("history.json", folder.keep_history(history.stages(), stopped))
+        verdict = _verdict(reconstruction, target, stopped, config)
+        run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds)
         _keep(folder, run, judgement)
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
     print(f"  {judgement.describe()}")
     print(f"  stopped    {stopped}")
+    if verdict is not None:
+        print(f"  verdict    {verdict}")
     print(f"  code       {folder.path / 'code.json'}")
     print(f"  pictures   {folder.views}")
     if where := runs.where(settings):
         print(f"  dashboard  {where}")
     return judgement.scores
+
+
+def _verdict(reconstruction: Reconstruction, target: Target, stopped: str, config: DictConfig) -> Verdict | None:
+    """The verdict on a code, by its likeness to the image that it was fitted to."""
+    if not isinstance(reconstruction, CodeReconstruction):
+        return None
+    method = OmegaConf.to_container(config.method)
+    options = {key: method.get(key) for key in ("maps", "at_most", "levels", "seconds")}
+    likeness = Likeness.of(reconstruction.code, target.image, levels=options["levels"] or "auto",
+                           camera=method.get("camera"), found=reconstruction.camera, seed=config.seed)
+    return Verdict.of(likeness, len(reconstruction.code), target.image, picture=target.picture, stopped=stopped,
+                      options=options)
 
 
 def _name(config: DictConfig, label: str, identity: Mapping[str, Any]) -> str:

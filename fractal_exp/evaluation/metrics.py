@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
+from torch.nn.functional import max_pool2d
 
 from ..errors import InputError
 from ..runtime.extras import need
@@ -29,6 +30,18 @@ def iou(images: Tensor, truth: Tensor) -> Tensor:
     """Intersection over union (Jaccard) of the masks I > 0 of images (B,H,W), 1 if both are empty; (B,) in [0,1]."""
     both, either, total = _overlap(images, truth)
     return torch.where(total > 0, both / either, 1.0).float()
+
+
+def f1_1px(images: Tensor, truth: Tensor) -> Tensor:
+    """F1 within a pixel of the masks I > 0 of images (B,H,W): the harmonic mean of the share of the one that lies in
+    the other's dilation by 3×3 pixels, and of the other in the one's; 1 if both are empty; (B,) in [0,1]."""
+    _check(images, truth)
+    a, b = (images > 0).float(), (truth > 0).float()
+    near = [(one * max_pool2d(other[:, None], 3, 1, 1)[:, 0]).sum((-2, -1)).double() for one, other in ((a, b), (b, a))]
+    total = [mask.sum((-2, -1)).double() for mask in (a, b)]
+    precision, recall = (part / whole.clamp(min=1) for part, whole in zip(near, total, strict=True))
+    alike = 2 * precision * recall / (precision + recall).clamp(min=torch.finfo(torch.float64).tiny)
+    return torch.where(total[0] + total[1] > 0, alike, 1.0).float()
 
 
 def psnr(images: Tensor, truth: Tensor) -> Tensor:

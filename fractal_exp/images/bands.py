@@ -6,7 +6,7 @@ import contextlib
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,14 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from ..errors import InputError
 from ..runtime.files import check_file
+from .refusals import known_as
 
 # Those that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
 FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM")
 LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds it whole, in 1 to 4 bytes a pixel, and some decoders twice
+# Pixels of the longer and of the shorter side down to which a picture may be shrunk as it is read.
+LARGE_SIDE, LARGE_SHORTER_SIDE = 4096, 1024
+SHRUNK_MODES = ("L", "LA", "RGB", "RGBA", "CMYK")
 BAND_PIXELS = 2**20
 MOST_LEVELS = 65535
 EXIF_ORIENTATION = 0x0112
@@ -25,12 +29,19 @@ EXIF_ORIENTATION = 0x0112
 
 @dataclass(frozen=True)
 class Bands:
-    """A picture of `height` × `width` pixels: `rows(first, last)` gives some of its rows, `channels` 1, 3 or 4."""
+    """A picture of `height` × `width` pixels: `rows(first, last)` gives some of its rows, `channels` 1, 3 or 4.
+
+    scale: pixels of the file, a side, for each pixel, which was shrunk as it was read, and `full` its own (width,
+    height), if so. lossy: whether the file keeps pixels with errors, as a JPEG does.
+    """
 
     height: int
     width: int
     channels: int
     rows: Callable[[int, int], np.ndarray]
+    scale: int = 1
+    full: tuple[int, int] | None = None
+    lossy: bool = False
 
     @classmethod
     def of_array(cls, pixels: np.ndarray) -> Bands:
@@ -38,9 +49,20 @@ class Bands:
         channels = pixels.shape[2] if pixels.ndim == 3 else 1
         return cls(pixels.shape[0], pixels.shape[1], channels, lambda first, last: pixels[first:last])
 
-    def map(self, function: Callable[[np.ndarray], np.ndarray]) -> Bands:
-        """The same picture with every band changed when it is read, to one of a single channel."""
-        return Bands(self.height, self.width, 1, lambda first, last: function(self.rows(first, last)))
+    def map(self, function: Callable[[np.ndarray], np.ndarray], channels: int = 1) -> Bands:
+        """The same picture with every band changed when it is read, to one of so many channels."""
+        return replace(self, channels=channels, rows=lambda first, last: function(self.rows(first, last)))
+
+    def without(self, dropped: np.ndarray, block: int, fill: np.ndarray | float = 0.0) -> Bands:
+        """The same picture with the level or the colour `fill` where `dropped` (h,w) says so of blocks of `block`²
+        pixels."""
+        columns, colour = np.arange(self.width) // block, np.asarray(fill, np.float32)
+
+        def rows(first: int, last: int) -> np.ndarray:
+            gone = dropped[np.arange(first, last) // block][:, columns]
+            return np.where(gone[..., None] if self.channels > 1 else gone, colour, self.rows(first, last))
+
+        return replace(self, rows=rows)
 
     def __iter__(self) -> Iterator[np.ndarray]:
         """All rows from the top, about a million pixels at a time."""
@@ -88,22 +110,67 @@ class Profile:
         return Profile(rising(self.rows), rising(self.columns), rising(self.border))
 
 
-def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str], np.ndarray]) -> Bands:
+@dataclass(frozen=True, eq=False)
+class Overview:
+    """A grey picture in blocks of `block`² pixels, a thousand a side at most: the mean and the highest level (h,w) of
+    each; a picture of few pixels is its own overview."""
+
+    mean: np.ndarray
+    highest: np.ndarray
+    block: int
+
+    def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> Overview:
+        """About that of the picture whose levels a function that never falls has changed."""
+        return Overview(rising(self.mean), rising(self.highest), self.block)
+
+    @classmethod
+    def of(cls, grey: Bands, side: int = 1024) -> Overview:
+        """Read the picture once."""
+        block = -(-max(grey.height, grey.width) // side)
+        if block == 1:
+            whole = np.concatenate(list(grey))
+            return cls(whole, whole, 1)
+        shape = -(-grey.height // block), -(-grey.width // block)
+        total, highest, first = np.zeros(shape, np.float32), np.zeros(shape, np.float32), 0
+        starts = np.arange(0, grey.width, block)
+        for band in grey:
+            rows = np.arange(first, first + len(band)) // block
+            np.add.at(total, rows, np.add.reduceat(band, starts, axis=1))
+            np.maximum.at(highest, rows, np.maximum.reduceat(band, starts, axis=1))
+            first += len(band)
+        tall, wide = (np.diff(np.append(np.arange(0, count, block), count)) for count in (grey.height, grey.width))
+        return cls(total / np.outer(tall, wide).astype(np.float32), highest, block)
+
+
+def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str], np.ndarray], *,
+                 shrink: bool = False) -> Bands:
     """The upright picture of a file, as bands of uint8, uint16 or float32, each passed through `check(band, name)`.
 
-    Adds to `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
+    shrink: let a picture of more than 8192 px a side be shrunk as it is read, a JPEG while it is decoded. Adds to
+    `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
     """
     path = path.absolute()
     check_file(path, "the picture")
     with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
+        lossy, scale, before = picture.format == "JPEG", 1, picture.size
+        if shrink and lossy:
+            picture.draft(None, tuple(max(1, side // _factor(before)) for side in before))
+            scale = round(before[0] / picture.size[0])
         picture.load()
         frames = getattr(picture, "n_frames", 1)
         if frames > 1:
             notes.append(f"the file holds {frames} pictures: the first was taken")
         picture.load()  # counting them may have left it
         if picture.getexif().get(EXIF_ORIENTATION, 1) != 1:
+            tall = picture.size
             picture = ImageOps.exif_transpose(picture)
+            before = before[::-1] if picture.size != tall else before
             notes.append("turned upright by its EXIF orientation")
+        if shrink and scale == 1 and _factor(before) > 1 and picture.mode in SHRUNK_MODES:
+            scale = _factor(before)
+            picture = picture.reduce(scale)
+        if scale > 1:
+            notes.append(f"shrunk {scale} times as it was read, from {before[0]}×{before[1]} px")
         mode = _mode(picture)
         picture.crop((0, 0, 1, 1)).convert(mode)  # raises where Pillow cannot
 
@@ -112,7 +179,13 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
         pixels = np.asarray(band if band.mode == mode else band.convert(mode))
         return check(_sixteen_bits(pixels, path) if mode.startswith("I") else pixels, f"the picture {path}")
 
-    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows)
+    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows, scale,
+                 before if scale > 1 else None, lossy)
+
+
+def _factor(size: tuple[int, int]) -> int:
+    """How many times a picture may be shrunk."""
+    return max(1, min(max(size) // LARGE_SIDE, min(size) // LARGE_SHORTER_SIDE))
 
 
 def _formats() -> list[str]:
@@ -160,6 +233,8 @@ def _one_line(path: Path) -> Iterator[None]:
         raise InputError(f"{path} has more than {LARGEST_PIXELS} pixels, which is the most that is read; shrink the "
                          "picture first") from error
     except UnidentifiedImageError as error:
+        if told := known_as(path):
+            raise InputError(f"{path} is {told}") from error
         raise InputError(f"{path} is no picture of the kinds that are read ({', '.join(FORMATS)}); convert it to PNG"
                          ) from error
     except Exception as error:  # on a damaged file Pillow's readers raise almost anything

@@ -10,11 +10,12 @@ from torch import Tensor
 from ...ifs.code import IFS
 from ...runtime.deadline import NO_DEADLINE, Deadline
 from ...runtime.seeds import derive
+from .image.camera import estimated
 from .image.objective import ImageObjective, reduced
 from .image.search import ImageSearch
 from .measure.blur import blurred
 from .measure.levels import Levels
-from .measure.tones import LEVELS, Camera, seen_with
+from .measure.tones import Camera, seen_with
 from .params import CollageParams
 
 
@@ -69,17 +70,7 @@ class SearchProblem:
 
     def camera(self, code: IFS, seed: int) -> Camera:
         """What the image says of its camera if the code is nearly right; nothing where the levels are exact."""
-        if self.levels.is_exact:
-            return ()
-        found = {}
-        for name in ("coverage", "dots") if self.params.levels == "auto" else (self.params.levels,):
-            levels = LEVELS[name](self.levels.camera, self.image)
-            judge = ImageObjective(self.image, levels, self.params)
-            tried = levels.candidates(code, len(self.image), derive(seed, "camera"))
-            error, values = min((judge.error(image), values) for values, image in tried)
-            found[name] = judge.angle(error), (name, *values)
-        first, *others = found.values()
-        return next((camera for angle, camera in others if angle < self.levels.camera.dotted * first[0]), first[1])
+        return estimated(self.image, self.levels, code, self.params, seed)
 
     def objective(self, size: int, code: IFS, seed: int, renderings: int = 1, camera: Camera = ()
                   ) -> ImageObjective:

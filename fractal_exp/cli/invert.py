@@ -1,0 +1,150 @@
+"""`fractal-invert`: from a picture to its code, in a folder. A plain command line: no configuration, no tracking."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ..api import INTERRUPTED, invert
+from ..errors import InputError
+from ..images.reading import read_target
+from ..inversion import Inversion
+from ..methods.base import Progress
+from ..runtime import threads
+from . import interruption
+from .commands import command, command_parser, make_folder
+
+LARGEST_OVERLAY = 4096  # pixels of the picture's longer side
+RENDERING = 1024        # pixels a side
+POLARITIES = {"auto": "auto", "true": True, "false": False}
+
+DESCRIPTION = """Find the code of the self-similar shape on a picture: the few affine maps whose attractor it is.
+
+PICTURE is a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file with one shape on a background of one colour. Captions, axes,
+frames and specks beside it are ignored, and what is done is said. At the end stands a verdict: whether the shape was
+recovered or approximated, or is not self-similar as far as can be seen, and what may help.
+
+Written to --output: code.json (for fractal-render), inversion.json (the code and all that is known of it), target.png
+(the picture as it was taken), rendering.png and overlay.png (the code, alone and laid over the picture). Ctrl-C ends
+the search and writes the best code so far.
+
+examples
+  fractal-invert leaf.png                                    writes leaf-fractal
+  fractal-invert leaf.png --seconds 60 --maps 4
+  fractal-invert scan.jpg --invert true --output scan        a black shape on white
+  fractal-invert leaf.png --set search.moves=100 rounds=2    any parameter of collage search (docs/collage.md)"""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
+    parser = command_parser("fractal-invert", DESCRIPTION)
+    parser.add_argument("picture", help="file of the picture")
+    parser.add_argument("--output", metavar="FOLDER", help="to write to (default: NAME-fractal, here)")
+    parser.add_argument("--force", action="store_true", help="write even if that folder holds something")
+    parser.add_argument("--seconds", type=float, help="limit of the search; the best code so far is taken")
+    parser.add_argument("--maps", type=int, help="number of maps (default: found)")
+    parser.add_argument("--resolution", type=int, default=256, help="pixels a side that the picture is brought to")
+    parser.add_argument("--seed", type=int, default=0, help="of every random number")
+    parser.add_argument("--invert", choices=POLARITIES, default="auto", help="true: a black shape on white; false: a "
+                                                                             "white one on black; auto: as the border "
+                                                                             "tells")
+    parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
+    parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
+    parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
+                        help="parameters of collage search, such as search.moves=100")
+    command("fractal-invert", invert_picture, parser, arguments)
+
+
+def invert_picture(options: argparse.Namespace) -> None:
+    """Do what the command line asks for."""
+    interruption.listen()
+    threads.use()
+    settings = parse_settings(options.settings)
+    if options.maps is not None:
+        settings["maps"] = options.maps
+    folder = _folder(options)
+    picture = read_target(options.picture, options.resolution, invert=POLARITIES[options.invert],
+                          threshold=options.threshold, clean=not options.as_it_is)
+    print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
+    _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
+    found = invert(picture, seed=options.seed, seconds=options.seconds, progress=sys.stderr.isatty(), on_step=_tell,
+                   keep_interrupted=True, **settings)
+    make_folder(folder)
+    _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings)
+    written = _write(found, folder)
+    print(f"  verdict    {found.verdict.words}")
+    if found.verdict.remedy:
+        print(f"  may help   {found.verdict.remedy}")
+    print(f"  likeness   {found.likeness}")
+    print(f"  maps       {len(found.code)}, found in {found.seconds:.0f} s; {found.stopped}")
+    print(f"  written    {folder}: {', '.join(written)}")
+    if found.stopped == INTERRUPTED:
+        print("fractal-invert: interrupted; the best code so far was written", file=sys.stderr)
+        raise SystemExit(130)
+
+
+def parse_settings(words: list[str]) -> dict[str, Any]:
+    """KEY=VALUE as nested options: search.moves=10 as {"search": {"moves": 10}}. Raises `InputError` on other words."""
+    settings: dict[str, Any] = {}
+    for word in words:
+        key, equals, text = word.partition("=")
+        *folders, last = key.split(".")
+        if not (equals and text and all([*folders, last])):
+            raise InputError(f"--set takes KEY=VALUE, such as search.moves=10, got {word!r}")
+        inner = settings
+        for folder in folders:
+            inner = inner.setdefault(folder, {})
+            if not isinstance(inner, dict):
+                raise InputError(f"--set {word}: {folder} has a value already, and is no component")
+        inner[last] = _value(text)
+    return settings
+
+
+def _value(text: str) -> Any:
+    """A number, a list, true, false or null as JSON has them; anything else is a text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _folder(options: argparse.Namespace) -> Path:
+    """Where to write. Raises `InputError` if something is there already."""
+    folder = Path(options.output or f"{Path(options.picture).stem}-fractal").absolute()
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; name a folder with --output")
+    if folder.is_dir() and any(folder.iterdir()) and not options.force:
+        raise InputError(f"{folder} holds something already; --force writes into it, --output names another folder")
+    return folder
+
+
+def _tell(progress: Progress) -> None:
+    """One line at the end of each stage, where there is no terminal for a bar."""
+    interruption.check()
+    if progress.code is not None and not sys.stderr.isatty():
+        print(f"  {100 * progress.fraction:3.0f}% {progress.describe()}", flush=True)
+
+
+def _write(found: Inversion, folder: Path) -> list[str]:
+    """All files, and their names."""
+    found.save(folder)
+    found.render(resolution=RENDERING, path=folder / "rendering.png")
+    written = ["code.json", "inversion.json", "target.png", "rendering.png"]
+    if max(found.placement.size) > LARGEST_OVERLAY:
+        print(f"  no overlay: the picture has more than {LARGEST_OVERLAY} px a side")
+        return written
+    found.overlay(folder / "overlay.png")
+    return [*written, "overlay.png"]
+
+
+def _print_list(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(f"  {line}")
+
+
+if __name__ == "__main__":
+    main()

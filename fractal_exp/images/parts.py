@@ -1,0 +1,207 @@
+"""What of a picture is the shape, and what stands beside it: axes, frames, captions, specks, other shapes.
+
+All of it goes by a picture's `Overview`, white on black. A fractal may well consist of many parts that lie apart, so
+what is left out must look like what people put beside a shape, and like no part of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bands import Overview
+from .checks import Notes
+from .frames import frame_of, scan_edges
+from .text import is_text, rows_of
+
+STROKE = 0.4            # level of the strokes of text: what is fainter joins glyphs
+PAGE_ROWS = 6           # rows of text, one below the other, from which on they are a page
+PAGE_SHARE = 0.7        # of the lit pixels of a page that are in such rows
+CAPTION_SHARE = 0.15    # of the longer side of all that is lit: height of a row of text beside a shape
+SPECK_SIZE = 0.012      # the same of a speck,
+SPECK_GAP = 0.1         # and of the distance to whatever is next to it,
+SPECK_GAPS = 4.0        # which is also so many of its own sizes
+SPECK_SPAN = 150        # pixels of that side: on a smaller picture a speck cannot be told from a point of the shape
+MOST_SPECKS = 20        # more of them are dust
+SPECK_MASS = 0.005      # of what is lit
+LIKE_SPECKS = 3         # other parts as small as a speck: with more, the shape itself is dust,
+MOST_PIECES = 4         # and so it is with more parts than these
+SHAPE_GAP = 0.03        # of the longer side: what is farther apart may be two shapes
+SHAPE_SIZE = 0.15       # of the largest one's area: what is smaller is no other shape
+SHAPE_SOLID = 0.97      # share of a shape's lit pixels that hang together: a part of a fractal has gaps of its own
+MOST_SHAPES = 6
+PIECES_OF_SHAPES = 3    # pieces of all shapes and between them, for each: with more, they are islands of one fractal
+SAME_SIZE = 0.05        # relative difference of sides up to which shapes are as large as each other: parts of one
+MOST_PARTS = 3000       # more of them are dust
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A connected part of a mask: its label, rows and columns, and the number of its pixels."""
+
+    label: int
+    box: tuple[slice, slice]
+    count: int
+
+    @property
+    def size(self) -> int:
+        return max(self.box[0].stop - self.box[0].start, self.box[1].stop - self.box[1].start)
+
+
+def beside_the_shape(overview: Overview, noise: float, notes: Notes, *, graded: bool) -> np.ndarray | None:
+    """Which blocks (h,w) of a picture are not of the shape, bool, said in the notes; None if all are.
+
+    noise: the level up to which nothing is lit. graded: whether levels within the shape differ, as in a density, whose
+    parts are not taken for several shapes.
+    """
+    lit = overview.highest > noise
+    if not lit.any():
+        return None
+    dropped = np.zeros_like(lit)
+    for what, found in _found(lit, overview.highest > STROKE, graded, notes):
+        dropped |= found
+        notes.append(what)
+    if not dropped.any():
+        return None
+    return _nearer(dropped & lit, lit & ~dropped)
+
+
+def _found(lit: np.ndarray, strokes: np.ndarray, graded: bool, notes: Notes) -> Iterator[tuple[str, np.ndarray]]:
+    """What is beside the shape, in words, and where; each is looked for in what the ones before have left."""
+    left = lit.copy()
+    for what, search in (("the edge of the paper was ignored", scan_edges),
+                         ("axes or a frame around the shape were ignored, with all beyond them", frame_of)):
+        found = search(left)
+        if found is not None and (left & ~found).any():
+            left &= ~found
+            yield what, found
+    if _is_page(left, strokes):
+        notes.no_clear_shape("it looks like a page of text")
+        return
+    captions = _captions(left, strokes)
+    if captions.any():
+        left &= ~captions
+        yield "text beside the shape was ignored", captions
+    pieces, labels = _pieces(left)
+    if not 1 < len(pieces) <= MOST_PARTS:
+        return
+    specks = _specks(pieces, labels, left)
+    if specks.any():
+        left &= ~specks
+        yield "small specks away from the shape were ignored", specks
+    others, count = _other_shapes(left, len(pieces)) if not graded else (specks & False, 1)
+    if others.any():
+        notes.warnings.append(f"{count} shapes in one picture: the largest was taken; crop the picture to choose")
+        yield notes.warnings[-1], others
+
+
+def _pieces(lit: np.ndarray) -> tuple[list[Piece], np.ndarray]:
+    """The connected parts of a mask, corners counting, and their labels (h,w)."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(lit, np.ones((3, 3)))
+    counts = np.bincount(labels.ravel(), minlength=count + 1)
+    boxes = ndimage.find_objects(labels)
+    return [Piece(label, box, int(counts[label])) for label, box in enumerate(boxes, 1)], labels
+
+
+def _span(lit: np.ndarray) -> int:
+    """The longer side of the box of what is lit."""
+    sides = [np.flatnonzero(lit.any(axis)) for axis in (0, 1)]
+    return max(int(side[-1] - side[0] + 1) for side in sides)
+
+
+def _is_page(lit: np.ndarray, strokes: np.ndarray) -> bool:
+    rows = rows_of(lit)
+    if len(rows) < PAGE_ROWS:
+        return False
+    text = [row for row in rows if is_text((lit & strokes)[row])]
+    held = sum(int(lit[row].sum()) for row in text)
+    return len(text) >= PAGE_ROWS and held > PAGE_SHARE * lit.sum()
+
+
+def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
+    """Rows of text at the top and at the bottom, one after another."""
+    found, rows = np.zeros_like(lit), rows_of(lit)
+    most = CAPTION_SHARE * _span(lit)
+    for end in (-1, 0):
+        while len(rows) > 1 and rows[end].stop - rows[end].start <= most and is_text((lit & strokes)[rows[end]]):
+            found[rows.pop(end)] = True
+    return found & lit
+
+
+def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndarray:
+    """Few tiny pieces, far from anything, of a picture that has no other ones so small."""
+    from scipy import ndimage
+
+    none, span = np.zeros_like(lit), _span(lit)
+    tiny = [piece for piece in pieces if piece.size <= max(3, SPECK_SIZE * span)]
+    if span < SPECK_SPAN or not 0 < len(tiny) <= MOST_SPECKS:
+        return none
+    large = lit & ~np.isin(labels, [piece.label for piece in tiny])
+    if not large.any():
+        return none
+    away = ndimage.distance_transform_edt(~large)
+    lone = [piece for piece in tiny
+            if away[piece.box].min() > max(SPECK_GAP * span, SPECK_GAPS * piece.size)]
+    dusty = len(tiny) - len(lone) > LIKE_SPECKS or len(pieces) - len(tiny) > MOST_PIECES
+    if dusty or sum(piece.count for piece in lone) > SPECK_MASS * lit.sum():
+        return none
+    return np.isin(labels, [piece.label for piece in lone])
+
+
+def _other_shapes(lit: np.ndarray, pieces: int) -> tuple[np.ndarray, int]:
+    """All shapes but the largest, where there are a few solid ones of unequal size, well apart, and not much besides;
+    and their number."""
+    from scipy import ndimage
+
+    none, gap = np.zeros_like(lit), SHAPE_GAP * _span(lit)
+    labels, count = ndimage.label(ndimage.distance_transform_edt(~lit) <= gap / 2)
+    if not 1 < count <= 10 * MOST_SHAPES:
+        return none, 1
+    areas = np.bincount(labels.ravel())[1:]
+    large = np.flatnonzero(areas >= SHAPE_SIZE * areas.max()) + 1
+    if not 1 < len(large) <= MOST_SHAPES:
+        return none, 1
+    if pieces > PIECES_OF_SHAPES * len(large):
+        return none, 1
+    shapes = [lit & (labels == label) for label in large]
+    if not _apart(shapes, gap) or _equal([_sides(shape) for shape in shapes]) or not all(map(_solid, shapes)):
+        return none, 1
+    return lit & (labels != int(areas.argmax()) + 1), len(large)
+
+
+def _apart(shapes: list[np.ndarray], gap: float) -> bool:
+    """Whether the boxes of all shapes lie beside or above each other."""
+    boxes = [np.array([np.flatnonzero(shape.any(axis))[[0, -1]] for axis in (0, 1)]) for shape in shapes]
+    return all(np.maximum(one[:, 0] - other[:, 1], other[:, 0] - one[:, 1]).max() > gap
+               for number, one in enumerate(boxes) for other in boxes[:number])
+
+
+def _sides(shape: np.ndarray) -> tuple[int, int]:
+    first, second = sorted(int(np.ptp(np.flatnonzero(shape.any(axis)))) + 1 for axis in (0, 1))
+    return first, second
+
+
+def _equal(sides: list[tuple[int, int]]) -> bool:
+    """Whether all are of one size."""
+    low, high = np.min(sides, 0), np.max(sides, 0)
+    return bool((high - low <= SAME_SIZE * high + 1).all())
+
+
+def _solid(shape: np.ndarray) -> bool:
+    """Whether a shape hangs together, but for gaps of a pixel or two and crumbs."""
+    from scipy import ndimage
+
+    closed = ndimage.binary_dilation(shape, np.ones((3, 3)))
+    return max(piece.count for piece in _pieces(closed)[0]) >= SHAPE_SOLID * closed.sum()
+
+
+def _nearer(dropped: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """What is left out, and whatever is nearer to that than to the shape, such as smooth edges."""
+    from scipy import ndimage
+
+    nearest = ndimage.distance_transform_edt(~(dropped | kept), return_distances=False, return_indices=True)
+    return dropped[tuple(nearest)]

@@ -1,0 +1,78 @@
+"""The square of a picture that fills the canvas, and that square at the target's resolution."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .bands import Bands, Profile
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+SHAPE_LEVEL = 0.1                        # of the contrast: what lies above it belongs to the shape
+
+
+def window(profile: Profile, level: float, padding: float, notes: list[str], scale: float = 1.0
+           ) -> tuple[float, float, float]:
+    """The square (x, y, side) of the picture that fills the canvas: the shape's box, centred, with its padding.
+
+    scale: pixels of the file for each pixel of the picture, for the note.
+    """
+    contrast = float(profile.high) - level
+    away = np.abs(profile.border - level) / contrast
+    noise = float(np.sqrt(np.square(away[away < 0.25]).mean())) if (away < 0.25).any() else 0.0
+    lowest = min(max(SHAPE_LEVEL, 6 * noise), 0.5)
+
+    def extent(highest: np.ndarray) -> tuple[float, float]:
+        share = ((highest - level) / contrast).clip(0)
+        first, last = np.flatnonzero(share > lowest)[[0, -1]]
+        return float(first + 1 - share[max(first - 1, 0):first + 1].sum()), float(last + share[last:last + 2].sum())
+
+    (x0, x1), (y0, y1) = extent(profile.columns[1]), extent(profile.rows[1])
+    side = max(x1 - x0, y1 - y0) / (1 - padding)
+    width, height = (round(scale * len(each[1])) for each in (profile.columns, profile.rows))
+    notes.append(f"the shape spans {scale * (x1 - x0):.1f}×{scale * (y1 - y0):.1f} px of {width}×{height}, "
+                 f"centred at ({scale * (x0 + x1) / 2:.1f}, {scale * (y0 + y1) / 2:.1f})")
+    return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side
+
+
+def resample(grey: Bands, x: float, y: float, side: float, resolution: int, fill: float) -> np.ndarray:
+    """The square at (x, y) of a picture (H,W) as (R,R); beyond the picture it is `fill`."""
+    rows = _weights(y, side, resolution, grey.height).tocsc()
+    columns = _weights(x, side, resolution, grey.width)
+    inside, first = np.zeros((resolution, resolution), np.float32), 0
+    for band in grey:
+        narrow = (columns @ band.T).T
+        inside += rows[:, first:first + len(band)] @ narrow
+        first += len(band)
+    beyond = 1 - np.outer(rows.sum(1), columns.sum(1))
+    return np.ascontiguousarray(inside + np.float32(fill) * beyond, np.float32).clip(0, 1)
+
+
+def _weights(start: float, side: float, resolution: int, count: int) -> csr_array:
+    """How much each of `count` source pixels gives to each target pixel, (R, count) float32, sparse.
+
+    Shrinking, by the length that the two share, which is exact area averaging; enlarging, by linear interpolation
+    between the centres of source pixels. At equal size both are the same.
+    """
+    from scipy.sparse import csr_array
+
+    step = side / resolution
+    edges = start + step * np.arange(resolution + 1)
+    if step >= 1:  # a source pixel reaches into two target pixels at most
+        pixels = np.tile(np.arange(count), 2)
+        targets = np.floor((pixels - start) / step).astype(np.int64) + np.repeat([0, 1], count)
+        known = (targets >= 0) & (targets < resolution)
+        pixels, targets = pixels[known], targets[known]
+        shared = np.minimum(edges[targets + 1], pixels + 1) - np.maximum(edges[targets], pixels)
+        weights = shared.clip(0) / step
+    else:  # a target pixel lies between two source pixels
+        targets = np.tile(np.arange(resolution), 2)
+        centers = ((edges[1:] + edges[:-1]) / 2)[targets]
+        pixels = np.floor(centers - 0.5).astype(np.int64) + np.repeat([0, 1], resolution)
+        weights = (1 - np.abs(centers - (pixels + 0.5))).clip(0)
+        known = (pixels >= 0) & (pixels < count)
+        weights, targets, pixels = weights[known], targets[known], pixels[known]
+    return csr_array((weights.astype(np.float32), (targets, pixels)), shape=(resolution, count))

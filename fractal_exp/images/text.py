@@ -1,0 +1,56 @@
+"""Rows of text in a mask: glyphs of many forms on one line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+GLYPHS = 4              # in a row of text, at least
+GLYPH_PX = 5            # height of most of them, at least
+HEIGHTS = (0.4, 1.05)   # of most glyphs, over the row's height without its longest descenders
+MOST = 0.7              # the share that is meant by most
+WIDEST = 2.5            # width over height of most glyphs, and of each up to three times that
+LONG_ROW = 2.5          # length over height of a row
+BASELINE = 0.2          # of the row's height: within it most glyphs end at one line
+FILLS = (0.15, 0.9)     # share of a glyph's box that is lit, of most
+VARIETY = 0.12          # standard deviation of the glyphs' lit pixels over their mean
+
+
+def rows_of(lit: np.ndarray) -> list[slice]:
+    """The rows of a mask between dark rows, from the top."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lit.any(1), [False]]).astype(np.int8)))
+    joined: list[slice] = []
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if joined and first - joined[-1].stop <= 2 and (joined[-1].stop - joined[-1].start) * 3 < last - first:
+            joined[-1] = slice(joined[-1].start, last)  # accents and the dots of an i
+        else:
+            joined.append(slice(first, last))
+    return joined
+
+
+def is_text(row: np.ndarray) -> bool:
+    """Whether a mask, cut to some rows, holds a row of text and nothing else."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(row, np.ones((3, 3)))
+    if count < GLYPHS:
+        return False
+    columns = np.flatnonzero(row.any(0))
+    counts = np.bincount(labels.ravel())[1:]
+    boxes = np.array([(y.start, y.stop, x.start, x.stop) for y, x in ndimage.find_objects(labels)])
+    tall, wide = boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]
+    body = tall > 0.3 * tall.max()  # no dots, no hyphens
+    if body.sum() < GLYPHS or columns[-1] - columns[0] < LONG_ROW * row.shape[0]:
+        return False
+    tall, wide, counts, ends = tall[body], wide[body], counts[body], boxes[body, 1]
+    height, fills = np.quantile(tall, 0.8), counts / (tall * wide)
+    return bool(
+        np.median(tall) >= GLYPH_PX
+        and _most((tall >= HEIGHTS[0] * height) & (tall <= HEIGHTS[1] * height + 1))
+        and _most(wide <= WIDEST * tall) and (wide <= 3 * WIDEST * height).all()
+        and _most(np.abs(ends - np.median(ends)) <= BASELINE * height + 1)
+        and _most((fills >= FILLS[0]) & (fills <= FILLS[1]))
+        and counts.std() > VARIETY * counts.mean())
+
+
+def _most(holds: np.ndarray) -> bool:
+    return float(holds.mean()) >= MOST

@@ -1,0 +1,120 @@
+"""What a recovered code is worth, in words, and what is most likely to make it better."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import torch
+from torch import Tensor
+
+from .evaluation import metrics
+from .images.reading import ReadImage
+from .methods.collage.measure.tones import guess_levels
+from .methods.collage.params import CameraParams
+
+Kind = Literal["recovered", "approximation", "not self-similar"]
+
+WITHIN_NOISE = 1.2      # a noise ratio below which a code cannot be told from the true one
+NOT_ALIKE = 0.5         # F1 within a pixel below which a code is not like the picture at all,
+NOT_ALIKE_UNCLEAR = 0.9  # the same for a picture without a clear shape,
+OVER_A_BOX = 0.02       # and by how much it must be more alike than a filled box
+RECOVERED, FEW_MAPS = 0.985, 12   # F1 within a pixel from which on a code of so few maps is no accident
+SHAPE_RIGHT = 0.95      # F1 within a pixel from which on the shape is right, and the grey levels may be wrong
+SMALL = 2.0             # times that a small picture was enlarged
+LATE = "time limit"     # what `stopped` says of a search that had no more time
+MORE_TIME = 4           # times as much
+OTHER_LEVELS = {"density": "coverage", "coverage": "density", "binary": "coverage"}
+
+
+class Alike(Protocol):
+    """The figures of a likeness: see `fractal_exp.inversion.Likeness`."""
+
+    @property
+    def f1(self) -> float: ...
+    @property
+    def f1_1px(self) -> float: ...
+    @property
+    def noise_ratio(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a code is worth.
+
+    kind: "recovered", the picture is explained to its noise; "approximation", the code draws something like it; "not
+    self-similar", as far as can be seen, since the code is no more like it than a filled box, or hardly like it. words:
+    the same in a line, with the figures. remedy: what is most likely to help; empty if nothing need be.
+    """
+
+    kind: Kind
+    words: str
+    remedy: str = ""
+
+    @classmethod
+    def of(cls, likeness: Alike, maps: int, image: Tensor, *, picture: ReadImage | None = None, stopped: str = "",
+           options: Mapping[str, Any] | None = None) -> Verdict:
+        """The verdict on a code of so many maps.
+
+        likeness: to the image (R,R); picture: how the image was read, if it was; stopped: why the method ended;
+        options: of the method, among them maps, at_most, seconds and levels.
+        """
+        if likeness.noise_ratio < WITHIN_NOISE:
+            return cls("recovered", "recovered: the picture is explained to its noise")
+        if likeness.f1_1px >= RECOVERED and maps <= FEW_MAPS and not (picture is not None and picture.unclear):
+            return cls("recovered", f"recovered: the shape is explained to within a pixel by {maps} maps")
+        unclear = picture.unclear if picture is not None else ""
+        figures = f"F1 {_short(likeness.f1_1px)} within a pixel"
+        short, remedy = next(_remedies(likeness, maps, image, picture, stopped, options or {}))
+        if _is_alike(likeness, image, bool(unclear)):
+            number = f"{maps} map{'s' * (maps > 1)}"
+            return cls("approximation", f"approximation with {number}; {figures}; {short} would help", remedy)
+        why = f" ({unclear})" if unclear else ""
+        return cls("not self-similar", f"not self-similar as far as we can see{why}; {figures}", remedy)
+
+    def __str__(self) -> str:
+        return f"{self.words} ({self.remedy})" if self.remedy else self.words
+
+
+def _is_alike(likeness: Alike, image: Tensor, unclear: bool) -> bool:
+    """Whether a code is more like the image than a filled box is, and not too little."""
+    box = _box(image)
+    box_f1, box_1px = (float(metric(box[None], image[None])) for metric in (metrics.f1, metrics.f1_1px))
+    better = likeness.f1 > box_f1 + OVER_A_BOX * (1 - box_f1) or likeness.f1_1px > box_1px + OVER_A_BOX * (1 - box_1px)
+    return better and likeness.f1_1px >= (NOT_ALIKE_UNCLEAR if unclear else NOT_ALIKE)
+
+
+def _box(image: Tensor) -> Tensor:
+    """The box of what is lit, filled."""
+    lit, box = image > 0, torch.zeros_like(image)
+    rows, columns = (torch.nonzero(lit.any(axis)).flatten() for axis in (1, 0))
+    if len(rows):
+        box[int(rows[0]):int(rows[-1]) + 1, int(columns[0]):int(columns[-1]) + 1] = 1
+    return box
+
+
+def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | None, stopped: str,
+              options: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What may help, the likeliest first: in a few words, and what to do."""
+    if picture is not None and picture.unclear:
+        yield "a clear shape", "cut one shape out of the picture, on a background of one colour"
+    if picture is not None and picture.doubtful:
+        other = str(not picture.inverted).lower()
+        yield "the other polarity", f"invert={other}, if the shape is what was taken for the background"
+    if LATE in stopped and options.get("seconds"):
+        yield "more time", f"more time: seconds={MORE_TIME * float(options['seconds']):g}"
+    if picture is not None and picture.scale > SMALL:
+        yield "a larger picture", f"a larger picture: the shape was enlarged {picture.scale:.2g} times"
+    if likeness.f1_1px >= SHAPE_RIGHT:
+        guessed = options.get("levels") or "auto"
+        guessed = guess_levels(image, CameraParams()) if guessed == "auto" else str(guessed)
+        yield "another meaning of grey levels", f"levels={OTHER_LEVELS.get(guessed, 'coverage')} instead of {guessed}"
+    name = "at_most" if options.get("at_most") else "maps"
+    more = f"{name}={2 * int(options.get(name) or maps)}"
+    yield "more maps", f"more maps: {more}, with more time for each"
+
+
+def _short(share: float) -> str:
+    """A share as .55."""
+    return f"{share:.2f}".removeprefix("0")

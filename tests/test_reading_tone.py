@@ -1,0 +1,122 @@
+"""The levels of a shape: flat colours, coloured pens, noise, and what is kept as it is."""
+
+import numpy as np
+import pytest
+import torch
+from drawings import fern_plot, koch, leaf
+from PIL import Image
+
+from fractal_exp import suite
+from fractal_exp.images import bands
+from fractal_exp.images.reading import read_target
+
+
+@pytest.mark.parametrize("colour, paper", [
+    ((0, 100, 0), "white"), ((90, 90, 90), "white"), ((255, 255, 150), "white"), ((60, 60, 60), (200, 200, 200)),
+    ((40, 30, 20), (250, 240, 220)), ((200, 30, 30), "black"), ((255, 255, 0), (0, 0, 255)), ((30, 30, 120), "black")])
+def test_a_leaf_of_any_flat_colour_is_white_on_black(colour, paper):
+    expected = read_target(np.asarray(leaf("black")), 96).image
+    found = read_target(np.asarray(leaf(colour, paper)), 96)
+    torch.testing.assert_close(found.image, expected, atol=0.02, rtol=0)
+    assert found.inverted == (paper not in ("black", (0, 0, 255)))
+
+
+def test_the_colours_are_told():
+    notes = read_target(np.asarray(leaf((0, 100, 0))), 96).notes
+    assert any(note.startswith("coloured: levels run from the background's colour, #ffffff, to the pen's, #006")
+               for note in notes)
+    notes = read_target(np.asarray(leaf((90, 90, 90))), 96).notes
+    assert "one flat colour: its level, 0.65, was raised to white" in notes
+
+
+@pytest.mark.parametrize("quality", [40, 70])
+def test_a_leaf_as_jpeg_is_the_same(tmp_path, quality):
+    leaf((0, 100, 0)).save(tmp_path / "leaf.jpg", quality=quality)
+    found, expected = read_target(tmp_path / "leaf.jpg", 96), read_target(np.asarray(leaf("black")), 96)
+    assert float((found.image - expected.image).abs().mean()) < 0.01
+    assert float((found.image[:8] > 0).float().mean()) == 0, "nothing is left of the JPEG's errors"
+
+
+def test_the_pen_of_a_scatter_plot_is_level_one():
+    found = read_target(fern_plot(axes=False), 400)
+    assert float(found.image.max()) > 0.95 and float(found.image.median()) == 0
+    lit = found.image[found.image > 0.05]
+    assert float(lit.std()) > 0.15, "where points are few, pixels stay grey"
+
+
+def test_two_colours_make_one_shape():
+    pixels = np.asarray(leaf((101, 67, 33))).copy()
+    green = (pixels[:150] < 250).any(-1)
+    pixels[:150][green] = (34, 139, 34)
+    found = read_target(pixels, 96).image
+    expected = read_target(np.asarray(leaf("black")), 96).image
+    assert float(((found > 0.5) != (expected > 0.5)).float().mean()) < 0.01
+
+
+def test_the_other_polarity_of_a_coloured_picture_can_be_asked_for():
+    pixels = np.asarray(leaf((0, 100, 0)))
+    found = read_target(pixels, 96, invert=False)
+    assert not found.inverted and float(found.image[15, 15]) > 0.9 and float(found.image[48, 48]) < 0.6
+
+
+@pytest.mark.parametrize("level", [0.3, 0.6])
+def test_a_density_keeps_its_levels(level):
+    """Shares of 16² subpixels about a level scatter as points of a chaos game do."""
+    rng = np.random.default_rng(0)
+    picture = np.zeros((200, 200))
+    picture[50:150, 40:160] = rng.binomial(256, level, (100, 120)) / 256
+    found = read_target(picture, 128)
+    assert torch.equal(found.image, read_target(picture, 128, clean=False).image)
+
+
+def test_faint_points_of_a_clean_picture_stay():
+    drawn = suite.target(suite.random_suite(3, 2025)[2], 128)
+    drawn[20, 20] = 1 / 256
+    assert read_target(drawn, 170).image[drawn.shape[0] // 8:].min() >= 0
+    assert torch.equal(read_target(drawn, 96).image, read_target(drawn, 96, clean=False).image)
+
+
+def test_noise_of_the_background_is_black():
+    rng = np.random.default_rng(0)
+    noisy = (np.asarray(koch().convert("L")) / 255 * 0.8 + 0.1 + rng.normal(0, 0.02, (400, 600))).clip(0, 1)
+    found = read_target(noisy, 128)
+    assert any("are noise of the background: black" in note for note in found.notes)
+    assert float((found.image[:20] > 0).float().mean()) < 0.01
+    assert not any("not black but" in note for note in found.notes)
+
+
+def test_paper_grain_and_gif_and_webp(tmp_path):
+    """Files of few colours, and of lossy ones."""
+    expected = read_target(np.asarray(koch()), 128).image
+    koch().convert("P").save(tmp_path / "curve.gif")
+    koch().save(tmp_path / "curve.webp", quality=70)
+    torch.testing.assert_close(read_target(tmp_path / "curve.gif", 128).image, expected, atol=1e-6, rtol=0)
+    assert float((read_target(tmp_path / "curve.webp", 128).image - expected).abs().mean()) < 0.01
+
+
+def test_an_animation_gives_its_first_frame(tmp_path):
+    first, second = koch(), koch(2)
+    for suffix in ("gif", "webp", "png"):
+        path = tmp_path / f"film.{suffix}"
+        first.save(path, save_all=True, append_images=[second], duration=100,
+                   **({"lossless": True} if suffix == "webp" else {}))
+        found = read_target(path, 128)
+        assert "the file holds 2 pictures: the first was taken" in found.notes
+        torch.testing.assert_close(found.image, read_target(np.asarray(first), 128).image, atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_a_large_picture_is_shrunk_as_it_is_read(tmp_path, monkeypatch, suffix):
+    monkeypatch.setattr(bands, "LARGE_SIDE", 512)
+    monkeypatch.setattr(bands, "LARGE_SHORTER_SIDE", 512)
+    small = leaf("black", fine=1).convert("L")
+    large = small.resize((1200, 1200), Image.Resampling.NEAREST)
+    large.save(tmp_path / f"large.{suffix}", **({"quality": 95} if suffix == "jpg" else {}))
+    found, expected = read_target(tmp_path / f"large.{suffix}", 96), read_target(np.asarray(small), 96)
+    assert found.source_size == (1200, 1200)
+    assert "shrunk 2 times as it was read, from 1200×1200 px" in found.notes
+    np.testing.assert_allclose(np.array(found.crop_box) / 4, expected.crop_box, atol=0.5)
+    assert found.scale == pytest.approx(expected.scale / 4, rel=0.01)
+    np.testing.assert_allclose(found.placement.to_canvas([(600, 600)]), expected.placement.to_canvas([(150, 150)]),
+                               atol=0.01)
+    assert not any("shrunk" in note for note in read_target(tmp_path / f"large.{suffix}", 96, frame="keep").notes)

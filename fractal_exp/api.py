@@ -57,7 +57,7 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
         code=found.code, target=target, source=Path(image).absolute() if isinstance(image, str | Path) else image,
         likeness=likeness, history=history.stages(), stopped=stopped, seconds=took, method=method,
         options={"seed": seed, "seconds": seconds, "frame": frame, **options}, notes=(*target.notes, *found.notes),
-        warnings=warnings_of(target, likeness, stopped))
+        warnings=warnings_of(target, likeness, stopped), curve=found.curve)
 
 
 def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:

@@ -16,6 +16,7 @@ from .evaluation import metrics
 from .ifs.code import IFS, View
 from .images.placement import Placement
 from .images.reading import ReadImage, read_colour, write_image
+from .methods.base import CurvePoint
 from .methods.collage.image.objective import ImageObjective
 from .methods.collage.measure.levels import levels_of
 from .methods.collage.params import CollageParams
@@ -83,7 +84,8 @@ class Inversion:
     code: in the frame of the canvas [-1,1]²; target: the picture as the method saw it (white on black, (R,R)), with
     its `placement`; source: the picture as it was given, a path or an array; likeness: of the code's rendering to the
     target; history: a record of every stage; stopped: why the method ended; seconds: that it took; options: of the
-    method; notes: what was done to the picture and what the method says; warnings: what may spoil the result.
+    method; notes: what was done to the picture and what the method says; warnings: what may spoil the result; curve:
+    codes of more and more maps and their likeness, where the picture showed no code and maps were grown.
     """
 
     code: IFS
@@ -97,6 +99,7 @@ class Inversion:
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    curve: tuple[CurvePoint, ...] = ()
 
     @property
     def placement(self) -> Placement:
@@ -141,7 +144,7 @@ class Inversion:
     def facts(self) -> dict[str, Any]:
         """All but the code as plain JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, likeness {f1, iou, noise_ratio}, verdict, stopped, seconds, stages [{name, seconds,
-        score, error, maps}], notes, warnings."""
+        score, error, maps}], notes, warnings, curve [{maps, likeness, bytes}]."""
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
             "source": str(self.source) if isinstance(self.source, Path) else None,
@@ -150,6 +153,7 @@ class Inversion:
             "likeness": asdict(self.likeness), "verdict": self.likeness.verdict,
             "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
             "notes": list(self.notes), "warnings": list(self.warnings),
+            "curve": [{"maps": each.maps, "likeness": each.likeness, "bytes": each.bytes} for each in self.curve],
         }
 
     def save(self, path: str | Path) -> Path:

@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
 from .maps import WeightedMaps
 
-VERSION = 6   # of the stages and their scores, which checkpoints name
+VERSION = 7   # of the stages and their scores, which checkpoints name
 CANDIDATES = "current", "best", "before"   # of `State`
 
 Key = tuple[int, int, int]   # a stage: its round, its order in the round, and which restart it is
@@ -26,13 +26,21 @@ class Candidate(WeightedMaps):
 
 
 @dataclass(frozen=True)
+class Grown(WeightedMaps):
+    """A set of maps that was grown. likeness: the F1 within a pixel of what it draws."""
+
+    likeness: float
+
+
+@dataclass(frozen=True)
 class State:
     """All that a search needs to go on.
 
     done: the last stage that was closed. Of the stage after it: its moves so far (`step`), its candidate (`current`,
     None before it begins), and the move at which its error was last halved, with that error. best: of the stages of
     this round; before: of the rounds before; pool (M,6): the maps of all restarts; scores: those of the restarts of
-    this round, in ascending order; stopped: why the last round ended, in words.
+    this round, in ascending order; stopped: why the last round ended, in words; curve: sets of
+    more and more maps, that were grown.
     """
 
     done: Key | None = None
@@ -44,6 +52,7 @@ class State:
     pool: Tensor | None = None
     scores: tuple[float, ...] = ()
     stopped: str = ""
+    curve: tuple[Grown, ...] = ()
 
     @property
     def result(self) -> Candidate | None:
@@ -76,7 +85,10 @@ class State:
         tensors |= {f"{name}/weights": each.weights for name, each in kept.items() if each.weights is not None}
         if self.pool is not None:
             tensors["pool"] = self.pool
+        for i, each in enumerate(self.curve):
+            tensors |= {f"curve/{i}/maps": each.maps, f"curve/{i}/weights": each.weights}
         numbers = {name: [each.error, each.score] for name, each in kept.items()}
+        numbers |= {"curve": [each.likeness for each in self.curve]}
         return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
                                              "scores": list(self.scores), "stopped": self.stopped, **numbers})
 
@@ -91,5 +103,7 @@ class State:
         kept = {name: Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), *numbers[name])
                 for name in CANDIDATES if name in numbers}
         done, halved = (tuple(each) if each else None for each in (numbers["done"], numbers["halved"]))
-        return cls(done, snapshot.iteration, **kept, halved=halved, pool=tensors.get("pool"),
+        curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
+                      for i, likeness in enumerate(numbers["curve"]))
+        return cls(done, snapshot.iteration, **kept, curve=curve, halved=halved, pool=tensors.get("pool"),
                    scores=tuple(numbers["scores"]), stopped=numbers["stopped"])

@@ -534,6 +534,8 @@ class GrowthParams(Params):
     """By so much the likeness of grown maps must be the better."""
     at_once: Annotated[int, Field(ge=2)] = 21
     """Number of maps asked for (`maps`, `bytes`) from which on they are grown without any search."""
+    lit: Annotated[float, Field(ge=0, lt=1)] = 0.1
+    """Grey level, as a share of the highest, above which a pixel belongs to the shape."""
     side: Annotated[int, Field(ge=32)] = 256
     """Pixels a side of the picture that is covered; a larger one is shrunk."""
     steps: Annotated[int, Field(ge=0, le=MAX_STEPS)] = 150
@@ -544,8 +546,8 @@ class GrowthParams(Params):
     """and what is left of it at the last; it falls exponentially."""
     largest: SingularValue = 0.9
     """Largest singular value that a map may have."""
-    points: Positive = 60_000
-    """Points of the shape that all maps together move in a step,"""
+    points_per_pixel: Factor = 0.9
+    """Points of the shape that all maps together move in a step, for each pixel of the picture,"""
     least_points: Positive = 300
     """of which each moves so many at least,"""
     most_points: Positive = 8000
@@ -554,7 +556,7 @@ class GrowthParams(Params):
     """Steps after which the areas of the images are counted again;"""
     area_power: Share = 0.7
     """in between they follow the determinants to this power."""
-    half: Factor = 0.2
+    half: Factor = 0.1
     """Covered share of a pixel that shows half white,"""
     power: Factor = 1.5
     """and how steep this rises."""
@@ -657,8 +659,8 @@ class CollageParams(Params):
         given = [f"{name}={value}" for name in ("maps", "at_most", "likeness", "bytes")
                  if (value := getattr(self, name)) is not None]
         if len(given) > 1:
-            raise ValueError("give the number of maps (maps), its upper bound (at_most or bytes) or the likeness to be "
-                             f"reached, not several of them; got {' and '.join(given)}")
+            raise ValueError("give one of the number of maps (maps), its upper bound (at_most or bytes) and the "
+                             f"likeness to be reached, not two; got {' and '.join(given)}")
         return self
 
     @property

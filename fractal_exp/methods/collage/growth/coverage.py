@@ -38,11 +38,11 @@ def _determinants(maps: Tensor) -> Tensor:
     return (maps[:, 0] * maps[:, 3] - maps[:, 1] * maps[:, 2]).abs()
 
 
-class Coverage:
+class Uncovered:
     """How far the union of images is from a shape; less is better.
 
-    A pixel of which the share b is covered shows b^p / (b^p + h^p), with h = `half` and p = `power`: nearly nothing
-    below the threshold of a black and white picture, nearly white above. The loss is 1 - F1 within a pixel, of these
+    A pixel of which the share b is covered shows b^p / (b^p + h^p), with h = `half` and p = `power`: hardly
+    anything where a stray point falls, and nearly white from a third on. The loss is 1 - F1 within a pixel, of these
     shades; `exact` times the same to the pixel; `coarse` times the mean difference of blocks of pixels, which tells a
     map of light that is missing far off; `far` times the distance of what lies off the shape.
     """
@@ -74,13 +74,14 @@ class Coverage:
         return loss
 
 
-def refined(maps: Tensor, coverage: Coverage, steps: int, generator: torch.Generator,
+def refined(maps: Tensor, loss: Uncovered, steps: int, generator: torch.Generator,
             deadline: Deadline = NO_DEADLINE) -> Tensor:
     """Maps (N,6) moved together by Adam towards the least loss, in so many steps. Each step takes other points of the
     shape; the areas of the images are counted again every `recount` steps, and in between follow the determinants to
     the power `area_power`, as a wider line covers more."""
-    shape, params = coverage.shape, coverage.params
-    count = max(params.least_points, min(params.points // len(maps), params.most_points))
+    shape, params = loss.shape, loss.params
+    moved = params.points_per_pixel * shape.side**2
+    count = max(params.least_points, min(round(moved / len(maps)), params.most_points))
     first, second = torch.zeros_like(maps), torch.zeros_like(maps)
     covered = volume = maps.new_zeros(len(maps))
     for k in range(steps):
@@ -93,8 +94,8 @@ def refined(maps: Tensor, coverage: Coverage, steps: int, generator: torch.Gener
         with torch.enable_grad():
             moving = maps.detach().requires_grad_()
             wider = ((_determinants(moving) + 1e-6) / (volume + 1e-6)).clamp(0.2, 5) ** params.area_power
-            loss = coverage(pushforward(moving[None], (covered * wider)[None], samples, shape.side)[0])
-            gradient, = torch.autograd.grad(loss, moving)
+            error = loss(pushforward(moving[None], (covered * wider)[None], samples, shape.side)[0])
+            gradient, = torch.autograd.grad(error, moving)
         first.mul_(BETA_1).add_(gradient, alpha=1 - BETA_1)
         second.mul_(BETA_2).addcmul_(gradient, gradient, value=1 - BETA_2)
         rate = params.rate * params.decay ** ((k + 1) / steps)

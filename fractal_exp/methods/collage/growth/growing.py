@@ -8,32 +8,34 @@ from torch import Tensor
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
-from ..measure.levels import Levels
+from ..measure.levels import Coverage
 from ..params import CollageParams
 from ..state import Grown
-from .coverage import Coverage, areas, refined
+from .coverage import Uncovered, areas, refined
 from .paving import paving
 from .silhouette import Silhouette, widened
 
 
 class Grower:
-    """Sets of more and more maps for the shape of an image (R,R). The drawn attractor alone decides between them."""
+    """Sets of more and more maps for the shape of an image (R,R). The drawn attractor alone decides between them: any
+    pixel that it lights is one of the drawing's."""
 
-    def __init__(self, image: Tensor, levels: Levels, params: CollageParams, seed: int = 0,
+    def __init__(self, image: Tensor, params: CollageParams, seed: int = 0,
                  deadline: Deadline = NO_DEADLINE):
-        self.params, self.levels, self.seed, self.deadline = params.growth, levels, seed, deadline
-        self.shape = Silhouette.of(image, params.camera, params.growth)
-        self.coverage = Coverage(self.shape, params.growth)
+        self.params, self.seed, self.deadline = params.growth, seed, deadline
+        self.levels = Coverage(params.camera)
+        self.shape = Silhouette.of(image, params.growth)
+        self.loss = Uncovered(self.shape, params.growth)
 
     def grown(self, count: int, before: Grown | None = None) -> Grown:
         """The best set of so many maps: the set of fewer maps with new ones where it lacks light, or a paving, each
         after all maps were moved together; or the plain paving itself."""
         g, params = generator(self.seed, "growth", count), self.params
         plain = self.plain(count)
-        tried = [plain, self.drawn(refined(plain.maps, self.coverage, params.steps, g, self.deadline))]
+        tried = [plain, self.drawn(refined(plain.maps, self.loss, params.steps, g, self.deadline))]
         if before is not None and len(before.maps) < count:
             more = torch.cat([before.maps, self._born(before, count - len(before.maps))])
-            tried.append(self.drawn(refined(more, self.coverage, params.steps, g, self.deadline)))
+            tried.append(self.drawn(refined(more, self.loss, params.steps, g, self.deadline)))
         return max(tried, key=lambda each: each.likeness)
 
     def plain(self, count: int) -> Grown:
@@ -57,6 +59,6 @@ class Grower:
 
     def _born(self, before: Grown, count: int) -> Tensor:
         """New maps (count,6) that pave what is not drawn; the whole shape where there is too little of that."""
-        missing = self.shape.mask & (widened(self.drawing(before) > self.shape.level) == 0)
+        missing = self.shape.mask & (widened(self.drawing(before) > 0) == 0)
         enough = int(missing.sum()) >= self.params.least_cell * count
         return paving(self.shape, count, derive(self.seed, "born", count), missing if enough else None)

@@ -9,27 +9,22 @@ import torch
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
-from ..params import CameraParams, GrowthParams
-
-FAINT = 0.5   # of the mean grey level of a faint picture's lit pixels: what is darker is none of its shape
+from ..params import GrowthParams
 
 
 @dataclass(frozen=True)
 class Silhouette:
-    """A shape: its pixels `mask` (R,R) bool, and the grey level `level` above which a pixel of a drawing is one."""
+    """A shape: its pixels `mask` (R,R) bool."""
 
     mask: Tensor
-    level: float
 
     @classmethod
-    def of(cls, image: Tensor, camera: CameraParams, params: GrowthParams) -> Silhouette:
+    def of(cls, image: Tensor, params: GrowthParams) -> Silhouette:
         """The shape that an image (R,R) in [0,1] shows, on at most `params.side` pixels a side."""
         image = image.cpu()
         if image.shape[0] > params.side:
             image = adaptive_avg_pool2d(image[None], params.side)[0]
-        lit = image[image > min(camera.lit, float(image.max()) / 2)]
-        level = min(camera.threshold, FAINT * float(lit.mean()))
-        return cls(image > level, level)
+        return cls(image > params.lit * image.max())
 
     @property
     def side(self) -> int:
@@ -40,10 +35,6 @@ class Silhouette:
     def area(self) -> int:
         """Pixels of the shape."""
         return int(self.mask.sum())
-
-    def positions(self, mask: Tensor) -> Tensor:
-        """The pixels of a mask (R,R) as rows and columns, (n,2)."""
-        return mask.nonzero()
 
     def points(self, count: int, generator: torch.Generator, mask: Tensor | None = None) -> Tensor:
         """Points (count,2) of the canvas, uniform on the shape, or on the pixels of a mask (R,R)."""
@@ -59,8 +50,8 @@ class Silhouette:
         return torch.from_numpy(np.asarray(distance_transform_edt(~self.mask.numpy()))).float()
 
     def likeness(self, drawing: Tensor) -> float:
-        """The F1 within a pixel of a drawing (R,R): see `f1_within_a_pixel`."""
-        return f1_within_a_pixel(drawing.cpu() > self.level, self.mask)
+        """The F1 within a pixel of what is lit in a drawing (R,R): see `f1_within_a_pixel`."""
+        return f1_within_a_pixel(drawing > 0, self.mask)
 
 
 def widened(mask: Tensor) -> Tensor:

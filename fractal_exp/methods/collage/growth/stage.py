@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ....runtime.deadline import Deadline
+from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..problem import SearchProblem
 from ..stage import Stage
@@ -38,7 +38,8 @@ class Growth(Stage):
 
     @property
     def deadline(self) -> Deadline:
-        return self.problem.deadline
+        """None: there is a plain paving at least, however late it is. The refinement of it ends in time."""
+        return NO_DEADLINE
 
     def is_wanted(self, state: State) -> bool:
         found = state.result
@@ -49,7 +50,7 @@ class Growth(Stage):
 
     def open(self, state: State) -> None:
         problem = self.problem
-        self.grower = Grower(problem.image, problem.levels, self.params, derive(problem.seed, "growth"), self.deadline)
+        self.grower = Grower(problem.image, self.params, derive(problem.seed, "growth"), problem.deadline)
 
     def begin(self, state: State) -> Candidate:
         return state.result or self._candidate(self.grower.plain(self.counts[0]))
@@ -63,8 +64,6 @@ class Growth(Stage):
 
     def close(self, state: State) -> State:
         found, chosen = state.result, self._chosen(state.curve)
-        if chosen is None:  # no time was left
-            return replace(state, best=found or state.current, before=None)
         fits = found is not None and self.params.maps in (None, len(found.maps))
         if fits and chosen.likeness < self.grower.likeness(found) + self.params.growth.margin:
             return replace(state, best=found, before=None)
@@ -80,11 +79,11 @@ class Growth(Stage):
             return float("inf")
         return self.params.likeness or self.params.growth.enough
 
-    def _chosen(self, curve: tuple[Grown, ...]) -> Grown | None:
+    def _chosen(self, curve: tuple[Grown, ...]) -> Grown:
         """The first set that reaches the goal, or the most like; of so many maps, if their number is given."""
         fitting = [each for each in curve if self.params.maps in (None, len(each.maps))]
         reached = [each for each in fitting if each.likeness >= self._goal]
-        return reached[0] if reached else max(fitting, key=lambda each: each.likeness, default=None)
+        return reached[0] if reached else max(fitting, key=lambda each: each.likeness)
 
     @staticmethod
     def _candidate(grown: Grown) -> Candidate:

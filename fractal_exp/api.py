@@ -102,7 +102,7 @@ def _concluded(found: CodeReconstruction, target: ReadImage, history: History, m
     return Inversion(
         code=found.code, target=target, source=source, likeness=likeness, verdict=verdict, history=history.stages(),
         stopped=stopped, seconds=seconds, method=method, options=options, notes=(*target.notes, *found.notes),
-        warnings=warnings_of(target, verdict, likeness, stopped), camera=found.camera)
+        warnings=warnings_of(target, verdict, likeness, stopped), camera=found.camera, curve=found.curve)
 
 
 def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:

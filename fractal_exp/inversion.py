@@ -16,8 +16,9 @@ from .evaluation import metrics
 from .ifs.code import IFS, View
 from .images.placement import Placement
 from .images.reading import ReadImage, read_colour, read_target, write_image
-from .methods.collage.image.objective import ImageObjective
+from .methods.base import CurvePoint
 from .methods.collage.image.camera import estimated
+from .methods.collage.image.objective import ImageObjective
 from .methods.collage.measure.tones import levels_of, seen_with, taken_with
 from .methods.collage.params import CollageParams
 from .methods.history import StageRecord
@@ -42,10 +43,10 @@ class Likeness:
     """How like the input a code's rendering is, both (R,R), the rendering made as the input was drawn (its grey levels
     a density of points, a coverage of pixels, or black and white).
 
-    f1, iou: of the masks I > 0 (I > 1/4 of a picture that others drew) on the whole canvas, in [0,1]; f1_1px: F1 within a pixel, each mask against the other's
-    dilation by 3×3 pixels. noise_ratio: the error of the rendering over the error
-    between two renderings of the code with other random points: about 1 for the true code. The error compares both at
-    several scales, see `methods.collage`.
+    f1, iou: of the masks I > 0 (I > 1/4 of a picture that others drew) on the whole canvas, in [0,1]; f1_1px: F1 within
+    a pixel, each mask against the other's dilation by 3×3 pixels. noise_ratio: the error of the rendering over the
+    error between two renderings of the code with other random points: about 1 for the true code. The error compares
+    both at several scales, see `methods.collage`.
     """
 
     f1: float
@@ -57,8 +58,8 @@ class Likeness:
     def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", camera: Mapping[str, Any] | None = None,
            found: Mapping[str, str | float] | None = None, seed: int = 0) -> Likeness:
         """The likeness of a contractive code to an image (R,R) in [0,1]; levels: what its grey levels mean, "density",
-        "linear", "coverage", "binary" or "auto"; camera: what is known of how it was drawn, see `CameraParams`; found: what a
-        method found out of it, estimated here if None and need be."""
+        "linear", "dots", "coverage", "binary" or "auto"; camera: what is known of how it was drawn, see `CameraParams`;
+        found: what a method found out of it, estimated here if None and need be."""
         params = CollageParams().updated(camera=dict(camera or {}), levels=levels)
         taken = levels_of(image, levels, params.camera)
         if not taken.is_exact:
@@ -85,7 +86,8 @@ class Inversion:
     target; verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the
     method ended; seconds: that it took; options: of the method; notes: what was done to the picture and what the method
     says; warnings: what may spoil the result; camera: what the method found out of how the picture was drawn, the
-    meaning of its grey levels and lengths in pixels of the target, None if it found out nothing.
+    meaning of its grey levels and lengths in pixels of the target, None if it found out nothing; curve: codes of more
+    and more maps and their likeness, where the picture showed no code and maps were grown.
     """
 
     code: IFS
@@ -101,6 +103,7 @@ class Inversion:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     camera: Mapping[str, str | float] | None = None
+    curve: tuple[CurvePoint, ...] = ()
 
     @property
     def placement(self) -> Placement:
@@ -157,7 +160,8 @@ class Inversion:
     def facts(self) -> dict[str, Any]:
         """All but the code as plain JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px},
-        verdict {kind, words, remedy}, stopped, seconds, stages [{name, seconds, score, error, maps}], notes, warnings.
+        verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error, maps}], notes,
+        warnings, curve [{maps, likeness, bytes}].
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
@@ -168,6 +172,7 @@ class Inversion:
             "camera": None if self.camera is None else dict(self.camera),
             "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
             "notes": list(self.notes), "warnings": list(self.warnings),
+            "curve": [{"maps": each.maps, "likeness": each.likeness, "bytes": each.bytes} for each in self.curve],
         }
 
     def save(self, path: str | Path) -> Path:

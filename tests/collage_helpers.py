@@ -18,7 +18,8 @@ from fractal_exp.methods.collage.state import Candidate
 PARAMS = CollageParams()
 CAMERA = PARAMS.camera
 DENSITY, COVERAGE, BINARY = (LEVELS[name](CAMERA) for name in ("density", "coverage", "binary"))
-FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1}   # moves
+FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1,   # moves
+       "growth": {"enabled": False}}
 
 
 def merged(first: dict, second: dict) -> dict:
@@ -58,7 +59,8 @@ def problem(image: Tensor, **options) -> SearchProblem:
 
 def small(**options) -> Collage:
     """A search of two restarts and few moves."""
-    few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2}, "moves": {"count": 2}, "rounds": 1, "previews": 1}
+    few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2}, "moves": {"count": 2}, "rounds": 1, "previews": 1,
+           "growth": {"enabled": False}}
     return Collage(**merged(few, options))
 
 

@@ -113,7 +113,14 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"frame": {"enabled": "yes"}}, "frame.enabled must be true or false, got 'yes'"),
     ({"levels": "colour"}, "levels must be 'auto', 'density', 'linear', 'dots', 'coverage' or 'binary', got 'colour'"),
     ({"saturation": 3}, "saturation must be a mapping of settings, got 3"),
-    ({"maps": 3, "at_most": 4}, "give the number of maps or its upper bound, not both"),
+    ({"maps": 3, "at_most": 4}, "give one of the number of maps (maps), its upper bound (at_most or bytes) and the "
+                                "likeness to be reached, not two; got maps=3 and at_most=4"),
+    ({"likeness": 0.9, "bytes": 96}, "give one of the number of maps (maps), its upper bound (at_most or bytes) and "
+                                     "the likeness to be reached, not two; got likeness=0.9 and bytes=96"),
+    ({"likeness": 1.5}, "likeness must be at most 1.0, got 1.5"),
+    ({"likeness": 0.0}, "likeness must be above 0.0, got 0.0"),
+    ({"bytes": 12}, "bytes must be at least 24, got 12"),
+    ({"growth": {"counts": []}}, "growth.counts must be a list of at least 1 values, got ()"),
     ({"births": {"large": [0.9, 0.4]}}, "births.large must be a lower and an upper end, got [0.9, 0.4]"),
     ({"births": {"small": [0, 0.4]}}, "births.small.0 must be above 0.0, got 0"),
     ({"births": {"blob_steps": 0}}, "births.blob_steps must be at least 1, got 0"),
@@ -144,7 +151,7 @@ def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
     (["method.moves.reorient=-1"], "method.moves.reorient must be at least 0.0, got -1"),
     (["method.search.slack=x"], "method.search.slack must be a number, got 'x'"),
     (["restarts=0"], "method.search.restarts must be at least 1, got 0"),
-    (["method.maps=3", "method.at_most=4"], "not both"),
+    (["method.maps=3", "method.at_most=4"], "not two"),
 ])
 def test_hydra_says_it_with_the_same_words(words, message):
     with pytest.raises(InputError, match=message):

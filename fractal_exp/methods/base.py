@@ -55,17 +55,30 @@ class Reconstruction(ABC):
 
 
 @dataclass(frozen=True)
+class CurvePoint:
+    """A code of so many `maps` for a shape: the `likeness` of what it draws, F1 within a pixel in [0,1], and the
+    `bytes` that it takes, if every number of a map takes two."""
+
+    maps: int
+    likeness: float
+    bytes: int
+    code: IFS
+
+
+@dataclass(frozen=True)
 class CodeReconstruction(Reconstruction):
     """A reconstruction that is an IFS, in the frame of the input image.
 
     stopped: why the work ended, in words; empty where the method does not say. notes: sentences for the user.
     camera: what was found out of how the picture was taken, in words and pixels; None where the method assumes it.
+    curve: codes of more and more maps, where the method made them to choose from.
     """
 
     code: IFS
     stopped: str = ""
     notes: tuple[str, ...] = ()
     camera: Mapping[str, str | float] | None = None
+    curve: tuple[CurvePoint, ...] = ()
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:

@@ -9,7 +9,8 @@ from torch import Tensor
 from ...ifs.code import IFS
 from ..base import OnStep, Progress
 from .problem import SearchProblem
-from .stages import Stage, last_stages, stages_of
+from .stage import Stage
+from .stages import last_stages, stages_of
 from .state import Candidate, State
 
 ANOTHER_ROUND = 0.5   # the probability that a round is followed by another, as the progress bar takes it

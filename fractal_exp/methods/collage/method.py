@@ -9,13 +9,13 @@ from torch import Tensor
 from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.deadline import Deadline
-from ..base import CodeReconstruction, Method, OnStep, check_device, check_target
+from ..base import CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
 from .course import Teller
 from .measure.tones import described, levels_of, seen_with
-from .params import CollageParams
+from .params import BYTES_OF_A_MAP, CollageParams
 from .pipeline import Pipeline
 from .problem import SearchProblem
-from .stages import Stage
+from .stage import Stage
 from .state import State
 
 SMALLEST_INPUT = 32
@@ -79,8 +79,11 @@ class Collage(Method):
             if checkpoint:  # not a move further than what was told: the resumed search does not tell it again
                 checkpoint.save(told.snapshot())
             raise
-        return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=pipeline.state.stopped,
-                                  camera=described(seen_with(levels, best.camera)))
+        state = pipeline.state
+        curve = tuple(CurvePoint(len(each.maps), each.likeness, BYTES_OF_A_MAP * len(each.maps), each.code)
+                      for each in state.curve)
+        return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=state.stopped, curve=curve,
+                                  camera=described(seen_with(levels, best.camera)) if best.camera else None)
 
     def deadline(self) -> Deadline:
         """The limit of time, from now on."""

@@ -39,6 +39,7 @@ PositiveShare = Annotated[float, Field(gt=0, le=1)]
 Nudge = Annotated[float, Field(gt=-0.5, lt=0.5)]
 Factor = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(_power_of_two)]
+BYTES_OF_A_MAP = 12   # six numbers of 16 bits
 Some = Field(min_length=1)   # of a list that must not be empty
 
 
@@ -624,6 +625,60 @@ class CanonicalParams(Params):
                             denominators=self.drawn_denominators)
 
 
+class GrowthParams(Params):
+    """Growth: as many small maps as asked for, for shapes of no code."""
+
+    enabled: bool = True
+    """Whether maps are grown where the search finds no code."""
+    counts: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+    """Numbers of maps on the curve; a number that is asked for is added. With a limit of time, only that one is
+    grown."""
+    usual: Annotated[int, Field(ge=2)] = 64
+    """Maps at most, where nothing is asked for,"""
+    enough: Share = 0.95
+    """and the likeness (F1 within a pixel) from which on there are no more."""
+    unlike: Share = 0.9
+    """Likeness below which maps are grown and held against what the search found."""
+    margin: Share = 0.02
+    """By so much the likeness of grown maps must be the better."""
+    at_once: Annotated[int, Field(ge=2)] = 21
+    """Number of maps asked for (`maps`, `bytes`) from which on they are grown without any search."""
+    lit: Annotated[float, Field(ge=0, lt=1)] = 0.1
+    """Grey level, as a share of the highest, above which a pixel belongs to the shape."""
+    side: Annotated[int, Field(ge=32)] = 256
+    """Pixels a side of the picture that is covered; a larger one is shrunk."""
+    steps: Annotated[int, Field(ge=0, le=MAX_STEPS)] = 150
+    """Adam steps of all maps together, for each number of maps."""
+    rate: Amount = 0.02
+    """Learning rate at the first step, canvas units,"""
+    decay: PositiveShare = 0.05
+    """and what is left of it at the last; it falls exponentially."""
+    largest: SingularValue = 0.9
+    """Largest singular value that a map may have."""
+    points_per_pixel: Factor = 0.9
+    """Points of the shape that all maps together move in a step, for each pixel of the picture,"""
+    least_points: Positive = 300
+    """of which each moves so many at least,"""
+    most_points: Positive = 8000
+    """and at most."""
+    recount: Positive = 25
+    """Steps after which the areas of the images are counted again;"""
+    area_power: Share = 0.7
+    """in between they follow the determinants to this power."""
+    half: Factor = 0.1
+    """Covered share of a pixel that shows half white,"""
+    power: Factor = 1.5
+    """and how steep this rises."""
+    exact: Amount = 0.3
+    """Weight of the F1 to the pixel beside that within a pixel,"""
+    coarse: Amount = 0.3
+    """of the brightness of blocks of pixels,"""
+    far: Amount = 0.05
+    """and of the distance of what is off the shape."""
+    least_cell: Positive = 4
+    """Pixels that are missing for each new map, below which new maps are placed anywhere on the shape."""
+
+
 class StageParams(Params):
     """Rounds, sizes and shares of time."""
 
@@ -665,6 +720,8 @@ class StageParams(Params):
     """stage 2,"""
     approach_share: Share = 0.75
     """the polish of a shrunk image,"""
+    hopeless_share: Share = 0.75
+    """the moves of stage 3 where the code is hopeless, so that time is left for growth,"""
     image_share: Share = 0.95
     """stage 3 and all later rounds,"""
     full_share: Share = 0.98
@@ -689,6 +746,10 @@ class CollageParams(Params):
     """Number of maps; null: found."""
     at_most: Annotated[int, Field(ge=2)] | None = None
     """Upper bound of the number of maps; null: no bound."""
+    likeness: Annotated[float, Field(gt=0, le=1)] | None = None
+    """F1 within a pixel that is to be reached, by as few maps of the curve as can be; null: as `growth` says."""
+    bytes: Annotated[int, Field(ge=24)] | None = None
+    """Bytes that the code may take, 12 for each map (six numbers of 16 bits); null: no bound."""
     rounds: Positive | None = None
     """Rounds at most; null: as `stages` says for the meaning of the grey levels."""
     levels: Literal["auto", "density", "linear", "dots", "coverage", "binary"] = "auto"
@@ -708,14 +769,28 @@ class CollageParams(Params):
     gauss_newton: GaussNewtonParams = GaussNewtonParams()
     frame: FrameParams = FrameParams()
     canonical: CanonicalParams = CanonicalParams()
+    growth: GrowthParams = GrowthParams()
     stages: StageParams = StageParams()
 
     @model_validator(mode="after")
     def _one_number_of_maps(self) -> Self:
-        if self.maps is not None and self.at_most is not None:
-            raise ValueError(f"give the number of maps or its upper bound, not both; got maps={self.maps} and "
-                             f"at_most={self.at_most}")
+        given = [f"{name}={value}" for name in ("maps", "at_most", "likeness", "bytes")
+                 if (value := getattr(self, name)) is not None]
+        if len(given) > 1:
+            raise ValueError("give one of the number of maps (maps), its upper bound (at_most or bytes) and the "
+                             f"likeness to be reached, not two; got {' and '.join(given)}")
         return self
+
+    @property
+    def most_maps(self) -> int | None:
+        """The upper bound of the number of maps, if there is one."""
+        return self.bytes // BYTES_OF_A_MAP if self.bytes else self.at_most
+
+    @property
+    def grows_at_once(self) -> bool:
+        """Whether so many maps are asked for that no search is worth while."""
+        asked = self.maps or (self.bytes or 0) // BYTES_OF_A_MAP
+        return self.growth.enabled and asked >= self.growth.at_once
 
 
 def hydra_config() -> str:

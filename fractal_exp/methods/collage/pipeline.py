@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from .problem import SearchProblem
-from .stages import Stage, last_stages, stages_of
+from .stage import Stage
+from .stages import last_stages, stages_of
 from .state import Candidate, State
 
 Tell = Callable[[Stage, State], None]
@@ -35,7 +36,7 @@ class Pipeline:
     def _stage(self, stage: Stage) -> None:
         """The stage from where the state stands, if it is not behind and time is left."""
         state, deadline = self.state, stage.deadline
-        if state.has_done(stage.key):
+        if state.has_done(stage.key) or not stage.is_wanted(state):
             return
         if state.current is None and state.result is not None and deadline.passed:
             self.state = replace(state.closed(stage.key), stopped="")  # but by the time limit
@@ -44,7 +45,7 @@ class Pipeline:
         if state.current is None:
             self.state = replace(state, current=stage.begin(state))
         while self.state.step < stage.most_moves and not deadline.passed and not stage.is_settled(self.state):
-            self.state = self.state.moved(stage.step(self.state.current, self.state.step))
+            self.state = stage.moved(self.state)
             self.on_move(stage, self.state)
         state = stage.close(self.state)
         self.state = state.closed(stage.last_key(state))

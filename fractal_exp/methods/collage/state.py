@@ -28,13 +28,21 @@ class Candidate(WeightedMaps):
 
 
 @dataclass(frozen=True)
+class Grown(WeightedMaps):
+    """A set of maps that was grown. likeness: the F1 within a pixel of what it draws."""
+
+    likeness: float
+
+
+@dataclass(frozen=True)
 class State:
     """All that a search needs to go on.
 
     done: the last stage that was closed. Of the stage after it: its moves so far (`step`), its candidate (`current`,
     None before it begins), and the move at which its error was last halved, with that error. best: of the stages of
     this round; before: of the rounds before; pool (M,6): the maps of all restarts; scores: those of the restarts of
-    this round, in ascending order; stopped: why the last round ended, in words.
+    this round, in ascending order; stopped: why the last round ended, in words; curve: sets of
+    more and more maps, that were grown.
     """
 
     done: Key | None = None
@@ -46,6 +54,7 @@ class State:
     pool: Tensor | None = None
     scores: tuple[float, ...] = ()
     stopped: str = ""
+    curve: tuple[Grown, ...] = ()
 
     @property
     def result(self) -> Candidate | None:
@@ -78,7 +87,10 @@ class State:
         tensors |= {f"{name}/weights": each.weights for name, each in kept.items() if each.weights is not None}
         if self.pool is not None:
             tensors["pool"] = self.pool
+        for i, each in enumerate(self.curve):
+            tensors |= {f"curve/{i}/maps": each.maps, f"curve/{i}/weights": each.weights}
         numbers = {name: [each.error, each.score, *each.camera] for name, each in kept.items()}
+        numbers |= {"curve": [each.likeness for each in self.curve]}
         return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
                                              "scores": list(self.scores), "stopped": self.stopped, **numbers})
 
@@ -95,5 +107,7 @@ class State:
             error, score, *camera = numbers[name]
             kept[name] = Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), error, score, tuple(camera))
         done, halved = (tuple(each) if each else None for each in (numbers["done"], numbers["halved"]))
-        return cls(done, snapshot.iteration, **kept, halved=halved, pool=tensors.get("pool"),
+        curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
+                      for i, likeness in enumerate(numbers["curve"]))
+        return cls(done, snapshot.iteration, **kept, curve=curve, halved=halved, pool=tensors.get("pool"),
                    scores=tuple(numbers["scores"]), stopped=numbers["stopped"])

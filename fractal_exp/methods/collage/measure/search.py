@@ -91,7 +91,7 @@ class MeasureSearch:
 
     def _price(self, count: int) -> float:
         """Of so many maps. By default one too many costs more than it can ever explain."""
-        fixed, most = self.params.maps, self.params.at_most
+        fixed, most = self.params.maps, self.params.most_maps
         excess = max(0, count - (fixed or most or count))
         short = max(0, (fixed or 0) - count)
         return self.regime.price * count + self.params.search.wrong_number * (excess + short)
@@ -233,7 +233,7 @@ class MeasureSearch:
         search, score = self.params.search, self.cheap_score(maps, weights, error)
         while len(maps) > 2:
             n = len(maps)
-            too_many = n > (self.params.maps or self.params.at_most or n)
+            too_many = n > (self.params.maps or self.params.most_maps or n)
             without = weights.expand(n, n) * (1 - torch.eye(n, device=weights.device))
             without = without * (weights.sum() / without.sum(1, keepdim=True))
             bins = pushforward(maps.expand(n, n, 6), without, self.measure.samples, self.measure.size) + self.slack

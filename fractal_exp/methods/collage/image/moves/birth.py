@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def is_open(search: ImageSearch, shown: Rendered) -> bool:
     """Unless there are as many maps as there may be."""
     n, params = len(shown.maps), search.params
-    return n < (params.maps or params.at_most or n + 1)
+    return n < (params.maps or params.most_maps or n + 1)
 
 
 def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:

@@ -41,4 +41,4 @@ def rooted(search: ImageSearch, shown: Rendered, chosen: int, order: int) -> Ren
         return shown
     both = objective.judge(torch.cat([root[None], others, affine.preceded(root, others)]))
     new = search.pruned(both)
-    return shown if len(new.maps) > (search.params.at_most or len(new.maps)) else search.polished_all(new, shown)
+    return shown if len(new.maps) > (search.params.most_maps or len(new.maps)) else search.polished_all(new, shown)

@@ -1,0 +1,104 @@
+"""Many maps moved together until the images of a shape cover it.
+
+The collage theorem (Barnsley 1985) holds for shapes as for measures, and small maps draw very nearly the union of their
+images of the shape. What is compared is what a pixel of that union would show, which does not depend on how densely a
+map fills its image: a pixel that is covered twice is no brighter.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from ....ops.collage.reference import BETA_1, BETA_2, contract, pushforward
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from ..params import GrowthParams
+from .silhouette import Silhouette, widened
+
+SUBPIXELS = 16                # a side of a pixel, on which areas are counted, as pictures are drawn
+BLOCKS = 4, 8, 16             # pixels a side of the blocks whose mean brightness is compared
+FAR_PX, FARTHEST = 8.0, 3.0   # what is off the shape costs more with the distance in these units, up to so many
+
+
+def areas(maps: Tensor, shape: Silhouette, generator: torch.Generator, points: int = 6000) -> Tensor:
+    """The pixels (N,) that the images of a shape under maps (N,6) cover. A thin image covers more subpixels than its
+    determinant tells; of a large one, there are too few points to count them."""
+    places, side = shape.points(points, generator), shape.side * SUBPIXELS
+    cells = []
+    for row in ((0, 1, 4), (2, 3, 5)):
+        along = maps[:, row[0], None] * places[:, 0] + maps[:, row[1], None] * places[:, 1] + maps[:, row[2], None]
+        cells.append(((along + 1) * (side / 2)).long().clamp(0, side - 1))
+    code = (cells[0] * side + cells[1]).sort(1).values
+    counted = 1 + (code.diff(dim=1) != 0).sum(1)
+    return torch.maximum(_determinants(maps) * shape.area, counted / SUBPIXELS**2)
+
+
+def _determinants(maps: Tensor) -> Tensor:
+    return (maps[:, 0] * maps[:, 3] - maps[:, 1] * maps[:, 2]).abs()
+
+
+class Uncovered:
+    """How far the union of images is from a shape; less is better.
+
+    A pixel of which the share b is covered shows b^p / (b^p + h^p), with h = `half` and p = `power`: hardly
+    anything where a stray point falls, and nearly white from a third on. The loss is 1 - F1 within a pixel, of these
+    shades; `exact` times the same to the pixel; `coarse` times the mean difference of blocks of pixels, which tells a
+    map of light that is missing far off; `far` times the distance of what lies off the shape.
+    """
+
+    def __init__(self, shape: Silhouette, params: GrowthParams):
+        self.shape, self.params = shape, params
+        self.asked, self.allowed = shape.mask.float(), widened(shape.mask)
+        self.distance = (shape.distances() / FAR_PX).clamp_max(FARTHEST)
+        self.blocks = [k for k in BLOCKS if k <= shape.side]
+
+    def shades(self, bins: Tensor) -> Tensor:
+        """What pixels (R,R) show, of which so much is covered."""
+        power = ((bins + 1e-9) / self.params.half) ** self.params.power
+        return power / (1 + power)
+
+    def __call__(self, bins: Tensor) -> Tensor:
+        """The loss of the covered shares (R,R) of all pixels."""
+        params, asked = self.params, self.asked
+        shade = self.shades(bins)
+        near = torch.maximum(shade, self.shades(avg_pool2d(bins[None, None], 3, 1, 1)[0, 0] * 4.5))
+        light, wanted = shade.sum().clamp_min(1e-6), asked.sum()
+        precision, recall = (shade * self.allowed).sum() / light, (near * asked).sum() / wanted
+        loss = 1 - 2 * precision * recall / (precision + recall).clamp_min(1e-6)
+        loss = loss + params.exact * (1 - 2 * (shade * asked).sum() / (light + wanted))
+        loss = loss + params.far * (shade * self.distance).sum() / light
+        for k in self.blocks:
+            off = avg_pool2d((shade - asked)[None], k).abs().sum() * k**2 / wanted
+            loss = loss + params.coarse * off / (2 * len(self.blocks))
+        return loss
+
+
+def refined(maps: Tensor, loss: Uncovered, steps: int, generator: torch.Generator,
+            deadline: Deadline = NO_DEADLINE) -> Tensor:
+    """Maps (N,6) moved together by Adam towards the least loss, in so many steps. Each step takes other points of the
+    shape; the areas of the images are counted again every `recount` steps, and in between follow the determinants to
+    the power `area_power`, as a wider line covers more."""
+    shape, params = loss.shape, loss.params
+    moved = params.points_per_pixel * shape.side**2
+    count = max(params.least_points, min(round(moved / len(maps)), params.most_points))
+    first, second = torch.zeros_like(maps), torch.zeros_like(maps)
+    covered = volume = maps.new_zeros(len(maps))
+    for k in range(steps):
+        if deadline.passed:
+            break
+        if k % params.recount == 0:
+            covered, volume = areas(maps, shape, generator), _determinants(maps)
+        places = shape.points(count, generator)
+        samples = torch.cat([places, torch.full((count, 1), 1 / count)], 1)
+        with torch.enable_grad():
+            moving = maps.detach().requires_grad_()
+            wider = ((_determinants(moving) + 1e-6) / (volume + 1e-6)).clamp(0.2, 5) ** params.area_power
+            error = loss(pushforward(moving[None], (covered * wider)[None], samples, shape.side)[0])
+            gradient, = torch.autograd.grad(error, moving)
+        first.mul_(BETA_1).add_(gradient, alpha=1 - BETA_1)
+        second.mul_(BETA_2).addcmul_(gradient, gradient, value=1 - BETA_2)
+        rate = params.rate * params.decay ** ((k + 1) / steps)
+        step = first / (1 - BETA_1 ** (k + 1)) / ((second / (1 - BETA_2 ** (k + 1))).sqrt() + 1e-7)
+        maps = contract(maps - rate * step, params.largest)
+    return maps.detach()

@@ -1,0 +1,70 @@
+"""The shape of a picture as black and white, and how like it a drawing is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
+
+from ..params import GrowthParams
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """A shape: its pixels `mask` (R,R) bool."""
+
+    mask: Tensor
+
+    @classmethod
+    def of(cls, image: Tensor, params: GrowthParams) -> Silhouette:
+        """The shape that an image (R,R) in [0,1] shows, on at most `params.side` pixels a side."""
+        image = image.cpu()
+        if image.shape[0] > params.side:
+            image = adaptive_avg_pool2d(image[None], params.side)[0]
+        return cls(image > params.lit * image.max())
+
+    @property
+    def side(self) -> int:
+        """R."""
+        return self.mask.shape[0]
+
+    @property
+    def area(self) -> int:
+        """Pixels of the shape."""
+        return int(self.mask.sum())
+
+    def points(self, count: int, generator: torch.Generator, mask: Tensor | None = None) -> Tensor:
+        """Points (count,2) of the canvas, uniform on the shape, or on the pixels of a mask (R,R)."""
+        pixels = (self.mask if mask is None else mask).nonzero()
+        chosen = torch.randint(len(pixels), (count,), generator=generator)
+        row, column = (pixels[chosen] + torch.rand(count, 2, generator=generator)).T
+        return torch.stack([2 * column / self.side - 1, 1 - 2 * row / self.side], 1)
+
+    def distances(self) -> Tensor:
+        """How far every pixel is from the shape, (R,R) pixels."""
+        from scipy.ndimage import distance_transform_edt
+
+        return torch.from_numpy(np.asarray(distance_transform_edt(~self.mask.numpy()))).float()
+
+    def likeness(self, drawing: Tensor) -> float:
+        """The F1 within a pixel of what is lit in a drawing (R,R): see `f1_within_a_pixel`."""
+        return f1_within_a_pixel(drawing > 0, self.mask)
+
+
+def widened(mask: Tensor) -> Tensor:
+    """A mask (R,R) and the eight neighbours of each of its pixels, as float32."""
+    return max_pool2d(mask[None, None].float(), 3, 1, 1)[0, 0]
+
+
+def f1_within_a_pixel(mask: Tensor, truth: Tensor) -> float:
+    """The harmonic mean of two shares: of a mask's pixels (R,R) that lie in the truth (R,R) widened by a pixel, and of
+    the truth's that lie in the widened mask. In [0,1]; 1 if both are empty."""
+    drawn, asked = mask.float(), truth.float()
+    if not bool(truth.any()) and not bool(mask.any()):
+        return 1.0
+    precision = float((drawn * widened(truth)).sum() / drawn.sum().clamp_min(1))
+    recall = float((asked * widened(mask)).sum() / asked.sum().clamp_min(1))
+    return 2 * precision * recall / max(precision + recall, 1e-12)

@@ -1,0 +1,90 @@
+"""Growth as a stage of the search: what is done for a shape that shows no code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....runtime.seeds import derive
+from ..problem import SearchProblem
+from ..stage import Stage
+from ..state import Candidate, Grown, State
+from .growing import Grower
+
+
+class Growth(Stage):
+    """The curve of likeness over the number of maps, a number each move, and the choice between what the search found
+    and what was grown. It is left out where the search found the code."""
+
+    name, order, ends_at = "growth", 7, "canonical_share"
+
+    def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
+        super().__init__(problem, number, restart)
+        self.counts = self._counts()
+
+    def _counts(self) -> list[int]:
+        params, growth = self.params, self.params.growth
+        last = params.maps or params.most_maps or (max(growth.counts) if params.likeness else growth.usual)
+        hurried = self.problem.deadline.seconds is not None
+        return [*([] if hurried else [count for count in growth.counts if count < last]), last]
+
+    @property
+    def expected_moves(self) -> int:
+        return len(self.counts) if self.params.grows_at_once else 0
+
+    @property
+    def most_moves(self) -> int:
+        return len(self.counts)
+
+    @property
+    def deadline(self) -> Deadline:
+        """None: there is a plain paving at least, however late it is. The refinement of it ends in time."""
+        return NO_DEADLINE
+
+    def is_wanted(self, state: State) -> bool:
+        found = state.result
+        if found is None or state.current is not None:
+            return True
+        self.open(state)
+        return self.grower.likeness(found) < max(self.params.likeness or 0, self.params.growth.unlike)
+
+    def open(self, state: State) -> None:
+        problem = self.problem
+        self.grower = Grower(problem.image, self.params, derive(problem.seed, "growth"), problem.deadline)
+
+    def begin(self, state: State) -> Candidate:
+        return state.result or self._candidate(self.grower.plain(self.counts[0]))
+
+    def moved(self, state: State) -> State:
+        grown = self.grower.grown(self.counts[state.step], state.curve[-1] if state.curve else None)
+        return replace(state.moved(self._candidate(grown)), curve=(*state.curve, grown))
+
+    def is_settled(self, state: State) -> bool:
+        return bool(state.curve) and state.curve[-1].likeness >= self._goal
+
+    def close(self, state: State) -> State:
+        found, chosen = state.result, self._chosen(state.curve)
+        fits = found is not None and self.params.maps in (None, len(found.maps))
+        if fits and chosen.likeness < self.grower.likeness(found) + self.params.growth.margin:
+            return replace(state, best=found, before=None)
+        objective = self.problem.objective(len(self.problem.image), chosen.code, derive(self.problem.seed, "grown"))
+        error = objective.judge(chosen.maps, chosen.weights).error
+        return replace(state, best=Candidate(chosen.maps, chosen.weights, error, error), before=None,
+                       stopped=f"{len(chosen.maps)} maps were grown, F1 {chosen.likeness:.3f} within a pixel")
+
+    @property
+    def _goal(self) -> float:
+        """The likeness from which on there are no more maps; none where their number is given."""
+        if self.params.maps or self.params.most_maps:
+            return float("inf")
+        return self.params.likeness or self.params.growth.enough
+
+    def _chosen(self, curve: tuple[Grown, ...]) -> Grown:
+        """The first set that reaches the goal, or the most like; of so many maps, if their number is given."""
+        fitting = [each for each in curve if self.params.maps in (None, len(each.maps))]
+        reached = [each for each in fitting if each.likeness >= self._goal]
+        return reached[0] if reached else max(fitting, key=lambda each: each.likeness)
+
+    @staticmethod
+    def _candidate(grown: Grown) -> Candidate:
+        return Candidate(grown.maps, grown.weights, 1 - grown.likeness, 1 - grown.likeness)

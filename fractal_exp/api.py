@@ -32,7 +32,8 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
     bar. on_step is told a `Progress` after every step.
 
     options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`, those of a
-    component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. For "chaotic" they are the
+    component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear" an array or
+    tensor may hold counts or densities of any scale. For "chaotic" they are the
     arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800).
 
     Returns an `Inversion`: the code, its likeness to the picture, how it was found and why the method stopped.
@@ -43,6 +44,8 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
     from .methods.history import History
 
     build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step)
+    if options.get("levels") == "linear" and not isinstance(image, str | Path):
+        image = _scaled(image)
     target = read_target(image, resolution, frame=frame)
     built = build(resolution=resolution, seed=seed, seconds=seconds, **options)
     with _Bar(progress) as bar:
@@ -59,6 +62,17 @@ def invert(image: str | Path | np.ndarray | Tensor, *, method: str = "collage", 
         likeness=likeness, history=history.stages(), stopped=stopped, seconds=took, method=method,
         options={"seed": seed, "seconds": seconds, "frame": frame, **options}, notes=(*target.notes, *found.notes),
         warnings=warnings_of(target, likeness, stopped))
+
+
+def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
+    """Counts or densities of points, (R,R) of any type and scale, as grey levels up to 1."""
+    import numpy as np
+
+    grey = np.asarray(counts, np.float64)
+    if not (np.isfinite(grey).all() and grey.size and 0 <= grey.min() < grey.max()):
+        raise InputError("counts or densities must be finite, at least 0 and not all alike, got "
+                         f"{f'[{grey.min():.4g}, {grey.max():.4g}]' if grey.size else 'none'}; take a histogram")
+    return (grey / grey.max()).astype(np.float32)
 
 
 def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:

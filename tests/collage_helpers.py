@@ -8,8 +8,8 @@ from torch import Tensor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.image.search import ImageSearch
-from fractal_exp.methods.collage.measure.tones import LEVELS, guess_levels
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
+from fractal_exp.methods.collage.measure.tones import LEVELS, guess_levels
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem

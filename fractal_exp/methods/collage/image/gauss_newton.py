@@ -24,9 +24,10 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
     """The code after at most so many steps of Levenberg and Marquardt, never worse.
 
     moving: the maps that may move, all if None; patience: after how many steps in vain to stop, None: as
-    `GaussNewtonParams` says; jacobian: where it is got from, None: from points or, of linear grey levels, from counts; alone: whether each parameter is tried by itself where all
-    together lead nowhere, as is done for a single map; fixed: entries (map, column) that stay, a translation's only
-    with those of its row, since matrices turn about the attractor's mean.
+    `GaussNewtonParams` says; jacobian: where it is got from, None: from points or, of linear grey levels, from counts;
+    alone: whether each parameter is tried by itself where all together lead nowhere, as is done for a single map;
+    fixed: entries (map, column) that stay, a translation's only with those of its row, since matrices turn about the
+    attractor's mean.
     """
     params = objective.params.gauss_newton
     moving = [i for i in (moving if moving is not None else range(len(rendered.maps)))

@@ -16,7 +16,6 @@ from ..measure.levels import Levels, stabilize
 from ..params import CollageParams
 from .frame import Frame
 
-
 REDRAWN = 4   # images whose mean error tells the noise of one that is blurred, of which few parts are independent
 
 
@@ -139,6 +138,8 @@ def reduced(image: Tensor, size: int, code: IFS, levels: Levels, params: Collage
     """
     subpixels = levels.supersample**2
     shrunk = levels.shrunk(image, size)
+    if levels.is_linear:  # a mean of counts errs nowhere
+        return shrunk
     large = levels.shrunk(levels.render(code, image.shape[0], derive(seed, "large")).to(image), size)
     small = torch.stack([levels.render(code, size, derive(seed, "small", n)).to(image)
                          for n in range(params.image.reduced_renderings)]).mean(0)

@@ -45,7 +45,8 @@ class ImageSearch:
         """The best rendering of the candidate and its refinements, with its own weights or those of |det| + 0.01."""
         half = self.params.moves.polish_ends // 2
         free = found.probabilities if found.weights is None else found.weights
-        tried = (free,) if self.objective.levels.is_linear else (None, free) if self.params.moves.own_weights else (None,)
+        tried = (None, free) if self.params.moves.own_weights else (None,)
+        tried = tried[-1:] if self.objective.levels.is_linear else tried  # such levels tell the weights
         found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
                  for weights in tried]
         best = self.polished(self.pruned(self._simpler(found[0], found[-1])), half)
@@ -138,8 +139,8 @@ class ImageSearch:
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), self.params.moves.polish_ends,
                                  self.objective.own_frame() if near else None, deadline=self.deadline)
         ratio = self.noise_ratio(self.candidate(self.objective.judge(best.maps, best.weights)))
-        if params.rendered_steps and not self.objective.levels.is_linear and params.rendered_above < ratio < params.rendered_below \
-                and not self.deadline.passed:
+        between = params.rendered_above < ratio < params.rendered_below
+        if params.rendered_steps and between and not self.objective.levels.is_linear and not self.deadline.passed:
             once = self.objective.within(self.objective.own_frame())
             last = polished(once, once.judge(best.maps, best.weights), params.rendered_steps, deadline=self.deadline,
                             jacobian=FromRenderings, alone=True)
@@ -153,8 +154,9 @@ class ImageSearch:
     def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
         """The code with weights of its own only if its error is much lower, as free weights also fit noise, and lag
         behind when maps move."""
-        factor = 1.0 if self.objective.levels.is_linear else self.params.moves.own_weights
-        return own if own.error < factor * tied.error else tied
+        worth = self.params.moves.own_weights
+        worth = 1.0 if worth and self.objective.levels.is_linear else worth
+        return own if own.error < worth * tied.error else tied
 
     # -- what moves are made of ---------------------------------------------------------------------------------------
 

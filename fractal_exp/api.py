@@ -43,7 +43,8 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     is one, instead of raising KeyboardInterrupt.
 
     options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`, those of a
-    component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. For "chaotic" they are the
+    component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear" an array or
+    tensor may hold counts or densities of any scale. For "chaotic" they are the
     arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800).
 
     Returns an `Inversion`: the code, its likeness to the picture, a verdict, how it was found and why the method
@@ -58,6 +59,8 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     if isinstance(image, ReadImage):
         target, reading = image, {}
     else:
+        if options.get("levels") == "linear" and not isinstance(image, str | Path):
+            image, reading["clean"] = _scaled(image), False  # its levels are numbers, and no paper is to be seen
         target = read_target(image, resolution, **reading)
     built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
     codes: list[IFS] = []
@@ -103,6 +106,17 @@ def _concluded(found: CodeReconstruction, target: ReadImage, history: History, m
         code=found.code, target=target, source=source, likeness=likeness, verdict=verdict, history=history.stages(),
         stopped=stopped, seconds=seconds, method=method, options=options, notes=(*target.notes, *found.notes),
         warnings=warnings_of(target, verdict, likeness, stopped), camera=found.camera, curve=found.curve)
+
+
+def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
+    """Counts or densities of points, (R,R) of any type and scale, as grey levels up to 1."""
+    import numpy as np
+
+    grey = np.asarray(counts, np.float64)
+    if not (np.isfinite(grey).all() and grey.size and 0 <= grey.min() < grey.max()):
+        raise InputError("counts or densities must be finite, at least 0 and not all alike, got "
+                         f"{f'[{grey.min():.4g}, {grey.max():.4g}]' if grey.size else 'none'}; take a histogram")
+    return (grey / grey.max()).astype(np.float32)
 
 
 def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:

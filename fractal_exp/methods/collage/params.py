@@ -168,9 +168,7 @@ class SearchParams(Params):
 
 
 class PopulationParams(Params):
-    """Many sets of maps at once, improved alone and crossed: stages 1 and 2 where the number of maps is given and grey
-    levels are linear. Each set descends on the collage error with all of the measure to explain (a memetic algorithm,
-    Moscato 1989)."""
+    """Populations of sets of maps (memetic, Moscato 1989): stages 1 and 2 of linear images of given `maps`."""
 
     largest: Count = 8
     """Maps of a set up to which there is a population; 0: none."""

@@ -35,7 +35,7 @@ class Crossing:
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better code of the generation after this one."""
-        if number and number % self.params.generations == 0:
+        if number // self.params.generations != self.number:
             self._begin(number // self.params.generations)
         new = [self._judged(i) for i in self._advance(number)]
         new.sort(key=lambda rendered: rendered.error)
@@ -52,6 +52,7 @@ class Crossing:
 
     def _begin(self, number: int) -> None:
         """A new population."""
+        self.number = number
         self.population = Population(self.masses, self.all.maps, self.all, derive(self.seed, "population", number))
         self._seen: set[float] = set()
 

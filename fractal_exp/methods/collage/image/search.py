@@ -49,7 +49,7 @@ class ImageSearch:
         half = self.params.moves.polish_ends // 2
         free = found.probabilities if found.weights is None else found.weights
         tried = (None, free) if self.params.moves.own_weights else (None,)
-        tried = (free,) if self.objective.levels.is_linear else tried
+        tried = tried[-1:] if self.objective.levels.is_linear else tried  # such levels tell the weights
         found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
                  for weights in tried]
         first = self._simpler(found[0], found[-1])
@@ -177,9 +177,9 @@ class ImageSearch:
     def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
         """The code with weights of its own only if its error is much lower, as free weights also fit noise, and lag
         behind when maps move."""
-        levels = self.objective.levels
-        factor = 1.0 if levels.is_linear or not levels.is_exact else self.params.moves.own_weights
-        return own if own.error < factor * tied.error else tied
+        levels, worth = self.objective.levels, self.params.moves.own_weights
+        worth = 1.0 if worth and (levels.is_linear or not levels.is_exact) else worth
+        return own if own.error < worth * tied.error else tied
 
     # -- what moves are made of ---------------------------------------------------------------------------------------
 

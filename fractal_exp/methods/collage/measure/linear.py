@@ -12,7 +12,7 @@ from ....ifs.code import IFS
 from .. import maps as affine
 from ..params import CameraParams
 from .bins import attractor_points
-from .blur import blurred, deblurred
+from .blur import NARROW_PX, blurred, deblurred
 from .levels import Levels, mean_of
 
 BOX = 1 / 12     # variance of a point that is known by its pixel, pixels²
@@ -81,10 +81,19 @@ class Linear(Levels):
         return self.brightness / counts.mean().clamp_min(1e-12)
 
     def _drawn(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
+        """From so many points; where the blur is narrower than a pixel, on smaller pixels, of which then the mean is
+        taken, as in an image that was shrunk."""
+        blur_px, side = self.blur_px(resolution), resolution
+        if NARROW_PX < blur_px < 1:
+            side *= math.ceil(1 / blur_px)
+        counts = blurred(self._counted(code, side, seed, count), self.blur_px(resolution) * side / resolution)
+        counts = counts if side == resolution else mean_of(counts, resolution)
+        return counts * self.exposure(counts)
+
+    @staticmethod
+    def _counted(code: IFS, resolution: int, seed: int, count: float) -> Tensor:
         points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed)
         column, row = ((points * points.new_tensor([1, -1]) + 1) * (resolution / 2)).floor().long().unbind(1)
         inside = (column >= 0) & (column < resolution) & (row >= 0) & (row < resolution)
         counts = torch.bincount((row * resolution + column)[inside], minlength=resolution**2)
-        counts = counts.view(resolution, resolution).to(points.dtype)
-        counts = blurred(counts, self.blur_px(resolution))
-        return counts * self.exposure(counts)
+        return counts.view(resolution, resolution).to(points.dtype)

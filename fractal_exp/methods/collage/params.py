@@ -439,6 +439,8 @@ class MoveParams(Params):
     """Maps from which on roots are not tried where the code is hopeless."""
     root_orders: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (2, 3)
     """Orders of roots."""
+    double_px: Amount = 2.0
+    """Maps of a code of a picture that others drew that are no farther apart (rms, pixels) are one."""
     parent_maps: Count = 5
     """Maps that a code of a picture that others drew may have for such to be looked for that several of its maps are
     compositions of."""

@@ -12,7 +12,8 @@ from .growth.stage import Growth
 from .image.crossing import Crossing
 from .image.gauss_newton import fitted_into_frame, polished
 from .image.objective import ImageObjective
-from .image.pruning import Price, pruned, pruned_in_frame
+from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
+from .measure.bins import attractor_points
 from .measure.search import Regime
 from .problem import SearchProblem
 from .stage import Stage
@@ -156,7 +157,20 @@ class ImageMoves(Stage):
         self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera)
 
     def begin(self, state: State) -> Candidate:
-        return self._seen_anew(self.search.resume(state.best))
+        return self._seen_anew(self.search.resume(self._without_doubles(state.best)))
+
+    def _without_doubles(self, found: Candidate) -> Candidate:
+        """Without maps that only make lines thicker in a picture that others drew, if there are two others at least."""
+        if self.problem.levels.is_exact or self.params.maps:
+            return found
+        points = attractor_points(found.maps, found.probabilities, self.params.moves.parent_points, self.problem.seed)
+        near = 2 / len(self.problem.image) * self.params.moves.double_px
+        maps, weights = without_doubles(found.maps, found.probabilities, points, near)
+        if len(maps) < 2 or len(maps) == len(found.maps):
+            return found
+        found = replace(found, maps=maps, weights=weights)
+        self._open(found)
+        return self.search.judged(found)
 
     def _seen_anew(self, found: Candidate) -> Candidate:
         """Seen with the camera that suits it, if that has to be estimated."""
@@ -185,7 +199,7 @@ class ImageMoves(Stage):
         state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
             self.search = problem.image_search(state.current.code, problem.deadline, "finish", self.round)
-        found, before = self.search.finish(self._seen_anew(state.current)), state.before
+        found, before = self.search.finish(self._seen_anew(self._without_doubles(state.current))), state.before
         if before is not None and problem.is_reduced and problem.levels.is_exact:  # it was judged by another image
             before = self.search.judged(before)
         best = found if before is None or found.score < before.score else before

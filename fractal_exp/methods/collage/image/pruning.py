@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
+from torch import Tensor
+
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .objective import ImageObjective, Rendered
 
@@ -23,6 +26,22 @@ class Price:
     def spares(self, fewer: float, error: float) -> bool:
         """Whether a map is not worth it that lowers the error from `fewer` to `error`."""
         return fewer < error * (1 + self.share) + self.error
+
+
+def without_doubles(maps: Tensor, weights: Tensor, points: Tensor, near: float) -> tuple[Tensor, Tensor]:
+    """The maps (N,6) and weights (N,) without those that send points (P,2) to where a heavier one sends them, but for
+    `near` canvas units (rms): two that are nearly the same only make a line thicker, which is the pen's part."""
+    images = points @ maps[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + maps[:, None, 4:]
+    apart = (images[:, None] - images[None]).square().sum(-1).mean(-1).sqrt()
+    kept: list[int] = []
+    for i in weights.argsort(descending=True, stable=True).tolist():
+        same = [k for k in kept if float(apart[i, k]) < near]
+        if same:
+            weights = weights.index_add(0, torch.tensor(same[:1], device=weights.device), weights[i:i + 1])
+        else:
+            kept.append(i)
+    kept.sort()
+    return maps[kept], weights[kept]
 
 
 def pruned_in_frame(objective: ImageObjective, rendered: Rendered, price: Price, least: int, *, near: bool,

@@ -53,7 +53,7 @@ def measure_search(masses: Tensor, grid: int = 64, seed: int = 0, smaller: float
 
 
 def problem(image: Tensor, **options) -> SearchProblem:
-    levels = LEVELS[options.pop("levels", meaning(image))](CAMERA)
+    levels = LEVELS[options.pop("levels", meaning(image))].of(image, CAMERA)
     return SearchProblem(image, levels, params(**merged(FEW, options)))
 
 

@@ -1,0 +1,194 @@
+"""Pictures that others drew: the pen, the tiles and the dots of their camera, and the code behind them."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image, ImageDraw
+from scipy.ndimage import gaussian_filter
+
+from fractal_exp import IFS, codes, invert, suite
+from fractal_exp.errors import InputError
+from fractal_exp.ifs import attractor
+from fractal_exp.inversion import Likeness
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
+from fractal_exp.methods.collage.image.camera import estimated
+from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.image.parents import with_parents
+from fractal_exp.methods.collage.image.pruning import Price, without_doubles
+from fractal_exp.methods.collage.measure.bins import attractor_points
+from fractal_exp.methods.collage.measure.pens import Dots, Drawn
+from fractal_exp.methods.collage.measure.tiles import tiled, words
+from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
+from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.rendering.still import render_with_info
+
+PARAMS, SIDE = CollageParams(), 128
+CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
+SEGMENT = IFS(torch.tensor([[[.5, 0], [0, .5]], [[.5, 0], [0, .5]]]), torch.tensor([[-.25, 0.], [.25, 0]]))
+GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
+
+
+def triangles(depth, side=4 * SIDE):
+    """The gasket's construction as polygons, white on black, the frame of `GASKET` (side, side)."""
+    corners = np.array([[-.75, -.375 * math.sqrt(3)], [.75, -.375 * math.sqrt(3)], [0, .375 * math.sqrt(3)]])
+    parts = [corners]
+    for _ in range(depth):
+        parts = [(part + part[k]) / 2 for part in parts for k in range(3)]
+    picture = Image.new("L", (side, side))
+    draw = ImageDraw.Draw(picture)
+    for part in parts:
+        draw.polygon([((x + 1) * side / 2 - .5, (1 - y) * side / 2 - .5) for x, y in part], fill=255)
+    return np.asarray(picture) / np.float32(255)
+
+
+def at(image, side=SIDE):
+    step = len(image) // side
+    return torch.from_numpy(image.reshape(side, step, side, step).mean((1, 3)))
+
+
+@pytest.mark.parametrize("radius", [0.5, 1.0, 2.5])
+def test_a_pen_covers_the_area_of_a_stroke(radius):
+    drawn = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, radius * PIXEL, 0.0)).render(SEGMENT, SIDE, 0)
+    length = 1.0 / PIXEL
+    assert float(drawn.sum()) == pytest.approx(2 * radius * length + math.pi * radius**2, rel=0.08)
+
+
+def test_dots_follow_the_density_of_points():
+    gain, sigma = 0.2, 1.5
+    drawn = Dots(CAMERA, torch.zeros(SIDE, SIDE), (gain, sigma * PIXEL)).render(GASKET, SIDE, 3)
+    fine = CAMERA.dot_supersample
+    density, _ = render_with_info(GASKET, resolution=SIDE * fine, supersample=1, mode="density", seed=3,
+                                  points_in_view=round(CAMERA.points_per_pixel * SIDE**2), reuse=CAMERA.reuse)
+    inked = 1 - np.exp(-gain * gaussian_filter(density.numpy(), sigma * fine, mode="constant"))
+    expected = inked.reshape(SIDE, fine, SIDE, fine).mean((1, 3))
+    assert np.abs(drawn.numpy() - expected).max() < 1e-4
+
+
+def test_words_are_as_small_as_asked_for_and_their_first_letters_are_not():
+    found = words(affine.from_code(GASKET), 1.5 / 8)
+    assert len(found) == 27
+    assert bool((1.5 * affine.largest_singular(found) <= 1.5 / 8 + 1e-6).all())
+
+
+def test_maps_that_hardly_contract_do_not_give_endless_words():
+    turn = torch.tensor([[0.0, -0.999, 0.999, 0, 0, 0], [0.5, 0, 0, 0.5, 0.3, 0]])
+    assert len(words(turn, 0.05)) <= 6000
+
+
+@pytest.mark.parametrize("depth", [3, 4])
+def test_a_construction_is_explained_by_tiles_of_its_depth_under_the_true_code_alone(depth):
+    image = at(triangles(depth))
+    judge = ImageObjective(image, levels_of(image, "coverage", CAMERA), PARAMS)
+    size = 1.5 / 2**depth
+    true = judge.error(tiled(image, GASKET, size, SIDE, 3))
+    other = judge.error(tiled(image, GASKET.similar(0.97, (0.0, 0.0)), size, SIDE, 3))
+    pen = judge.error(Drawn(CAMERA, image, (0.0, 0.5 * PIXEL, 0.0)).render(GASKET, SIDE, 0))
+    assert true < 0.5 * other and true < 0.5 * pen
+
+
+def test_the_pen_of_a_line_drawing_is_found():
+    values = (0.0, 1.5 * PIXEL, 0.5 * PIXEL)
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), values).render(GASKET, SIDE, 1)
+    name, *found = estimated(image, levels_of(image, "auto", CAMERA), GASKET, PARAMS, 0)
+    assert name == "coverage"
+    assert found == pytest.approx(values, abs=0.3 * PIXEL)
+
+
+def test_the_dots_of_a_scatter_plot_are_found():
+    code = attractor.normalize(codes.known("fern"))
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.5 * PIXEL)).render(code, SIDE, 1)
+    name, gain, sigma = estimated(image, levels_of(image, "auto", CAMERA), code, PARAMS, 0)
+    assert name == "dots"
+    assert gain == pytest.approx(0.16, rel=0.5) and sigma == pytest.approx(0.5 * PIXEL, abs=0.3 * PIXEL)
+
+
+def test_a_camera_that_is_given_is_not_estimated():
+    camera = CAMERA.updated(pen_px=2.0, blur_px=1.0)
+    image = at(triangles(4))
+    tried = Drawn(camera, image).candidates(GASKET, SIDE, 0)
+    assert {values for values, _ in tried} == {(0.0, 2.0 * PIXEL, 1.0 * PIXEL)}
+
+
+def test_a_camera_is_described_in_pixels_and_taken_up_again():
+    image = at(triangles(4))
+    levels = seen_with(levels_of(image, "auto", CAMERA), ("coverage", 0.0, 1.5 * PIXEL, 0.5 * PIXEL))
+    told = described(levels)
+    assert told == pytest.approx({"levels": "coverage", "tile_px": 0, "pen_px": 1.5, "blur_px": 0.5})
+    again = taken_with(image, told, CAMERA)
+    assert torch.equal(again.render(GASKET, SIDE, 0), levels.render(GASKET, SIDE, 0))
+
+
+def test_our_own_grey_levels_are_known_and_others_are_not():
+    own = suite.target(GASKET, SIDE, "grey")
+    assert guess_levels(own, CAMERA) == "density"
+    assert guess_levels((own * 255).round() / 255, CAMERA) == "coverage"
+    assert guess_levels((own > 0.25).float(), CAMERA) == "binary"
+
+
+def test_the_symmetries_of_a_triangle_are_found():
+    group = symmetries(at(triangles(4)), PARAMS.canonical)
+    assert len(group) == 6
+    assert torch.equal(group[0][:4], torch.tensor([1.0, 0, 0, 1]))
+
+
+def test_of_the_codes_of_a_symmetric_shape_the_textbook_has_the_simplest():
+    group = symmetries(at(triangles(5)), PARAMS.canonical)
+    maps = affine.from_code(GASKET)
+    turned = torch.stack([affine.composed(one, group[k]) for one, k in zip(maps, (1, 3, 5), strict=True)])
+    assert not torch.allclose(turned, maps, atol=0.01)
+    assert torch.allclose(simplest(turned, group), maps, atol=0.02)
+
+
+def test_a_map_takes_the_place_of_its_compositions():
+    dragon = attractor.normalize(codes.known("heighway_dragon"))
+    first, second = affine.from_code(dragon)
+    parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 0.5 * PIXEL, 0.0)).render(dragon, SIDE, 0)
+    levels = Drawn(CAMERA, image, (0.0, 0.5 * PIXEL, 0.0))
+    judge = ImageObjective(image, levels, PARAMS)
+    best = min(with_parents(judge, judge.judge(parts)), key=lambda each: each.error)
+    assert sorted(best.maps.tolist()) == [pytest.approx(each, abs=1e-4) for each in sorted([first.tolist(),
+                                                                                            second.tolist()])]
+
+
+def test_doubles_are_one_map_with_both_weights():
+    maps = affine.from_code(GASKET)
+    doubled = torch.cat([maps, maps[:1] + 0.3 * PIXEL * torch.tensor([0, 0, 0, 0, 1.0, 1])])
+    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0)
+    kept, weights = without_doubles(doubled, torch.tensor([.3, .3, .3, .1]), points, 2 * PIXEL)
+    assert torch.equal(kept, maps)
+    assert weights.tolist() == pytest.approx([.4, .3, .3])
+
+
+def test_a_map_must_lower_the_error_by_its_price():
+    assert Price(0.1).score(1.0, 3) == pytest.approx(1.3)
+    assert Price(0.0, 0.1).score(1.0, 2) == pytest.approx(1.21)
+    assert Price(0.0, 0.1).spares(1.05, 1.0) and not Price(0.0, 0.1).spares(1.2, 1.0)
+
+
+def test_a_checkpoint_keeps_the_camera():
+    maps = affine.from_code(GASKET)
+    state = State(done=(0, 4, 0), best=Candidate(maps, None, 1.0, 2.0, ("dots", 0.25, 0.01)))
+    again = State.of(state.snapshot(), "cpu")
+    assert again.best.camera == ("dots", 0.25, 0.01)
+
+
+def test_a_picture_of_polygons_gives_the_textbook_code():
+    found = invert(triangles(4), resolution=SIDE, search={"restarts": 2, "moves": 15, "proposals": 1})
+    assert len(found.code) == 3
+    assert found.code.linear.flatten().tolist() == pytest.approx([.5, 0, 0, .5] * 3, abs=0.01)
+    assert found.camera["levels"] == "coverage"
+    assert found.verdict.kind == "recovered"
+    assert Likeness.of(found.code, found.target.image, found=found.camera).f1_1px > 0.98
+    redrawn = found.redrawn()
+    assert float((redrawn - found.target.image).abs().mean()) < 0.02
+
+
+@pytest.mark.parametrize("camera", [{"pen_px": -1.0}, {"gain": 0.0}, {"pens_px": []}])
+def test_a_camera_out_of_range_is_refused(camera):
+    with pytest.raises(InputError, match="camera"):
+        invert(triangles(3), camera=camera)

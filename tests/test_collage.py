@@ -289,7 +289,6 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     image = suite.target(code, 600, kind)
     given = problem(image)
     assert given.image.shape == (300, 300)
-    assert meaning(given.image) == meaning(image)
     maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
     stage, state = last_stages(given)[0], State(best=tied(maps))
     stage.open(state)

@@ -15,7 +15,7 @@ from fractal_exp.methods.collage.growth.growing import Grower
 from fractal_exp.methods.collage.growth.paving import paving
 from fractal_exp.methods.collage.growth.silhouette import Silhouette, f1_within_a_pixel
 from fractal_exp.methods.collage.growth.stage import Growth
-from fractal_exp.methods.collage.measure.levels import LEVELS, guess_levels
+from fractal_exp.methods.collage.measure.tones import levels_of
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
@@ -48,7 +48,7 @@ def grower(image: torch.Tensor, **growth) -> Grower:
 
 def stage(image: torch.Tensor, seconds: float | None = None, **options) -> Growth:
     params = CollageParams().updated(**merged({"growth": FEW}, options))
-    levels = LEVELS[guess_levels(image, params.camera)](params.camera)
+    levels = levels_of(image, "auto", params.camera)
     return Growth(SearchProblem(image, levels, params, deadline=Deadline(seconds)), 2)
 
 

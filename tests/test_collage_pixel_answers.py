@@ -13,7 +13,7 @@ from fractal_exp.methods.collage.canonical.simple_maps import Spread
 from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.jacobian import FromPoints
 from fractal_exp.methods.collage.image.objective import stabilize
-from fractal_exp.methods.collage.image.pruning import pruned
+from fractal_exp.methods.collage.image.pruning import Price, pruned
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.suite import target
 
@@ -84,9 +84,10 @@ class Priced:
 
 def test_maps_go_that_are_not_worth_their_price():
     drawn = SimpleNamespace(maps=[0.5, 0.09, 0.3, -0.2, 0.11], error=1.0)
-    assert pruned(Priced, drawn, 0.1).maps == [0.5, 0.3, 0.11]
-    assert pruned(Priced, drawn, 0.0).maps == [0.5, 0.09, 0.3, 0.11]
-    assert len(pruned(Priced, drawn, 10.0).maps) == 2 and len(pruned(Priced, drawn, 10.0, least=4).maps) == 4
+    assert pruned(Priced, drawn, Price(0.1)).maps == [0.5, 0.3, 0.11]
+    assert pruned(Priced, drawn, Price(0.0)).maps == [0.5, 0.09, 0.3, 0.11]
+    assert len(pruned(Priced, drawn, Price(10.0)).maps) == 2
+    assert len(pruned(Priced, drawn, Price(10.0), least=4).maps) == 4
 
 
 def test_every_step_of_a_search_and_every_seed_tries_something_else():

@@ -13,7 +13,7 @@ from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
 from fractal_exp.methods.collage.image.moves import reorient
-from fractal_exp.methods.collage.image.pruning import pruned_in_frame
+from fractal_exp.methods.collage.image.pruning import Price, pruned_in_frame
 from fractal_exp.methods.collage.image.search import ImageSearch
 from fractal_exp.methods.collage.measure.bins import binned
 from fractal_exp.methods.collage.measure.births import reoriented
@@ -137,7 +137,7 @@ def test_a_polished_code_loses_what_neither_picture_nor_frame_asks_for(triangle)
     picture = objective(suite.target(affine.to_code(maps), 128))
     drawn = picture.judge(maps)
     price = 1.5 * (picture.without(drawn, [3]).error - drawn.error)
-    blind = pruned_in_frame(picture, drawn, price, 3, near=False)
+    blind = pruned_in_frame(picture, drawn, Price(price), 3, near=False)
     assert torch.equal(blind.maps, maps[:3]) and blind.error == picture.judge(maps[:3]).error
-    assert pruned_in_frame(picture, drawn, price, 3, near=True) is drawn
-    assert pruned_in_frame(picture, drawn, price, 4, near=False) is drawn  # as many as there must be
+    assert pruned_in_frame(picture, drawn, Price(price), 3, near=True) is drawn
+    assert pruned_in_frame(picture, drawn, Price(price), 4, near=False) is drawn  # as many as there must be

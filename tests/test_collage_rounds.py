@@ -94,7 +94,7 @@ def test_a_search_without_isometries_finds_and_takes_none(triangle, monkeypatch)
 def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):
     _, image = triangle
     assert [problem(image, **({"rounds": None} | options)).rounds
-            for options in ({}, {"levels": "coverage"}, {"rounds": 3})] == [4, 2, 3]
+            for options in ({}, {"levels": "coverage"}, {"levels": "binary"}, {"rounds": 2})] == [4, 3, 2, 2]
 
 
 def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls(triangle, tmp_path, monkeypatch):

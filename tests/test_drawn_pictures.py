@@ -127,6 +127,7 @@ def test_our_own_grey_levels_are_known_and_others_are_not():
     assert guess_levels(own, CAMERA) == "density"
     assert guess_levels((own * 255).round() / 255, CAMERA) == "coverage"
     assert guess_levels((own > 0.25).float(), CAMERA) == "binary"
+    assert guess_levels(at(np.float32(own > 0.25), SIDE // 2), CAMERA) == "coverage"  # shrunk: quarters
 
 
 def test_the_symmetries_of_a_triangle_are_found():

@@ -56,9 +56,11 @@ def taken_with(image: Tensor, described: Mapping[str, str | float], camera: Came
 
 
 def guess_levels(image: Tensor, camera: CameraParams) -> str:
-    """"binary" if there are no greys; "density" if all are shares of as many subpixels as our renderer has; "coverage"
-    for what others drew."""
+    """"binary" if there are no greys; "density" if all are shares of as many subpixels as our renderer has, and some of
+    no fewer, unlike those of a picture that was shrunk; "coverage" for what others drew."""
     if bool(((image == 0) | (image == 1)).all()):
         return "binary"
     shares = image * camera.supersample**2
-    return "density" if bool(((shares - shares.round()).abs() < camera.rounding).all()) else "coverage"
+    whole = shares.round()
+    is_own = bool(((shares - whole).abs() < camera.rounding).all()) and bool((whole % 2 == 1).any())
+    return "density" if is_own else "coverage"

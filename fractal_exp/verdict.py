@@ -43,9 +43,10 @@ class Alike(Protocol):
 class Verdict:
     """What a code is worth.
 
-    kind: "recovered", the picture is explained to its noise; "approximation", the code draws something like it; "not
-    self-similar", as far as can be seen, since the code is no more like it than a filled box, or hardly like it. words:
-    the same in a line, with the figures. remedy: what is most likely to help; empty if nothing need be.
+    kind: "recovered", the picture is explained to its noise, or its shape to within a pixel by few maps;
+    "approximation", the code draws something like it; "not self-similar", as far as can be seen, since the code is no
+    more like it than a filled box, or hardly like it. words: the same in a line, with the figures. remedy: what is most
+    likely to help; empty if nothing need be.
     """
 
     kind: Kind

@@ -98,7 +98,7 @@ def test_a_method_without_stages_has_one():
 
 
 def test_it_says_why_it_stopped(known, found):
-    assert found.stopped == "no move helped any more"
+    assert found.stopped == "the code draws the shape to within a pixel"
     assert known(triangle_picture(), stopped="the error reached 0").stopped == "the error reached 0"
     code = CodeReconstruction(found.code)
     assert stop_reason(code, 60.0, 61.0) == "the time limit of 60 s was reached"
@@ -277,7 +277,8 @@ def test_a_verdict_has_a_kind_words_and_a_remedy():
     assert none.words == "not self-similar as far as we can see; F1 .20 within a pixel" and none.remedy
     assert Verdict.of(likeness(0.3, 1.0), 3, SHAPE).kind == "recovered"
     assert "1 map;" in Verdict.of(likeness(0.6), 1, SHAPE).words
-    assert "F1 1.00" in Verdict.of(likeness(1), 9, SHAPE).words
+    assert "F1 1.00" in Verdict.of(likeness(1), 30, SHAPE).words
+    assert Verdict.of(likeness(1), 9, SHAPE).words == "recovered: the shape is explained to within a pixel by 9 maps"
 
 
 @pytest.mark.parametrize("facts, expected", [

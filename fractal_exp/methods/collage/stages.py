@@ -217,7 +217,8 @@ class ImageMoves(Stage):
         if self.deadline.passed:
             return ""
         if self.search.is_settled(state.current, state.step):
-            return "the code renders the image as well as the true one would"
+            return ("the code renders the image as well as the true one would" if self.problem.levels.is_exact
+                    else "the code draws the shape to within a pixel")
         return "all moves were made" if state.step == self.most_moves else "no move helped any more"
 
     def _is_unlike(self, candidate: Candidate) -> bool:

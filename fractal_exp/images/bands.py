@@ -154,7 +154,8 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
     with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
         lossy, scale, before = picture.format == "JPEG", 1, picture.size
         if shrink and lossy:
-            picture.draft(None, tuple(max(1, side // _factor(before)) for side in before))
+            part = _factor(before)
+            picture.draft(None, (max(1, before[0] // part), max(1, before[1] // part)))
             scale = round(before[0] / picture.size[0])
         picture.load()
         frames = getattr(picture, "n_frames", 1)
@@ -164,7 +165,7 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
         if picture.getexif().get(EXIF_ORIENTATION, 1) != 1:
             tall = picture.size
             picture = ImageOps.exif_transpose(picture)
-            before = before[::-1] if picture.size != tall else before
+            before = (before[1], before[0]) if picture.size != tall else before
             notes.append("turned upright by its EXIF orientation")
         if shrink and scale == 1 and _factor(before) > 1 and picture.mode in SHRUNK_MODES:
             scale = _factor(before)

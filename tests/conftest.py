@@ -26,6 +26,8 @@ def fair_share_of_cores():
 
 
 def pytest_deselected(items):
+    if not items:  # as with --lf, where nothing has failed
+        return
     config = items[0].config
     config.stash[LEFT_OUT] = config.stash.get(LEFT_OUT, 0) + len(items)
 

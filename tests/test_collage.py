@@ -312,7 +312,8 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"search": {"moves": -1}}, "search.moves must be at least 0, got -1"), ({"maps": 1}, "maps must be at least 2"),
-    ({"maps": 3, "at_most": 5}, "not both"), ({"levels": "colour"}, "levels must be 'auto', 'density'"),
+    ({"maps": 3, "at_most": 5}, "not two; got maps=3 and at_most=5"),
+    ({"levels": "colour"}, "levels must be 'auto', 'density'"),
     ({"seconds": 0}, "seconds must be above 0"), ({"refine": {"finest": 8}}, "refine.finest must be at least 64"),
     ({"move": {}}, "there is no parameter move; did you mean 'moves'"),
     ({"previews": -1}, "previews must be at least 0"),

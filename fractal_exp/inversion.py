@@ -263,8 +263,8 @@ def _on_the_shape(code: IFS, image: Tensor, taken: Levels) -> float:
     if not attractor.any() or not shape.any():
         return 0.0
     tile = dict(zip(taken.lengths, taken.values, strict=False)).get("tile_px", 0.0) * side / 2
-    precision = float((distance_transform_edt(~shape)[attractor] < 1.5).mean())
-    recall = float((distance_transform_edt(~attractor)[shape] < max(1.5, tile / 2)).mean())
+    off, away = (np.asarray(distance_transform_edt(~mask), np.float32) for mask in (shape, attractor))
+    precision, recall = float((off[attractor] < 1.5).mean()), float((away[shape] < max(1.5, tile / 2)).mean())
     return 2 * precision * recall / max(precision + recall, 1e-9)
 
 

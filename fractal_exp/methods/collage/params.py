@@ -701,6 +701,8 @@ class StageParams(Params):
     """Whether every other round keeps clear of near-isometries, if a code with one has failed."""
     unlike: Share = 0.95
     """F1 within 1 px below which the code of a picture that others drew is worth another round, and no rounding."""
+    drawn_hopeless: Share = 0.7
+    """F1 within 1 px below which such a picture shows no code, and no other round is worth its time."""
     isometry: Share = 0.95
     """Smaller singular value above which a map is a near-isometry,"""
     contraction: SingularValue = 0.9

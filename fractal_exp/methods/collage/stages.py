@@ -226,7 +226,7 @@ class ImageMoves(Stage):
         objective = self.problem.objective(len(self.problem.image), candidate.code, self.problem.seed,
                                            camera=candidate.camera)
         shown = objective.judge(candidate.maps, candidate.weights)
-        return objective.likeness(shown.image) < self.params.stages.unlike
+        return self.params.stages.drawn_hopeless <= objective.likeness(shown.image) < self.params.stages.unlike
 
     def _is_wrong(self, candidate: Candidate) -> bool:
         stages = self.params.stages

@@ -45,9 +45,10 @@ class Likeness:
     a density of points, a coverage of pixels, or black and white).
 
     f1, iou: of the masks I > 0 (I > 1/4 of a picture that others drew) on the whole canvas, in [0,1]; f1_1px: F1 within
-    a pixel, each mask against the other's dilation by 3×3 pixels. noise_ratio: the error of the rendering over the
-    error between two renderings of the code with other random points: about 1 for the true code. The error compares
-    both at several scales, see `methods.collage`.
+    a pixel, each mask against the other's dilation by 3×3 pixels; for a picture that others drew, no more than the
+    attractor itself has, so that a camera cannot make a wrong code look right. noise_ratio: the error of the rendering
+    over the error between two renderings of the code with other random points: about 1 for the true code. The error
+    compares both at several scales, see `methods.collage`.
     """
 
     f1: float

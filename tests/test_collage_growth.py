@@ -13,7 +13,7 @@ from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
 from fractal_exp.methods.collage.growth.growing import Grower
 from fractal_exp.methods.collage.growth.paving import paving
-from fractal_exp.methods.collage.growth.silhouette import Silhouette, f1_within_a_pixel
+from fractal_exp.methods.collage.growth.silhouette import Silhouette
 from fractal_exp.methods.collage.growth.stage import Growth
 from fractal_exp.methods.collage.measure.tones import levels_of
 from fractal_exp.methods.collage.method import Collage
@@ -65,10 +65,10 @@ def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
 def test_f1_within_a_pixel_forgives_a_pixel_and_no_more():
     truth = torch.zeros(16, 16, dtype=torch.bool)
     truth[4:8, 4:8] = True
-    shares = [f1_within_a_pixel(truth.roll(shift, 1), truth) for shift in range(7)]
+    shares = [Silhouette(truth).likeness(truth.roll(shift, 1).float()) for shift in range(7)]
     assert shares == pytest.approx([1, 1, 0.75, 0.5, 0.25, 0, 0])
-    assert f1_within_a_pixel(torch.zeros_like(truth), truth) == 0
-    assert f1_within_a_pixel(truth & False, truth & False) == 1
+    assert Silhouette(truth).likeness(torch.zeros(truth.shape)) == 0
+    assert Silhouette(truth & False).likeness(torch.zeros(truth.shape)) == 1
 
 
 @pytest.mark.parametrize("image", [BRANCH, LETTER], ids=["thin", "thick"])

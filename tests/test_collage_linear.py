@@ -81,7 +81,7 @@ def test_counting_errors_of_blurred_counts_have_one_variance(points_per_pixel):
     flat = IFS(torch.eye(2).expand(4, 2, 2) / 2, quarters)  # all of the canvas evenly
     levels = Linear(CameraParams(blur_px=BLUR_PX, points_per_pixel=points_per_pixel), 0.5, SIDE)
     n = levels.subpixels(SIDE, SIDE)
-    stable = torch.stack([levels.stabilized(levels.redrawn(flat, SIDE, seed), n) for seed in range(20)])
+    stable = torch.stack([levels.stabilized(levels.noisy(flat, SIDE, seed), n) for seed in range(20)])
     inner = slice(6, SIDE - 6)  # some blur is lost over the edge
     assert float(4 * n * stable[:, inner, inner].var(0).mean()) == pytest.approx(1, abs=0.15)
 

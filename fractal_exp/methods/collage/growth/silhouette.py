@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
+from ....evaluation import metrics
 from ..params import GrowthParams
 
 
@@ -50,21 +51,10 @@ class Silhouette:
         return torch.from_numpy(np.asarray(distance_transform_edt(~self.mask.numpy()))).float()
 
     def likeness(self, drawing: Tensor) -> float:
-        """The F1 within a pixel of what is lit in a drawing (R,R): see `f1_within_a_pixel`."""
-        return f1_within_a_pixel(drawing > 0, self.mask)
+        """The F1 within a pixel of what is lit in a drawing (R,R)."""
+        return float(metrics.f1_1px(drawing.float()[None], self.mask.float()[None]))
 
 
 def widened(mask: Tensor) -> Tensor:
     """A mask (R,R) and the eight neighbours of each of its pixels, as float32."""
     return max_pool2d(mask[None, None].float(), 3, 1, 1)[0, 0]
-
-
-def f1_within_a_pixel(mask: Tensor, truth: Tensor) -> float:
-    """The harmonic mean of two shares: of a mask's pixels (R,R) that lie in the truth (R,R) widened by a pixel, and of
-    the truth's that lie in the widened mask. In [0,1]; 1 if both are empty."""
-    drawn, asked = mask.float(), truth.float()
-    if not bool(truth.any()) and not bool(mask.any()):
-        return 1.0
-    precision = float((drawn * widened(truth)).sum() / drawn.sum().clamp_min(1))
-    recall = float((asked * widened(mask)).sum() / asked.sum().clamp_min(1))
-    return 2 * precision * recall / max(precision + recall, 1e-12)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d, max_pool2d
+from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
 
+from ....evaluation import metrics
 from ....ifs.code import IFS
 from ....runtime.seeds import derive
 from .. import maps as affine
@@ -118,19 +119,17 @@ class ImageObjective:
         """The error that the true code would have by chance, told from two renderings of this one."""
         if self.levels.is_linear:  # renderings have less noise than the image
             shown, seeds = self.render(code), (derive(self.seed, "again", n) for n in range(REDRAWN))
-            drawn = (self.levels.redrawn(code, len(shown), seed).to(shown) for seed in seeds)
+            drawn = (self.levels.noisy(code, len(shown), seed).to(shown) for seed in seeds)
             errors = [ImageObjective(each, self.levels, self.params).error(shown) for each in drawn]
             return max(self.params.image.least_noise, sum(errors) / len(errors))
         other = ImageObjective(self.render(code, "again"), self.levels, self.params)
         return max(self.params.image.least_noise, other.error(self.render(code)))
 
     def likeness(self, rendering: Tensor) -> float:
-        """F1 of the masks of the image and a rendering (R,R), each against the other's 3×3 dilation."""
-        masks = [image[None] > self.levels.camera.threshold for image in (self.image, rendering)]
-        wide = [max_pool2d(mask.float(), 3, 1, 1) > 0 for mask in masks]
-        recall, precision = (float((mask & other).sum()) / max(1, int(mask.sum()))
-                             for mask, other in zip(masks, reversed(wide), strict=True))
-        return 2 * precision * recall / max(precision + recall, 1e-9)
+        """F1 within a pixel of the masks of a rendering (R,R) and the image, of what is above `camera.threshold`."""
+        least = self.levels.camera.threshold
+        masks = ((image > least).float()[None] for image in (rendering, self.image))
+        return float(metrics.f1_1px(*masks))
 
     def is_hopeless(self, error: float) -> bool:
         """Whether a code of this error is so far from the image that the image may show no attractor. What costs much

@@ -67,7 +67,7 @@ class Levels(ABC):
                                     device=device)
         return image
 
-    def redrawn(self, code: IFS, resolution: int, seed: int) -> Tensor:
+    def noisy(self, code: IFS, resolution: int, seed: int) -> Tensor:
         """The image (R,R) of a code with as much noise as the given one has."""
         return self.render(code, resolution, seed)
 

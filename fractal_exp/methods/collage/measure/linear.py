@@ -60,7 +60,7 @@ class Linear(Levels):
         points = max(self.points(resolution), self.camera.linear_points * resolution**2)
         return self._drawn(code, resolution, seed, points)
 
-    def redrawn(self, code: IFS, resolution: int, seed: int) -> Tensor:
+    def noisy(self, code: IFS, resolution: int, seed: int) -> Tensor:
         return self._drawn(code, resolution, seed, self.points(resolution))
 
     def subpixels(self, resolution: int, side: int) -> float:

@@ -18,8 +18,8 @@ from .images.placement import Placement
 from .images.reading import ReadImage, read_colour, read_target, write_image
 from .methods.base import CurvePoint
 from .methods.collage.image.camera import estimated
+from .methods.collage.image.likeness import likeness_of_attractor
 from .methods.collage.image.objective import ImageObjective
-from .methods.collage.measure.levels import Levels
 from .methods.collage.measure.tones import levels_of, seen_with, taken_with
 from .methods.collage.params import CollageParams
 from .methods.history import StageRecord
@@ -73,7 +73,7 @@ class Likeness:
         masks = [(each > least).float()[None] for each in (rendering, image)]
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not taken.is_exact:
-            f1_1px = min(f1_1px, _on_the_shape(code, image, taken))
+            f1_1px = min(f1_1px, likeness_of_attractor(code, image, taken))
         return cls(f1, iou, objective.error(rendering) / objective.noise(code), f1_1px)
 
     def __str__(self) -> str:
@@ -250,23 +250,6 @@ class Inversion:
         image = self.target.image
         drawn = self.render(resolution=image.shape[-1])
         return sheets.png(sheets.comparison_strip(drawn[None], image[None], [f"F1 {self.likeness.f1:.3f}"], side=256))
-
-
-def _on_the_shape(code: IFS, image: Tensor, taken: Levels) -> float:
-    """F1 of two shares: of the attractor that lies within a pixel of the shape, and of the shape that lies near the
-    attractor: within a pixel, or half the size of the tiles that the camera takes the picture to be made of. Tiles are
-    drawn after the picture itself, and alone would make a wrong code look right."""
-    from scipy.ndimage import distance_transform_edt
-
-    side = len(image)
-    attractor = taken.occupied(code, side, 1, taken.points(side), 0, False).numpy() > 0
-    shape = (image > taken.camera.threshold).numpy()
-    if not attractor.any() or not shape.any():
-        return 0.0
-    tile = dict(zip(taken.lengths, taken.values, strict=False)).get("tile_px", 0.0) * side / 2
-    off, away = (np.asarray(distance_transform_edt(~mask), np.float32) for mask in (shape, attractor))
-    precision, recall = float((off[attractor] < 1.5).mean()), float((away[shape] < max(1.5, tile / 2)).mean())
-    return 2 * precision * recall / max(precision + recall, 1e-9)
 
 
 def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:

@@ -13,16 +13,19 @@ from fractal_exp.errors import InputError
 from fractal_exp.ifs import attractor
 from fractal_exp.inversion import Likeness
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.canonical.flat import on_their_line
 from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
+from fractal_exp.methods.collage.growth.stage import Growth
 from fractal_exp.methods.collage.image.camera import estimated
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.image.parents import with_parents
+from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents
 from fractal_exp.methods.collage.image.pruning import Price, without_doubles
 from fractal_exp.methods.collage.measure.bins import attractor_points
 from fractal_exp.methods.collage.measure.pens import Dots, Drawn
 from fractal_exp.methods.collage.measure.tiles import tiled, words
 from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.rendering.still import render_with_info
 
@@ -193,3 +196,36 @@ def test_a_picture_of_polygons_gives_the_textbook_code():
 def test_a_camera_out_of_range_is_refused(camera):
     with pytest.raises(InputError, match="camera"):
         invert(triangles(3), camera=camera)
+
+
+def test_what_maps_do_across_a_line_does_not_keep_their_parent_from_being_found():
+    """Cantor's set: f1, and what f2 makes of f1 and of itself, each with something else across the line."""
+    first, second = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
+    cantor = affine.to_code(torch.stack([first, second]))
+    parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
+    parts[:, [1, 3]] = torch.tensor([[0.7, 0.1], [-0.4, 0.9], [-0.4, 0.3]])  # what y does cannot be seen
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, PIXEL, 0.0)).render(cantor, SIDE, 0)
+    judge = ImageObjective(image, Drawn(CAMERA, image, (0.0, PIXEL, 0.0)), PARAMS)
+    fewer = with_fewer_maps(judge, judge.judge(parts), Price(0.0, 0.1), 4)
+    assert len(fewer.maps) == 2
+    lines = fewer.maps[:, [0, 4]].abs()  # a set that is its own mirror image: either sign
+    assert torch.allclose(lines, torch.tensor([[1 / 3, 0.5]]).expand(2, 2), atol=0.01)
+
+
+def test_maps_of_a_shape_that_is_no_line_stay():
+    maps = affine.from_code(GASKET)
+    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0)
+    assert on_their_line(maps, points, PIXEL) is maps
+
+
+def test_a_code_that_explains_thick_lines_is_not_replaced_by_grown_maps():
+    """Its attractor is thinner than the drawing; its drawing is not."""
+    first, second = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
+    cantor, pen = affine.to_code(torch.stack([first, second])), (0.0, 2.5 * PIXEL, 0.0)
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(cantor, SIDE, 0)
+    levels = Drawn(CAMERA, image)
+    found = Candidate(torch.stack([first, second]), None, 0.0, 0.0, ("coverage", *pen))
+    growth = Growth(SearchProblem(image, levels, PARAMS))
+    growth.open(State(best=found))
+    assert growth.grower.likeness(found) < PARAMS.growth.unlike
+    assert not growth.is_wanted(State(best=found))

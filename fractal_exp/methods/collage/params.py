@@ -441,7 +441,9 @@ class MoveParams(Params):
     """Orders of roots."""
     double_px: Amount = 2.0
     """Maps of a code of a picture that others drew that are no farther apart (rms, pixels) are one."""
-    parent_maps: Count = 5
+    flat_px: Amount = 0.75
+    """Standard deviation across a line (pixels) below which the shape is taken to lie on it."""
+    parent_maps: Count = 8
     """Maps that a code of a picture that others drew may have for such to be looked for that several of its maps are
     compositions of."""
     parent_tried: Count = 6

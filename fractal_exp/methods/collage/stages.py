@@ -11,7 +11,8 @@ from .canonical.symmetry import simplest, symmetries
 from .growth.stage import Growth
 from .image.crossing import Crossing
 from .image.gauss_newton import fitted_into_frame, polished
-from .image.objective import ImageObjective
+from .image.objective import ImageObjective, Rendered
+from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
 from .measure.bins import attractor_points
 from .measure.search import Regime
@@ -285,24 +286,28 @@ class LastDigits(Stage):
         found = state.result
         if self._is_far(found):
             return found
-        canonical = self.params.canonical if self.problem.levels.is_exact else self.params.canonical.of_drawn()
+        start, canonical = self.objective.judge(found.maps, found.weights), self.params.canonical
         if not self.problem.levels.is_exact:
-            found = self._simplest(found)
-        rounding = Rounding(self.objective, self.problem.deadline, canonical)
-        last = rounding(self.objective.judge(found.maps, found.weights))
+            start, canonical = self._simplest(start), canonical.of_drawn()
+        last = Rounding(self.objective, self.problem.deadline, canonical)(start)
         if not self.problem.levels.is_exact:
             last = pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
                           deadline=self.problem.deadline)
         weights = None if last.weights is None else last.probabilities
         return Candidate(last.maps, weights, last.error, last.error, found.camera)
 
-    def _simplest(self, found: Candidate) -> Candidate:
-        """Of the codes that differ by symmetries of the shape, the simplest, unless it is rendered notably worse."""
-        now = self.objective.judge(found.maps, found.weights)
-        maps = simplest(found.maps, symmetries(self.objective.image.cpu(), self.params.canonical))
-        other = polished(self.objective, self.objective.judge(maps, found.weights), self.params.canonical.polish,
-                         deadline=self.problem.deadline)
-        return found if other.error > self.params.canonical.drawn_worse * now.error else replace(found, maps=other.maps)
+    def _simplest(self, found: Rendered) -> Rendered:
+        """Of the codes that differ by symmetries of the shape, or by parents in place of maps, the simplest, unless it
+        is rendered notably worse."""
+        objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
+        maps = simplest(found.maps, symmetries(objective.image.cpu(), params))
+        other = polished(objective, objective.judge(maps, found.weights), params.polish, deadline=deadline)
+        if not self.params.maps:
+            price = Price(0.0, self.params.moves.worth)
+            other = with_fewer_maps(objective, other, price, params.polish, deadline)
+        flat = objective.judge(flattened(objective, other), other.weights)
+        other = min(flat, other, key=lambda each: each.error)
+        return found if other.error > params.drawn_worse * found.error else other
 
     def _is_far(self, found: Candidate) -> bool:
         """Whether simple numbers near to the found ones would tell nothing."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
+from ..image.likeness import likeness_of
 from ..problem import SearchProblem
 from ..stage import Stage
 from ..state import Candidate, Grown, State
@@ -46,7 +47,7 @@ class Growth(Stage):
         if found is None or state.current is not None:
             return True
         self.open(state)
-        return self.grower.likeness(found) < max(self.params.likeness or 0, self.params.growth.unlike)
+        return self._likeness(found) < max(self.params.likeness or 0, self.params.growth.unlike)
 
     def open(self, state: State) -> None:
         problem = self.problem
@@ -65,12 +66,20 @@ class Growth(Stage):
     def close(self, state: State) -> State:
         found, chosen = state.result, self._chosen(state.curve)
         fits = found is not None and self.params.maps in (None, len(found.maps))
-        if fits and chosen.likeness < self.grower.likeness(found) + self.params.growth.margin:
+        if fits and chosen.likeness < self._likeness(found) + self.params.growth.margin:
             return replace(state, best=found, before=None)
         objective = self.problem.objective(len(self.problem.image), chosen.code, derive(self.problem.seed, "grown"))
         error = objective.judge(chosen.maps, chosen.weights).error
         return replace(state, best=Candidate(chosen.maps, chosen.weights, error, error), before=None,
                        stopped=f"{len(chosen.maps)} maps were grown, F1 {chosen.likeness:.3f} within a pixel")
+
+    def _likeness(self, found: Candidate) -> float:
+        """Of what the search found: F1 within a pixel."""
+        problem = self.problem
+        if problem.levels.is_exact:
+            return self.grower.likeness(found)
+        seed = derive(problem.seed, "found")
+        return likeness_of(found, problem.objective(len(problem.image), found.code, seed, camera=found.camera))
 
     @property
     def _goal(self) -> float:

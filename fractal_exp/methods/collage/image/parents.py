@@ -6,21 +6,36 @@ import torch
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
+from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from .. import maps as affine
+from ..canonical.flat import on_their_line
 from ..canonical.symmetry import symmetries
 from ..measure.bins import attractor_points
+from .gauss_newton import polished
 from .objective import ImageObjective, Rendered
+from .pruning import Price
+
+
+def with_fewer_maps(objective: ImageObjective, shown: Rendered, price: Price, steps: int,
+                    deadline: Deadline = NO_DEADLINE) -> Rendered:
+    """The code with parents in place of its maps, one after the other, as long as they are worth it at this price a
+    map. Each code that is tried is polished by so many steps."""
+    while len(shown.maps) <= objective.params.moves.parent_maps and not deadline.passed:
+        tried = [polished(objective, each, steps, deadline=deadline) for each in with_parents(objective, shown)]
+        best = min([shown, *tried], key=lambda each: price.score(each.error, len(each.maps)))
+        if best is shown:
+            break
+        shown = best
+    return shown
 
 
 def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
     """The code with each of its parents in place of the maps whose images lie within the parent's: a parent is one of
     its maps undone by another, or by another after a symmetry of the shape, if that is contractive and sends the
     attractor to where the image is lit; `MoveParams.parent_tried` at most, of large ones."""
-    params = objective.params.moves
-    points = attractor_points(shown.maps, shown.probabilities, params.parent_points,
-                              derive(objective.seed, "parents")).cpu()
-    maps, side = shown.maps.cpu(), len(objective.image)
+    params, side = objective.params.moves, len(objective.image)
+    points, maps = _points(objective, shown), flattened(objective, shown).cpu()
     found = _undone(maps, symmetries(objective.image.cpu(), objective.params.canonical),
                     objective.params.gauss_newton.largest)
     found = found[_inside(_images(found, points), objective.image.cpu() > 0) >= params.parent_inside]
@@ -35,6 +50,18 @@ def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
         if bool(rest.any()):
             judged.append(objective.judge(torch.cat([parent[None], maps[rest]]).to(shown.maps), weights))
     return judged
+
+
+def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
+    """The maps (N,6) of a code, see `on_their_line`."""
+    thinnest = 2 / len(objective.image) * objective.params.moves.flat_px
+    return on_their_line(shown.maps.cpu(), _points(objective, shown), thinnest).to(shown.maps)
+
+
+def _points(objective: ImageObjective, shown: Rendered) -> Tensor:
+    """Points (P,2) of the attractor."""
+    return attractor_points(shown.maps, shown.probabilities, objective.params.moves.parent_points,
+                            derive(objective.seed, "parents")).cpu()
 
 
 def _undone(maps: Tensor, group: list[Tensor], largest: float) -> Tensor:

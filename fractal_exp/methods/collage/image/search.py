@@ -24,7 +24,7 @@ from .moves import MOVES
 from .moves.growth import CorrectedMeasure
 from .moves.root import rooted
 from .objective import ImageObjective, Rendered
-from .parents import with_parents
+from .parents import with_fewer_maps
 from .pruning import Price, pruned, pruned_in_frame
 from .refine import refined
 
@@ -55,7 +55,7 @@ class ImageSearch:
         first = self._simpler(found[0], found[-1])
         best = self.polished(self.pruned(first), half)
         if not self.objective.levels.is_exact:  # what is pruned at this price may be what the root of a map needs
-            best = min(best, self._with_root(first) or best, self._with_parent(first), key=self.score)
+            best = min(best, self._with_root(first) or best, self._with_parents(first), key=self.score)
         return self.candidate(self._with_root(best) or best)
 
     def _with_root(self, best: Rendered) -> Rendered | None:
@@ -72,13 +72,11 @@ class ImageSearch:
                 return self.polished(new, moves.polish_ends // 2)
         return None
 
-    def _with_parent(self, now: Rendered) -> Rendered:
-        """The code with a map of which several of its maps are compositions, if that is better."""
-        moves = self.params.moves
-        if self.params.maps or len(now.maps) > moves.parent_maps:
+    def _with_parents(self, now: Rendered) -> Rendered:
+        """The code with maps of which several of its maps are compositions, if that is better."""
+        if self.params.maps:
             return now
-        tried = [self.polished(each, moves.polish_ends // 2) for each in with_parents(self.objective, now)]
-        return min([now, *tried], key=self.score)
+        return with_fewer_maps(self.objective, now, self.price, self.params.moves.polish_ends // 2, self.deadline)
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better neighbour."""

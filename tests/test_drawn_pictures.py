@@ -17,6 +17,7 @@ from fractal_exp.methods.collage.canonical.flat import on_their_line
 from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
 from fractal_exp.methods.collage.growth.stage import Growth
 from fractal_exp.methods.collage.image.camera import estimated
+from fractal_exp.methods.collage.image.likeness import likeness_of_attractor, without_unseen
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents
 from fractal_exp.methods.collage.image.pruning import Price, without_doubles
@@ -229,3 +230,26 @@ def test_a_code_that_explains_thick_lines_is_not_replaced_by_grown_maps():
     growth.open(State(best=found))
     assert growth.grower.likeness(found) < PARAMS.growth.unlike
     assert not growth.is_wanted(State(best=found))
+
+
+def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
+    maps = affine.from_code(GASKET)
+    tiny = torch.tensor([[.02, 0, 0, .02, *maps[0, 4:]]])  # within the image of the first
+    pen = (0.0, 0.5 * PIXEL, 0.0)
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(GASKET, SIDE, 0)
+    judge = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS)
+    shown = judge.judge(torch.cat([maps, tiny]))
+    found = without_unseen(judge, shown, 0)
+    assert len(found.maps) == 3
+    assert torch.allclose(found.maps, maps, atol=PIXEL)
+    assert len(without_unseen(judge, shown, 4).maps) == 4
+
+
+@pytest.mark.parametrize(("tile", "on_the_shape"), [(8.0, True), (0.0, False)])
+def test_an_attractor_may_be_off_a_lattice_by_half_a_small_tile(tile, on_the_shape):
+    lattice = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 0.1 * PIXEL, 0.0)).render(SEGMENT, SIDE, 0)
+    lattice = sum(torch.roll(lattice, 5 * k, 0) for k in range(-4, 5)).clamp(max=1)  # lines five pixels apart
+    half = torch.tensor([[0, -10 * PIXEL], [0, 10 * PIXEL]]).repeat(2, 1)
+    filled = IFS(SEGMENT.linear[[0, 0, 1, 1]], SEGMENT.offset[[0, 0, 1, 1]] + half)  # the rectangle of the lines
+    levels = Drawn(CAMERA, lattice, (tile * PIXEL, 0.0, 0.0))
+    assert (likeness_of_attractor(filled, lattice, levels) > 0.95) == on_the_shape

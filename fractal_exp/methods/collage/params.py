@@ -321,6 +321,8 @@ class CameraParams(Params):
     """Standard deviation of the blur, pixels of the image; none: estimated, or none of a linear image."""
     tiles_px: tuple[Factor, ...] = (32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
     """Sizes of the smallest parts of a construction that are tried; none: only the attractor is."""
+    small_tile_px: Amount = 8.0
+    """Size of such parts by half of which, at most, a code's attractor may lie off the shape in the picture."""
     dotted: Share = 0.75
     """Dots explain a picture if their angle of error is below this share of that of a pen."""
     gain: Factor | None = None
@@ -441,6 +443,8 @@ class MoveParams(Params):
     """Orders of roots."""
     double_px: Amount = 2.0
     """Maps of a code of a picture that others drew that are no farther apart (rms, pixels) are one."""
+    unseen: Share = 0.002
+    """Likeness (F1 within a pixel) that a map must add to a code of a picture that others drew."""
     flat_px: Amount = 0.75
     """Standard deviation across a line (pixels) below which the shape is taken to lie on it."""
     parent_maps: Count = 8

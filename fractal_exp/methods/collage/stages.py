@@ -11,6 +11,7 @@ from .canonical.symmetry import simplest, symmetries
 from .growth.stage import Growth
 from .image.crossing import Crossing
 from .image.gauss_newton import fitted_into_frame, polished
+from .image.likeness import without_unseen
 from .image.objective import ImageObjective, Rendered
 from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
@@ -297,9 +298,10 @@ class LastDigits(Stage):
         return Candidate(last.maps, weights, last.error, last.error, found.camera)
 
     def _simplest(self, found: Rendered) -> Rendered:
-        """Of the codes that differ by symmetries of the shape, or by parents in place of maps, the simplest, unless it
-        is rendered notably worse."""
+        """Of the codes that differ by symmetries of the shape, parents in place of maps, or maps that nobody sees, the
+        simplest, unless it is rendered notably worse."""
         objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
+        found = without_unseen(objective, found, self.params.maps or 0, deadline)
         maps = simplest(found.maps, symmetries(objective.image.cpu(), params))
         other = polished(objective, objective.judge(maps, found.weights), params.polish, deadline=deadline)
         if not self.params.maps:

@@ -78,8 +78,9 @@ class Growth(Stage):
         problem = self.problem
         if problem.levels.is_exact:
             return self.grower.likeness(found)
-        seed = derive(problem.seed, "found")
-        return likeness_of(found, problem.objective(len(problem.image), found.code, seed, camera=found.camera))
+        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"),
+                                      camera=found.camera)
+        return likeness_of(objective.judge(found.maps, found.weights), objective)
 
     @property
     def _goal(self) -> float:

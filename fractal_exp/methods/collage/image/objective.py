@@ -138,6 +138,11 @@ class ImageObjective:
         return self.angle(error) >= self.params.stages.hopeless
 
 
+def error_of(shown: Rendered) -> float:
+    """The key of the nearest rendering."""
+    return shown.error
+
+
 def reduced(image: Tensor, size: int, code: IFS, levels: Levels, params: CollageParams, seed: int) -> Tensor:
     """The image (R,R) at a smaller size (S,S), as it would have been rendered.
 

@@ -23,7 +23,7 @@ from .jacobian import FromRenderings
 from .moves import MOVES
 from .moves.growth import CorrectedMeasure
 from .moves.root import rooted
-from .objective import ImageObjective, Rendered
+from .objective import ImageObjective, Rendered, error_of
 from .parents import with_fewer_maps
 from .pruning import Price, pruned, pruned_in_frame
 from .refine import refined
@@ -222,8 +222,3 @@ class ImageSearch:
         if self._shown is None or self._shown.maps is not now.maps:
             self._shown = self.objective.judge(now.maps, now.weights)
         return self._shown
-
-
-def error_of(rendered: Rendered) -> float:
-    """The key of the nearest rendering."""
-    return rendered.error

@@ -123,9 +123,10 @@ def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any]) ->
     """
     check_count(len(rows))
     if weights is not None:
-        if min(weights) < 0 or not 0 < math.fsum(weights) < math.inf:
-            raise InputError("the maps' weights must be at least 0 and not all 0; correct them, or leave them all out")
-        total = math.fsum(weights)
+        total = sum(weights)
+        if min(weights) < 0 or not 0 < total < math.inf:
+            raise InputError("the maps' weights must be at least 0, not all 0 and not huge; correct them, or leave "
+                             "them all out")
         weights = weights if abs(total - 1) <= NORMALISED else [weight / total for weight in weights]
     table = torch.tensor(rows, dtype=torch.float64)
     chances = None if weights is None else torch.tensor(weights, dtype=torch.float64)

@@ -20,7 +20,8 @@ FLIP = np.diag([1.0, -1.0])  # flam3's y points down
 # Attributes of an xform that leave the points where they are. All others are variations, or their parameters.
 HARMLESS = {"weight", "coefs", "post", "linear", "opacity", "plotmode", "chaos", "color", "color_speed", "symmetry",
             "var_color", "animate", "name"}
-LOOK = {"supersample": "2", "filter": "0.1", "filter_shape": "gaussian", "quality": "200", "background": "0 0 0",
+# Of the quality 48, points a pixel, is the picture that `render` draws; more light up rare points too.
+LOOK = {"supersample": "2", "filter": "0.1", "filter_shape": "gaussian", "quality": "48", "background": "0 0 0",
         "brightness": "4", "gamma": "4", "gamma_threshold": "0.01", "vibrancy": "1", "estimator_radius": "0",
         "estimator_minimum": "0", "estimator_curve": "0.4", "palette_mode": "linear", "interpolation": "linear"}
 IDENTITY = "1 0 0 1 0 0"
@@ -59,9 +60,10 @@ def _code(flame: Flame) -> IFS:
     try:
         if flame.problem is not None:
             raise InputError(flame.problem)
-        affine = [_affine(xform, f"xform {i + 1}") for i, xform in enumerate(flame.xforms)]
         weights = [number_of(xform.get("weight", "0"), "a weight") for xform in flame.xforms]
-        rows = [_row(*_through(flame.final, linear, offset)) for linear, offset in affine]
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused with the code
+            affine = [_affine(xform, f"xform {i + 1}") for i, xform in enumerate(flame.xforms)]
+            rows = [_row(*_through(flame.final, linear, offset)) for linear, offset in affine]
         return code_of(rows, weights or None, _meta(flame))
     except InputError as error:
         raise InputError(f"flame {reprlib.repr(flame.name)}: {error}" if flame.name else f"flame: {error}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Callable
@@ -10,11 +11,14 @@ from pathlib import Path
 
 from .. import codes
 from ..errors import InputError, did_you_mean
+from ..ifs import attractor, formats
 from ..ifs.code import IFS
 from ..runtime.files import explain, is_of_file
 from ..suite import SUITE_SEED, random_suite
 
-CODE_HELP = "a code: a JSON file, the name of a classic (fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED"
+CODE_HELP = ("a code: a file (.json, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a classic "
+             "(fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
+FRAMES = {"canvas": attractor.normalize, "own": lambda code: code}
 
 
 class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
@@ -37,15 +41,28 @@ def read_code(text: str) -> IFS:
     if text.startswith("suite:"):
         index, seed = suite_address(text)
         return random_suite(index + 1, seed)[index]
-    path = Path(text)
+    path, name = _file_and_name(text)
     if path.is_dir() and (path / "code.json").is_file():
         path = path / "code.json"
-    if path.exists() or path.suffix == ".json":
-        return IFS.load(path)
+    if _may_be_file(path):
+        return IFS.load(path, name)
     if text in codes.names():
         return codes.known(text)
     near = did_you_mean(text, codes.names())
     raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
+
+
+def _file_and_name(text: str) -> tuple[Path, str | None]:
+    """FILE:NAME as its parts; a file that is there, or a suffix, decides which colon it is."""
+    if not os.path.exists(text):
+        for colon in (i for i, letter in enumerate(text) if letter == ":"):
+            if _may_be_file(Path(text[:colon])):
+                return Path(text[:colon]), text[colon + 1:]
+    return Path(text), None
+
+
+def _may_be_file(path: Path) -> bool:
+    return os.path.exists(path) or path.suffix.lower() in formats.suffixes()
 
 
 def suite_address(text: str) -> tuple[int, int]:

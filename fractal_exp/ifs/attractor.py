@@ -17,6 +17,8 @@ MAX_SWEEPS = 5_000        # of the support function's fixed-point iteration
 MAX_LETTERS = 20_000      # of words whose reach is bounded by their length too
 VISIBLE_CHANCE = 1e-6     # of a word that is seen
 LETTERS = 2000            # of a random address
+TRAJECTORIES = 1000       # of the chaos game, side by side
+WARM_UP = 200             # steps until they have forgotten that they began together
 
 
 def bounding_disc(code: IFS) -> tuple[np.ndarray, float]:
@@ -116,6 +118,26 @@ def random_point(code: IFS, seed: int | Sequence[int] = 0) -> tuple[float, float
     for a, b, c, d, e, f in np.hstack([linear.reshape(-1, 4), offset])[letters].tolist():
         x, y = a * x + b * y + e, c * x + d * y + f
     return x, y
+
+
+def random_points(code: IFS, count: int, seed: int | Sequence[int] = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Points (count,2), float64, of the attractor, drawn by the invariant measure, and the map (count,) that led to
+    each.
+
+    Trajectories begin at a point of the attractor, so all of their points are on it. Raises `InputError` if the code is
+    not contractive.
+    """
+    start = random_point(code, seed)
+    linear, offset = _float64(code)
+    p = code.sampling_probabilities().cpu().double().numpy()
+    kept = -(-count // TRAJECTORIES)
+    letters = np.random.Generator(np.random.PCG64(seed)).choice(len(p), (WARM_UP + kept, TRAJECTORIES), p=p / p.sum())
+    points, now = np.empty((kept, TRAJECTORIES, 2)), np.tile(start, (TRAJECTORIES, 1))
+    for step, maps in enumerate(letters):
+        now = np.einsum("kij,kj->ki", linear[maps], now) + offset[maps]
+        if step >= WARM_UP:
+            points[step - WARM_UP] = now
+    return points.reshape(-1, 2)[:count], letters[WARM_UP:].reshape(-1)[:count]
 
 
 def _float64(code: IFS) -> tuple[np.ndarray, np.ndarray]:

@@ -1,8 +1,7 @@
-"""IFS and View: frozen values, their algebra and their JSON."""
+"""IFS and View: frozen values, their algebra and their plain data."""
 
 from __future__ import annotations
 
-import json
 import math
 import reprlib
 from collections.abc import Mapping
@@ -15,7 +14,6 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..runtime.checks import check_dense
-from ..runtime.files import read_json, write_atomically
 
 FORMAT = "fractal-exp/ifs"
 VERSION = 1
@@ -143,18 +141,18 @@ class IFS:
             "probabilities": None if p is None else _exact(p), "meta": dict(self.meta),
         }
 
-    def save(self, path: str | Path) -> Path:
-        """Write the code as JSON, whole or not at all, and return the absolute path.
+    def save(self, path: str | Path, format: str | None = None) -> Path:
+        """Write the code to a file, whole or not at all, and return the absolute path.
 
-        Raises `InputError` where the file cannot be written, or where `meta` holds what JSON cannot.
+        The end of the name chooses the format: `.json` (all of the code, every bit; also without any suffix), `.ifs`
+        (Fractint), `.flame` (flam3), `.svg` (a drawing of the maps), `.ply` (points). format: its key instead: "json",
+        "lists", "rows", "fractint", "flame", "svg" or "ply". `fractal_exp.ifs.formats` says of each what it loses.
+        Raises `InputError` on another suffix or format, where the file cannot be written, or where the format cannot
+        hold the code.
         """
-        path = Path(path).absolute()
-        try:
-            text = json.dumps(self.to_json(), indent=1) + "\n"
-        except (TypeError, ValueError, RecursionError) as error:
-            raise InputError(f"meta must hold nothing but JSON (text, numbers, lists, mappings): {error}") from error
-        write_atomically(path, text)
-        return path
+        from .formats import save
+
+        return save([self], path, format)
 
     @classmethod
     def from_json(cls, data: Any) -> IFS:
@@ -175,13 +173,14 @@ class IFS:
         return code.check_contractive()
 
     @classmethod
-    def load(cls, path: str | Path) -> IFS:
-        """Read a code from a JSON file (see `from_json`). Raises `InputError` naming the file."""
-        data = read_json(path, "the code")
-        try:
-            return cls.from_json(data)
-        except InputError as error:
-            raise InputError(f"{Path(path).absolute()}: {error}") from error
+    def load(cls, path: str | Path, name: str | None = None) -> IFS:
+        """Read a code from a JSON (see `from_json`), Fractint (`.ifs`) or flam3 (`.flame`) file.
+
+        name: which code of a file with several, or "#2" for the second. Raises `InputError` naming the file.
+        """
+        from .formats import load
+
+        return load(path, name)
 
 
 def sampling_probabilities(linear: Tensor) -> Tensor:

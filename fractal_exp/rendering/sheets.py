@@ -11,11 +11,12 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..ifs import attractor
-from ..ifs.code import IFS
+from ..ifs.code import IFS, View
 from .still import render_with_info
 
 LEAST_FONT = 9                             # pixels high
 GAP = 4                                    # pixels between pictures
+SHADE = 40                                 # grey level of a silhouette
 MISSING = np.array([1.0, 0.55, 0.1])       # orange: in the target alone
 EXTRA = np.array([0.2, 0.6, 1.0])          # blue: in the result alone
 COLUMNS = ("target", "result", "orange: missing, blue: too much")
@@ -93,6 +94,15 @@ def portrait(code: IFS, side: int = 256) -> bytes | None:
     except InputError:
         return None
     return png(render_with_info(framed, resolution=side)[0])
+
+
+def silhouette(code: IFS, view: View, side: int) -> bytes:
+    """A view of a code as the bytes of a PNG: dark grey, as opaque as a pixel is covered."""
+    image = render_with_info(code, view, resolution=side)[0]
+    opacity = np.rint(255 * image.numpy()).astype(np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(np.dstack([np.full_like(opacity, SHADE), opacity]), "LA").save(file, format="PNG")
+    return file.getvalue()
 
 
 def png(image: Tensor | np.ndarray) -> bytes:

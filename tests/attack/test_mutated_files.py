@@ -23,13 +23,15 @@ from fractal_exp import IFS, InputError
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.cli.jobs import Outcome
 from fractal_exp.codes import known
+from fractal_exp.ifs import formats
 from fractal_exp.images.reading import read_target
 from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
 
 CPU_SECONDS, SECONDS = 60, 300  # that one reading may take: of the processor's time, and asleep
 MEBIBYTES = 2000  # that readings may add to the process: a changed size may come to the largest picture that is read
 EXTREMES = [b"1e400", b"-1e308", b"1e39", b"NaN", b"Infinity", b"9" * 400, b"9" * 5000, b"true", b"null", b'"1"', b"[]",
-            b"{}", b"-1", b"0", b"1e-320", b"4294967296", b"[" * 2000, b'{"a":1,"a":2}']
+            b"{}", b"-1", b"0", b"1e-320", b"4294967296", b"[" * 2000, b'{"a":1,"a":2}', b"<xform/>",
+            b"<edit>" * 2000, b"&a;", b"}{", b"1 " * 20_000]
 SNAPSHOT = Snapshot(7, {"raw/x": torch.arange(300.0), "step": torch.tensor(7)}, {"losses": [0.1, 1 / 3], "best": {}})
 IDENTITY = {"model": {"maps": 3}, "seed": 0, "target": {"name": "fern"}}
 SCORES = {"eval/f1": 0.5, "time/fit_seconds": 12.5}
@@ -82,6 +84,14 @@ def make_codes(folder):
     (folder / "lists.json").write_text(json.dumps({"ifs_m": fern.linear.tolist(), "ifs_t": fern.offset.tolist()}))
 
 
+def make_formats(folder):
+    """Codes in the other formats that are read, alone and two in a file."""
+    fern, levy = known("fern"), known("levy_c_curve")
+    for suffix in (".ifs", ".flame"):
+        fern.save(folder / f"fern{suffix}")
+        formats.save([fern, levy], folder / f"both{suffix}")
+
+
 def make_pictures(folder):
     """The same shape in every format that is read, some in several modes."""
     levels = np.zeros((48, 64), np.uint8)
@@ -106,11 +116,16 @@ def make_records(folder):
     Outcome("finished", "full", "7", 12.5, SCORES).write(folder / "fit")
 
 
-def read_code(path):
-    code = IFS.load(path)
+def read_code(path, name=None):
+    code = IFS.load(path, name)
     assert torch.isfinite(code.linear).all() and torch.isfinite(code.offset).all()
     assert float(code.singular_values().max()) < 1 and isinstance(code.meta, dict)
     assert float(code.sampling_probabilities().sum()) == pytest.approx(1, abs=2e-3)
+
+
+def read_every_code(path):
+    for name in ("#1", "#2") if path.stem == "both" else (None,):
+        read_code(path, name)
 
 
 def read_picture(path):
@@ -141,9 +156,10 @@ def read_record(path):
         assert isinstance(outcome.row, str) and isinstance(outcome.status, str)
 
 
-KINDS = {"codes": (make_codes, read_code), "pictures": (make_pictures, read_picture),
-         "checkpoints": (make_checkpoint, read_checkpoint), "records": (make_records, read_record)}
-TEXTUAL = (".json",)
+KINDS = {"codes": (make_codes, read_code), "formats": (make_formats, read_every_code),
+         "pictures": (make_pictures, read_picture), "checkpoints": (make_checkpoint, read_checkpoint),
+         "records": (make_records, read_record)}
+TEXTUAL = (".json", ".ifs", ".flame")
 
 
 def campaign(counts, folder, results):
@@ -207,4 +223,4 @@ def test_a_few_changed_files_are_read_or_refused(tmp_path):
 
 @pytest.mark.slow
 def test_thousands_of_changed_files_are_read_or_refused(tmp_path):
-    attack({"codes": 300, "pictures": 160, "checkpoints": 600, "records": 150}, tmp_path)
+    attack({"codes": 300, "formats": 400, "pictures": 160, "checkpoints": 600, "records": 150}, tmp_path)

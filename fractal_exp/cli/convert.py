@@ -1,0 +1,59 @@
+"""`fractal-convert`: a code from one format to another. A plain command line, since there is nothing to compose."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..errors import InputError
+from ..ifs import formats
+from ..runtime import threads
+from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
+
+DESCRIPTION = """Write codes in another format, which the end of the file's name chooses:
+
+  .json           all of a code, every bit (--to lists and --to rows: the two public spellings)
+  .ifs            Fractint: several named codes as text
+  .flame          flam3 and Apophysis: maps, weights, camera, palette and colours
+  .svg            a drawing of the maps over the shape
+  .ply            200 000 points in space, at z = 0
+
+Several codes go into one .ifs or .flame file. Codes stay where they are unless --frame canvas brings each to the canvas
+[-1,1]², its longer side from -0.75 to 0.75. A .flame file's camera shows the attractor in either case.
+
+examples
+  fractal-convert fern fern.flame                            then: env in=fern.flame flam3-render
+  fractal-convert plants.ifs:fern fern.json                  one of several codes, by name
+  fractal-convert sheep.flame:#2 sheep.svg --frame canvas    the second one
+  fractal-convert fern tree maple_leaf plants.ifs            three codes in one file
+  fractal-convert leaf.json rows.json --to rows              rows a b c d e f p"""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
+    parser = command_parser("fractal-convert", DESCRIPTION)
+    parser.add_argument("codes", nargs="+", metavar="code", help=CODE_HELP)
+    parser.add_argument("out", help="file to write")
+    parser.add_argument("--to", metavar="FORMAT", help=f"instead of by the file's name: {', '.join(formats.FORMATS)}")
+    parser.add_argument("--frame", choices=FRAMES, default="own", help="bring the codes to the canvas or not")
+    command("fractal-convert", convert, parser, arguments)
+
+
+def convert(options: argparse.Namespace) -> None:
+    """Write what the command line asks for."""
+    threads.use()
+    format = formats.of_file(options.out, options.to)  # refused before codes are read
+    if len(options.codes) > 1 and not format.several:
+        raise InputError(f"a {format.key} file holds one code, got {len(options.codes)}; write a file for each, or "
+                         f"all to one that holds several: {', '.join(_of_several())}")
+    codes = [FRAMES[options.frame](read_code(text)) for text in options.codes]
+    path = formats.save(codes, Path(options.out), options.to)
+    print(f"{path} ({format.key}, {', '.join(f'{len(code)} maps' for code in codes)})")
+
+
+def _of_several() -> list[str]:
+    return [suffix for suffix, format in formats.suffixes().items() if format.several]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Formats of files that hold codes, chosen by the end of the file's name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...errors import InputError, did_you_mean
+from ...runtime.files import LARGEST_JSON, read_file, write_atomically
+from ..code import IFS
+from .base import CodeFormat, Entry, choose, code_of
+from .flame import FlameFile
+from .fractint import Fractint
+from .own import Json, Lists, Rows
+from .ply import Ply
+from .svg import Svg
+
+__all__ = ["FORMATS", "CodeFormat", "Entry", "code_of", "load", "of_file", "register", "save", "suffixes"]
+
+LARGEST = LARGEST_JSON  # bytes of a file that is read
+FORMATS: dict[str, CodeFormat] = {each.key: each for each in (
+    Json(), Lists(), Rows(), Fractint(), FlameFile(), Svg(), Ply())}
+DEFAULT = FORMATS["json"]
+
+
+def register(format: CodeFormat) -> None:
+    """Add a format, so that `IFS.load`, `IFS.save` and the commands know it. Raises `InputError` if its key or one of
+    its suffixes is taken."""
+    taken = suffixes().keys() & set(format.suffixes)
+    if format.key in FORMATS or taken:
+        what = f"suffix {sorted(taken)[0]!r}" if taken else f"key {format.key!r}"
+        raise InputError(f"a format with the {what} is registered already; choose another")
+    FORMATS[format.key] = format
+
+
+def suffixes() -> dict[str, CodeFormat]:
+    """The format of each suffix."""
+    return {suffix: format for format in FORMATS.values() for suffix in format.suffixes}
+
+
+def load(path: str | Path, name: str | None = None) -> IFS:
+    """See `IFS.load`. A file whose suffix no format has is read as JSON."""
+    format = suffixes().get(Path(path).suffix.lower(), DEFAULT)
+    data = read_file(path, "the code", LARGEST)
+    try:
+        return choose(format.entries(data), name)
+    except InputError as error:
+        raise InputError(f"{Path(path).absolute()}: {error}") from error
+
+
+def save(codes: Sequence[IFS], path: str | Path, format: str | None = None) -> Path:
+    """Write codes to a file, whole or not at all, and return its absolute path; see `IFS.save`.
+
+    Raises `InputError` on an unknown format or suffix, where the format cannot hold the codes, or where the file cannot
+    be written.
+    """
+    path = Path(path).absolute()
+    write_atomically(path, of_file(path, format).write(codes))
+    return path
+
+
+def of_file(path: str | Path, key: str | None = None) -> CodeFormat:
+    """The format in which a file is written: that of this key, or else of the path's suffix, JSON if it has none.
+
+    Raises `InputError` if there is none.
+    """
+    path, by_suffix = Path(path), suffixes()
+    if key is not None:
+        if key not in FORMATS:
+            raise InputError(f"no format is called {key!r}{did_you_mean(str(key), FORMATS) or ';'} there are "
+                             f"{', '.join(FORMATS)}")
+        return FORMATS[key]
+    if path.suffix and path.suffix.lower() not in by_suffix:
+        raise InputError(f"no format of codes ends in {path.suffix!r}{did_you_mean(path.suffix, by_suffix) or ';'} "
+                         f"there are {', '.join(by_suffix)}; name one with format= (--to), or change the suffix")
+    return by_suffix.get(path.suffix.lower(), DEFAULT)

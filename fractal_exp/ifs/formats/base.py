@@ -1,0 +1,152 @@
+"""What formats of codes share: the class to derive from, choosing among several codes, and numbers read with care."""
+
+from __future__ import annotations
+
+import math
+import re
+import reprlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from ...errors import InputError, did_you_mean
+from ..code import IFS
+
+MOST_MAPS = 10_000   # of one code; more is no code that anybody drew
+MOST_LISTED = 12     # names in an error message
+NORMALISED = 1e-3    # weights whose sum is nearer to 1 stay as they are
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One code of a file: its name, if it has one, and `read`, which makes the code or raises `InputError`.
+
+    A code that nobody asks for is not made, so that one bad entry does not close a file of a hundred good ones.
+    """
+
+    name: str | None
+    read: Callable[[], IFS]
+
+
+class CodeFormat:
+    """A format of files that hold codes.
+
+    key: its name in `IFS.save(path, format=…)` and `fractal-convert --to`. suffixes: how its files' names end, in lower
+    case, the usual one first. several: whether a file may hold more than one code. A format overrides `entries` if it
+    is read and `write` if it is written.
+    """
+
+    key: str
+    suffixes: tuple[str, ...] = ()
+    several = False
+
+    def entries(self, data: bytes) -> list[Entry]:
+        """The codes in a file's bytes, which are data from anywhere. Raises `InputError`."""
+        raise InputError(f"{self.key} files are written, not read; keep the code's JSON file beside them")
+
+    def write(self, codes: Sequence[IFS]) -> bytes:
+        """A file's bytes. Raises `InputError` if the format cannot hold the codes."""
+        raise InputError(f"{self.key} files are read, not written")
+
+
+def choose(entries: Sequence[Entry], name: str | None) -> IFS:
+    """The code that is called `name`, or #1, #2 … in the order of the file; without a name the only one.
+
+    Raises `InputError`, which lists the names, if none or several answer to it.
+    """
+    if not entries:
+        raise InputError("the file holds no code")
+    found = [i for i, entry in enumerate(entries) if name in (None, entry.name)]
+    number = re.fullmatch(r"#(\d{1,9})", name or "")
+    if not found and number and 1 <= int(number[1]) <= len(entries):
+        found = [int(number[1]) - 1]
+    if len(found) == 1:
+        return entries[found[0]].read()
+    if name is None:
+        raise InputError(f"the file holds {len(entries)} codes; choose one, as in IFS.load(path, name) or FILE:NAME: "
+                         f"{listed(entries)}")
+    if found:
+        numbers = ", ".join(f"#{i + 1}" for i in found[:MOST_LISTED])
+        raise InputError(f"{len(found)} codes are called {reprlib.repr(name)}; choose by number: {numbers}")
+    near = did_you_mean(name[:100], [entry.name for entry in entries if entry.name and len(entry.name) < 100][:1000])
+    raise InputError(f"the file holds no code called {reprlib.repr(name)}{near or ';'} it holds {listed(entries)}")
+
+
+def listed(entries: Sequence[Entry]) -> str:
+    """Names of entries for an error message: the first twelve, a number where there is no name."""
+    names = [f"#{i + 1}" if entry.name is None else reprlib.repr(entry.name)
+             for i, entry in enumerate(entries[:MOST_LISTED])]
+    more = len(entries) - len(names)
+    return ", ".join(names) + (f" and {more} more" if more > 0 else "")
+
+
+def text_of(data: bytes) -> str:
+    """A file's bytes as text, UTF-8 with or without a mark at its start, without the 0x1A that DOS ends files with.
+
+    Raises `InputError` if it is empty or anything else.
+    """
+    try:
+        text = data.rstrip(b"\x1a").decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"the file is not UTF-8 text (byte {error.start} is 0x{data[error.start]:02x}); save it as "
+                         "UTF-8") from None
+    if not text.strip():
+        raise InputError("the file is empty")
+    return text
+
+
+def number_of(text: str, what: str) -> float:
+    """A finite number in decimal notation. Raises `InputError` that names it as `what`."""
+    if not NUMBER.fullmatch(text):
+        raise InputError(f"{what} must be a number, got {reprlib.repr(text)}")
+    value = float(text)
+    if not math.isfinite(value):
+        raise InputError(f"{what} must be a finite number, got {reprlib.repr(text)}")
+    return value
+
+
+def numbers_of(text: str, count: int, what: str) -> list[float]:
+    """`count` finite numbers between spaces. Raises `InputError` that names them as `what`."""
+    words = text.split()
+    if len(words) != count:
+        raise InputError(f"{what} must be {count} numbers, got {reprlib.repr(text)}")
+    return [number_of(word, what) for word in words]
+
+
+def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any]) -> IFS:
+    """The contractive code of rows a b c d e f and of weights, which are divided by their sum unless that is 1.
+
+    Raises `InputError`.
+    """
+    check_count(len(rows))
+    if weights is not None:
+        total = sum(weights)
+        if min(weights) < 0 or not 0 < total < math.inf:
+            raise InputError("the maps' weights must be at least 0, not all 0 and not huge; correct them, or leave "
+                             "them all out")
+        weights = weights if abs(total - 1) <= NORMALISED else [weight / total for weight in weights]
+    table = torch.tensor(rows, dtype=torch.float64)
+    chances = None if weights is None else torch.tensor(weights, dtype=torch.float64)
+    return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:], chances, meta).check_contractive()
+
+
+def check_count(maps: int) -> None:
+    """Raise `InputError` unless a code may have so many maps."""
+    if not 1 <= maps <= MOST_MAPS:
+        raise InputError(f"a code has from 1 to {MOST_MAPS} maps, got {maps}" if maps else "the code has no map")
+
+
+def only_one(codes: Sequence[IFS], key: str) -> IFS:
+    """The code of a file that holds one. Raises `InputError` on several."""
+    if len(codes) != 1:
+        raise InputError(f"a {key} file holds one code, got {len(codes)}; write one file a code")
+    return codes[0]
+
+
+def plain(text: Any, most: int = 200) -> str:
+    """A note on one line without control characters, cut to `most` characters; empty if it is no text."""
+    words = " ".join(text.split()) if isinstance(text, str) else ""
+    return "".join(letter for letter in words if letter.isprintable())[:most]

@@ -1,0 +1,89 @@
+"""The XML of `.flame` files, read as it streams: no document type, no entity, no great depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+from xml.parsers import expat
+
+from ...errors import InputError
+from .base import check_count, plain
+
+DEEPEST = 64
+ROOT = "flame"
+COLOURING = {"palette", "color", "colors"}
+IGNORED = {"edit"}  # the history, with all that stands in it
+
+
+@dataclass
+class Flame:
+    """A `flame` element: its attributes, those of its maps and of the final map, and a problem that bars reading it."""
+
+    attributes: dict[str, str]
+    xforms: list[dict[str, str]] = field(default_factory=list)
+    final: dict[str, str] | None = None
+    problem: str | None = None
+
+    @property
+    def name(self) -> str | None:
+        return plain(self.attributes.get("name")) or None
+
+
+def flames(text: str) -> list[Flame]:
+    """The flames of a file. Raises `InputError` if it is no XML, or XML of a kind that could do harm."""
+    handler = _Handler()
+    parser = expat.ParserCreate("utf-8")
+    parser.StartElementHandler, parser.EndElementHandler = handler.start, handler.end
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = _refuse_declaration
+    try:
+        parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        raise InputError(f"the file is not XML: {expat.ErrorString(error.code)} in line {error.lineno}, column "
+                         f"{error.offset}") from None
+    return handler.found
+
+
+def _refuse_declaration(*_: Any) -> None:
+    raise InputError("the file declares a document type or an entity, which could make it endless or fetch other "
+                     "files; remove the declaration <!…>")
+
+
+class _Handler:
+    """Gathers flames as elements begin and end."""
+
+    def __init__(self) -> None:
+        self.found: list[Flame] = []
+        self._path: list[str] = []
+        self._flame_depth = 0
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        self._path.append(name)
+        if len(self._path) > DEEPEST:
+            raise InputError(f"the file's elements are nested more than {DEEPEST} deep; that is no flame")
+        if IGNORED & set(self._path[:-1]) or name in IGNORED:
+            return
+        if name == ROOT:
+            if self._flame_depth:
+                raise InputError("a <flame> stands in another; put them beside each other")
+            self._flame_depth = len(self._path)
+            self.found.append(Flame(attributes))
+        elif self._flame_depth:
+            _take(self.found[-1], self._path[self._flame_depth:], attributes)
+
+    def end(self, name: str) -> None:
+        if len(self._path) == self._flame_depth:
+            self._flame_depth = 0
+        self._path.pop()
+
+
+def _take(flame: Flame, path: list[str], attributes: dict[str, str]) -> None:
+    """Note an element inside a flame; path: its name after those of what it stands in."""
+    if path == ["xform"]:
+        flame.xforms.append(attributes)
+        check_count(len(flame.xforms))
+    elif path == ["finalxform"] and flame.final is None:
+        flame.final = attributes
+    elif not (len(path) == 1 and path[0] in COLOURING) and flame.problem is None:
+        twice = "a second " if path == ["finalxform"] else ""
+        flame.problem = (f"has {twice}<{plain(path[-1], 40)}>, which a code cannot hold; remove it, or write out the "
+                         "maps that it stands for")

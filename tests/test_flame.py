@@ -1,0 +1,206 @@
+"""flam3's `.flame` files: what is written is drawn by flam3 itself, what is read is what it draws, and hostile XML."""
+
+import itertools
+import os
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from fractal_exp import IFS, InputError, View, codes, render
+from fractal_exp.evaluation.metrics import f1
+from fractal_exp.ifs import attractor
+from fractal_exp.ifs.formats.flame import camera_of
+from fractal_exp.suite import random_suite
+
+SIDE = 256
+DRAWS = pytest.mark.skipif(shutil.which("flam3-render") is None,
+                           reason="needs flam3-render: apt-get install flam3-utils")
+# A flame as the field has them: unused variations, colours, history, a post transform, a camera aside.
+FIELD = """<?xml version="1.0"?>
+<Flames name="pack">
+<flame name="leaf &lt;1&gt;" time="3" size="640 640" center="0.1 -0.2" scale="160" zoom="0.5" palette="15">
+  <xform weight="0.7" color="0" linear="0.95" coefs=".85 -.12 .14 .8 .1 -.3" spherical="0" chaos="1 1 1"/>
+  <xform weight="2" color=".5" linear="1" coefs=".4 .3 -.3 .35 -.4 .2" post="1 0 .3 1 .1 0" plotmode="draw"/>
+  <xform weight="1" color="1" symmetry="-.5" linear="1" coefs=".3 -.2 .3 .4 .5 .1" opacity="0.8"/>
+  <color index="0" rgb="255 255 255"/><color index="255" rgb="255 200 200"/>
+  <edit by="me" action="random"><edit><sheep generation="1" id="3"/></edit></edit>
+</flame>
+<flame size="640 320" scale="100">
+  <xform weight="1" linear="1" coefs=".7 .2 -.2 .6 .3 0"/><xform weight="1" linear="1" coefs=".6 -.3 .2 .7 -.3 0"/>
+  <color index="0" rgb="255 255 255"/><color index="255" rgb="200 255 200"/>
+  <finalxform color="0" linear="1" coefs="0.9 0.4 -0.3 0.7 0.2 0.1" symmetry="1"/>
+</flame>
+<flame name="swirl"><xform weight="1" swirl="1" coefs="1 0 0 1 0 0"/></flame>
+</Flames>
+"""
+
+
+def attributes(**values):
+    return "".join(f' {key}="{value}"' for key, value in values.items())
+
+
+def xform(tag="xform", **values):
+    """An element of a contractive map with other attributes."""
+    return f"<{tag}{attributes(**{'weight': 1, 'linear': 1, 'coefs': '.5 0 0 .5 .25 0'} | values)}/>"
+
+
+def flame(*elements, **values):
+    return f"<flame{attributes(**values)}>{''.join(elements)}</flame>"
+
+
+def drawn(path, side=SIDE, index=0):
+    """What flam3 draws of a file's flame, (side, side); it takes the frame's larger side to be 1024 or so."""
+    out = path.with_name("drawn")
+    size = float(path.read_text().split('size="')[1 + index].split()[0])
+    subprocess.run(["flam3-render"], check=True, capture_output=True, timeout=300, env=os.environ | {
+        "in": str(path), "prefix": str(out), "ss": str(side / size), "isaac_seed": "fern", "nthreads": "1"})
+    pictures = sorted(path.parent.glob("drawn*.png"))
+    return torch.from_numpy(np.asarray(Image.open(pictures[index]).convert("L"), np.float32))
+
+
+@DRAWS
+@pytest.mark.parametrize("code", [codes.known("fern"), codes.known("heighway_dragon"), codes.known("cantor_dust"),
+                                  random_suite(8)[7]], ids=["fern", "dragon", "dust", "suite"])
+def test_flam3_draws_what_render_draws(tmp_path, code):
+    image = drawn(code.save(tmp_path / "code.flame"))
+    assert float(f1(image[None], render(code, camera_of(code), resolution=SIDE)[None])) >= 0.95
+
+
+@DRAWS
+def test_what_is_read_is_what_flam3_draws(tmp_path):
+    path = tmp_path / "field.flame"
+    field = re.sub("<edit.*</edit>", "", FIELD)  # flam3 3.1.1 crashes when it forgets a history
+    path.write_text(field.replace("<flame ", '<flame filter="0.1" gamma_threshold="0.01" quality="48" brightness="4" '
+                                             'estimator_radius="0" '))
+    for index, name in enumerate(["leaf <1>", "#2"]):
+        code = IFS.load(path, name)
+        image = drawn(path, index=index)
+        truth = render(code, View(**code.meta["camera"]), resolution=SIDE)
+        truth = truth[(SIDE - len(image)) // 2:(SIDE + len(image)) // 2]  # of a wide frame, the square around it
+        assert 0.01 < float((image > 0).float().mean()) < 0.7 and float(f1(image.flip(0)[None], truth[None])) < 0.8
+        assert float(f1(image[None], truth[None])) >= 0.95
+
+
+@DRAWS
+def test_flam3_draws_the_maps_in_their_colours(tmp_path):
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    code.save(tmp_path / "code.flame")
+    drawn(tmp_path / "code.flame", 128)
+    colours = np.asarray(Image.open(next(tmp_path.glob("drawn*.png"))).convert("RGB"), float)
+    left, right = (half[half.max(-1) > 100].mean(0) for half in (colours[64:, :64], colours[64:, 64:]))
+    assert np.abs(left - right).max() > 40
+
+
+def test_a_file_of_the_field(tmp_path):
+    path = tmp_path / "field.flame"
+    path.write_text(FIELD)
+    code = IFS.load(path, "leaf <1>")
+    torch.testing.assert_close(code.probabilities, torch.tensor([0.7, 2, 1]) / 3.7)
+    # columns a d, b e, c f of flam3 with y down become rows with y up; linear is a factor, post is applied last
+    torch.testing.assert_close(code.linear[0], 0.95 * torch.tensor([[0.85, -0.14], [0.12, 0.8]]))
+    torch.testing.assert_close(code.offset[0], 0.95 * torch.tensor([0.1, 0.3]))
+    torch.testing.assert_close(code.linear[1], torch.tensor([[0.4 + 0.3 * 0.3, -(-0.3 + 0.3 * 0.35)], [-0.3, 0.35]]))
+    torch.testing.assert_close(code.offset[1], torch.tensor([-0.4 + 0.3 * 0.2 + 0.1, -0.2]))
+    assert code.meta["name"] == "leaf <1>"
+    assert View(**code.meta["camera"]) == View((0.1, 0.2), 160 * 2**0.5 / 320)
+    with pytest.raises(InputError, match="holds 3 codes.*'leaf <1>', #2, 'swirl'"):
+        IFS.load(path)
+    with pytest.raises(InputError, match="flame 'swirl': xform 1 has the variation or parameter 'swirl'"):
+        IFS.load(path, "swirl")
+
+
+def test_a_final_map_moves_the_attractor(tmp_path):
+    path = tmp_path / "field.flame"
+    path.write_text(FIELD)
+    code = IFS.load(path, "#2")
+    plain = replace(code, linear=torch.tensor([[[0.7, -0.2], [0.2, 0.6]], [[0.6, 0.2], [-0.3, 0.7]]]),
+                    offset=torch.tensor([[0.3, 0], [-0.3, 0]]))
+    matrix, shift = torch.tensor([[0.9, -0.3], [0.4, 0.7]]), torch.tensor([0.2, 0.1])
+    for i in range(2):  # in flam3's frame, y down: the fixed point of a map goes to that of the conjugated one
+        down = torch.tensor([1.0, -1.0])
+        fixed = torch.linalg.solve(torch.eye(2) - plain.linear[i], plain.offset[i])
+        moved = torch.linalg.solve(torch.eye(2) - code.linear[i], code.offset[i]) * down
+        torch.testing.assert_close(moved, matrix @ fixed + shift)
+
+
+def test_the_camera_shows_the_canvas_or_else_all_of_the_attractor(tmp_path):
+    code = codes.known("sierpinski_triangle")
+    small = IFS.load(code.save(tmp_path / "a.flame"))
+    assert small.meta["camera"] == {"center": [0, 0], "zoom": 1}
+    fern = IFS.load(codes.known("fern").save(tmp_path / "b.flame"))
+    picture = render(fern, View(**fern.meta["camera"]), resolution=64)
+    rows, columns = picture.nonzero().T
+    assert 7 <= int(rows.min()) <= 9 and 54 <= int(rows.max()) <= 56
+    assert abs(int(columns.min() + columns.max()) - 63) <= 2
+    point = IFS([[[0.5, 0], [0, 0.5]]], [[3.0, 3.0]])
+    assert camera_of(point) == View((6, 6))
+
+
+BOMB = ('<!DOCTYPE f [<!ENTITY a "aaaaaaaaaa">' + "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip(
+    "abcdefgh", "bcdefghi", strict=True)) + ']><flame name="&i;"/>')
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    (BOMB, "declares a document type or an entity"),
+    ('<!DOCTYPE f SYSTEM "file:///etc/passwd"><flame/>', "declares a document type"),
+    ('<!DOCTYPE f [<!ENTITY x SYSTEM "file:///etc/passwd">]><flame name="&x;"/>', "declares a document type"),
+    ('<!DOCTYPE f [<!ENTITY % x SYSTEM "http://localhost:1/x.dtd">%x;]><flame/>', "declares a document type"),
+    ("<!DOCTYPE flame><flame/>", "declares a document type"),
+    ('<flame name="&x;"/>', "is not XML: undefined entity in line 1"),
+    ("<a>" * 100_000, "nested more than 64 deep"), ("<flame>" + "<edit>" * 100_000, "nested more than 64 deep"),
+    ("<flame>", "is not XML: no element found"), ("{}", "is not XML: not well-formed"), ("<fractal/>", "holds no code"),
+    ("<flame><flame/></flame>", "a <flame> stands in another"),
+    ("<flame/>", "flame: the code has no map"),
+    ('<flame name="&lt;script>alert(1)&lt;/script>"/>', r"flame '<script>alert\(1\)</script>': the code has no map"),
+    (flame(xform(), '<symmetry kind="3"/>'), "has <symmetry>, which a code cannot hold"),
+    (flame(xform(), "<script>alert(1)</script>"), "has <script>, which a code cannot hold"),
+    (flame('<xform linear="1"><motion/></xform>'), "has <motion>, which"),
+    (flame(xform(), *[xform("finalxform")] * 2), "has a second <finalxform>"),
+    (flame(xform(), xform("finalxform", coefs="1 1 1 1 0 0")), "finalxform flattens the picture"),
+    (flame(xform(), xform("finalxform", spherical=1)), "finalxform has the variation or parameter 'spherical'"),
+    (flame(xform(blur=0.1)), "xform 1 has the variation or parameter 'blur'; only 'linear' is affine"),
+    (flame(xform(onclick="alert(1)")), "xform 1 has the variation or parameter 'onclick'"),
+    (flame(xform(), xform(swirl="nan")), "xform 2 has the variation or parameter 'swirl'"),
+    (flame(xform(linear=0)), 'xform 1 has no variation; add linear="1"'),
+    (flame(xform(chaos="1 0")), r"xform 1 has 'chaos' \(xaos\)"), (flame(xform(chaos="x")), "chaos of xform 1 must be"),
+    (flame(xform(opacity=0)), "xform 1 is invisible"), (flame(xform(plotmode="off")), "xform 1 is invisible"),
+    (flame('<xform weight="1" linear="1"/>'), "xform 1 has no coefs"),
+    (flame(xform(coefs=".5 0 0 .5 NaN 0")), "coefs of xform 1 must be a number, got 'NaN'"),
+    (flame(xform(coefs=".5 0 0 .5 1e999 0")), "coefs of xform 1 must be a finite number"),
+    (flame(xform(coefs=".5 0 0 .5 1e39 0")), "offset must be finite"),
+    (flame(xform(coefs="1e300 0 0 .5 0 0", post="1e300 0 0 1 0 0")), "linear must be finite"),
+    (flame(xform(coefs=".5 0 0 .5 0")), "coefs of xform 1 must be 6 numbers, got '.5 0 0 .5 0'"),
+    (flame(xform(post="1 0")), "post of xform 1 must be 6 numbers"),
+    (flame(xform(coefs="1.5 0 0 .5 0 0")), "every map must be contractive .*map 0 has singular value 1.5; shrink"),
+    (flame(xform(linear=2)), "map 0 has singular value 1;"),
+    (flame(xform(weight=0)), "weights must be at least 0, not all 0"), (flame(xform(weight="x")), "a weight must be a"),
+    (flame(xform(), size="0 10"), "camera needs a size and a scale above 0"),
+    (flame(xform(), zoom=1e9), "and a zoom below 100, got"),
+    (flame(xform(), center="a b"), "center must be a number, got 'a'"),
+], ids=itertools.count())
+def test_a_hostile_or_broken_file_is_refused_with_the_remedy(tmp_path, text, message):
+    path = tmp_path / "broken.flame"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        IFS.load(path)
+    assert str(error.value).startswith(str(path)) and str(error.value).isprintable() and len(str(error.value)) < 1000
+
+
+def test_a_broken_flame_does_not_close_the_others(tmp_path):
+    (tmp_path / "a.flame").write_text(f'<x><flame name="bad"/>{flame(xform(), name="good")}</x>')
+    assert len(IFS.load(tmp_path / "a.flame", "good")) == 1
+
+
+def test_an_encoding_that_is_declared_is_not_believed(tmp_path):
+    path = tmp_path / "a.flame"
+    path.write_bytes(f'<?xml version="1.0" encoding="utf-7"?>{flame(xform(), name="é")}'.encode())
+    assert IFS.load(path).meta["name"] == "é"
+    path.write_bytes(f'<?xml version="1.0" encoding="utf-16"?>{flame(xform())}'.encode("utf-16"))
+    with pytest.raises(InputError, match="is not UTF-8 text"):
+        IFS.load(path)

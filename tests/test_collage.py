@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, meaning, measure_search, problem, small, tied
+from collage_helpers import DENSITY, FEW, FEW_PENS, PARAMS, meaning, measure_search, problem, small, tied
 from ops_helpers import check_descent, check_pushforward, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, invert, suite
@@ -257,7 +257,7 @@ def test_a_search_never_returns_a_worse_state(triangle):
 
 def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     _, image = triangle
-    found = invert(image, resolution=64, rounds=1, search={"restarts": 1, "moves": 2}, moves={"count": 0})
+    found = invert(image, resolution=64, camera=FEW_PENS, **FEW)
     assert found.method == "collage" and len(found.code) >= 2
 
 

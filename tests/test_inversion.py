@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 import torch
+from collage_helpers import FEW_PENS
 from PIL import Image
 
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
@@ -17,7 +18,8 @@ from fractal_exp.methods.base import CodeReconstruction, Method, Progress, stop_
 from fractal_exp.verdict import Verdict
 
 QUICK = {"resolution": 64, "rounds": 1,
-         "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1}}
+         "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1},
+         "growth": {"enabled": False}, "camera": FEW_PENS}
 SIZE = (180, 120)  # of the picture, in pixels
 
 

@@ -227,8 +227,7 @@ def test_a_code_is_cleaned_when_the_moves_asked_for_end_and_now_and_then_after(t
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
-    _, image = triangle
-    five = suite.target(codes.known("vicsek"), 128)
+    image, five = (suite.target(code, 64) for code in (triangle[0], codes.known("vicsek")))
     assert len(small(maps=4, search={"moves": 12}).reconstruct(image).code) == 4
     assert len(small(maps=3).reconstruct(five).code) == 3
     assert len(small(at_most=3).reconstruct(five).code) <= 3

@@ -20,6 +20,13 @@ CAMERA = PARAMS.camera
 DENSITY, COVERAGE, BINARY = (LEVELS[name](CAMERA) for name in ("density", "coverage", "binary"))
 FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1,   # moves
        "growth": {"enabled": False}}
+FEW_PENS = {"pens_px": [0.5, 1.0], "blurs_px": [0.5], "tiles_px": [], "gains": [0.1]}  # that may have drawn a picture
+BRIEF = {  # a search goes through all its steps, but does not polish what it has found for long
+    "image": {"last_renderings": 1, "reduced_renderings": 1}, "refine": {"steps": 30},
+    "moves": {"polish_ends": 1, "polish_rest": 1}, "saturation": {"trajectories": 500},
+    "gauss_newton": {"rendered_steps": 1, "strides": [1.0, 2.0], "last_patience": 1},
+    "canonical": {"polish": 1, "lines_tried": 1, "nudges": [0.0]}, "growth": {"enabled": False},
+    "camera": FEW_PENS}
 
 
 def merged(first: dict, second: dict) -> dict:
@@ -58,10 +65,9 @@ def problem(image: Tensor, **options) -> SearchProblem:
 
 
 def small(**options) -> Collage:
-    """A search of two restarts and few moves."""
-    few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2}, "moves": {"count": 2}, "rounds": 1, "previews": 1,
-           "growth": {"enabled": False}}
-    return Collage(**merged(few, options))
+    """A brief search of two restarts and few moves."""
+    few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2}, "moves": {"count": 2}, "rounds": 1, "previews": 1}
+    return Collage(**merged(merged(BRIEF, few), options))
 
 
 def tied(maps: Tensor, error: float = 0.0) -> Candidate:

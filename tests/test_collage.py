@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, meaning, measure_search, problem, small, tied
+from collage_helpers import DENSITY, FEW, FEW_PENS, PARAMS, meaning, measure_search, problem, small, tied
 from ops_helpers import check_descent, check_pushforward, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, invert, suite
@@ -227,8 +227,7 @@ def test_a_code_is_cleaned_when_the_moves_asked_for_end_and_now_and_then_after(t
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
-    _, image = triangle
-    five = suite.target(codes.known("vicsek"), 128)
+    image, five = (suite.target(code, 64) for code in (triangle[0], codes.known("vicsek")))
     assert len(small(maps=4, search={"moves": 12}).reconstruct(image).code) == 4
     assert len(small(maps=3).reconstruct(five).code) == 3
     assert len(small(at_most=3).reconstruct(five).code) <= 3
@@ -257,7 +256,7 @@ def test_a_search_never_returns_a_worse_state(triangle):
 
 def test_the_library_takes_collage_search_unless_told_otherwise(triangle):
     _, image = triangle
-    found = invert(image, resolution=64, rounds=1, search={"restarts": 1, "moves": 2}, moves={"count": 0})
+    found = invert(image, resolution=64, camera=FEW_PENS, **FEW)
     assert found.method == "collage" and len(found.code) >= 2
 
 

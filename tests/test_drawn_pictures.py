@@ -183,7 +183,8 @@ def test_a_checkpoint_keeps_the_camera():
 
 
 def test_a_picture_of_polygons_gives_the_textbook_code():
-    found = invert(triangles(4), resolution=SIDE, search={"restarts": 2, "moves": 15, "proposals": 1})
+    found = invert(triangles(4), resolution=SIDE, moves={"drawn_count": 8},
+                   search={"restarts": 1, "moves": 10, "detail_moves": 5, "proposals": 1})
     assert len(found.code) == 3
     assert found.code.linear.flatten().tolist() == pytest.approx([.5, 0, 0, .5] * 3, abs=0.01)
     assert found.camera["levels"] == "coverage"

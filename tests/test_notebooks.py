@@ -7,10 +7,12 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from collage_helpers import FEW_PENS
 from nbclient import NotebookClient
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-SEARCH = {"rounds": 1, "search": {"restarts": 1, "moves": 3, "detail_moves": 1}, "moves": {"count": 1}}
+SEARCH = {"rounds": 1, "search": {"restarts": 1, "moves": 3, "detail_moves": 1}, "moves": {"count": 1},
+          "growth": {"enabled": False}, "camera": FEW_PENS}
 QUICK = {  # values of the parameters that take moments: they show that everything runs, not what it can do
     "01_quickstart": {"resolution": 64, "options": SEARCH},
     "02_ablations": {},  # reads a sweep, see `output`

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import fractal_exp.conf
 import pytest
-import torch
 import yaml
 from collage_helpers import image_search, small, tied
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from fractal_exp import InputError
+from fractal_exp import InputError, suite
 from fractal_exp.cli import configuration
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.moves import MOVES
@@ -65,7 +64,7 @@ def test_leaving_a_part_out_changes_the_parameters_that_it_names_and_nothing_els
 @pytest.mark.parametrize("part", PARTS)
 def test_a_search_without_a_part_ends_with_a_code(part, triangle):
     options = (yaml.safe_load((CONF / "without" / f"{part}.yaml").read_text()) or {}).get("method", {})
-    code = small(**options).reconstruct(torch.nn.functional.avg_pool2d(triangle[1][None], 2)[0]).code
+    code = small(**options).reconstruct(suite.target(triangle[0], 64)).code
     assert len(code) >= 2
 
 
@@ -88,7 +87,7 @@ AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
 
 @pytest.mark.parametrize("options", AT_THE_END.values(), ids=AT_THE_END)
 def test_a_search_at_the_ends_of_ranges_ends_with_a_code(options, triangle):
-    code = small(**options).reconstruct(torch.nn.functional.avg_pool2d(triangle[1][None], 2)[0]).code
+    code = small(**options).reconstruct(suite.target(triangle[0], 64)).code
     assert len(code) >= 1
 
 

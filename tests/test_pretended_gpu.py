@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from collage_helpers import BRIEF, merged
 from pretended_gpu import GPU, pretended
 from test_chaotic import OPTIMIZERS, fit
 
@@ -15,7 +16,8 @@ from fractal_exp.methods.chaotic.optimizers import GradientDescent
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.ops import cuda_launch
 
-SHORT = dict(rounds=1, search={"restarts": 1, "moves": 1, "detail_moves": 1, "proposals": 1}, moves={"count": 1})
+SHORT = merged(BRIEF, dict(rounds=1, search={"restarts": 1, "moves": 1, "detail_moves": 1, "proposals": 1},
+                           moves={"count": 1}, growth={"enabled": True, "usual": 4, "counts": (4,), "steps": 5}))
 
 
 def test_what_a_gpu_refuses_is_refused_and_what_waits_for_it_counted():

@@ -17,7 +17,7 @@ from ..image.frame import Frame
 from ..image.gauss_newton import fitted_into_frame, polished
 from ..image.jacobian import FromPoints, FromRenderings, Jacobian
 from ..image.objective import ImageObjective, Rendered
-from ..params import CanonicalParams
+from .params import CanonicalParams
 from .simple_maps import EDGE, Line, Spread, mirrored_offsets
 
 Fixed = frozenset[tuple[int, int]]   # entries (map, column) that are simple

@@ -17,7 +17,7 @@ from ....runtime.seeds import derive
 from .. import maps as affine
 from ..image.objective import ImageObjective, Rendered
 from ..measure.bins import attractor_points
-from ..params import CanonicalParams
+from .params import CanonicalParams
 
 EDGE = 1e-6                # off the middle, canvas units: on either side of the edge of pixels that lies there
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 
 from .. import maps as affine
-from ..params import CanonicalParams
+from .params import CanonicalParams
 
 ORDERS = range(2, 9)   # of the rotations that are tried
 AXES_DEGREES = 7.5     # between the axes of reflection that are tried

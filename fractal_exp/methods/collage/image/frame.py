@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ....ifs.attractor import FRAME_SIDE, visible_tips
 from .. import maps as affine
-from ..params import FrameParams
+from .params import FrameParams
 
 
 @dataclass(frozen=True)

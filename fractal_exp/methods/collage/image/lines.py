@@ -15,7 +15,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..params import LineParams
+from .params import LineParams
 
 
 class _Laid(NamedTuple):

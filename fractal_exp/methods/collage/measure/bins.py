@@ -8,7 +8,7 @@ from torch.nn.functional import avg_pool2d
 
 from .... import ops
 from ....ops.collage import BinnedMeasure, orbit_bins, pushforward
-from ..params import DescentParams
+from .params import DescentParams
 
 TRAJECTORY, WARMUP = 430, 30   # points of a trajectory of the chaos game, and those of them that are dropped
 

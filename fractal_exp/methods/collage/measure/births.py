@@ -11,8 +11,9 @@ from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, push
 from ....ops.collage.reference import FLOOR
 from ....runtime.params import Interval
 from .. import maps as affine
-from ..params import BirthParams, MoveParams
+from ..image.params import MoveParams
 from .bins import halve
+from .params import BirthParams
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from torch.nn.functional import adaptive_avg_pool2d
 
 from ....ifs.code import IFS
 from ....ops import cuda_launch
-from ..params import CameraParams
+from .params import CameraParams
 
 
 class Levels(ABC):

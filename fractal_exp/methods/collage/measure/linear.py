@@ -10,10 +10,10 @@ from torch import Tensor
 
 from ....ifs.code import IFS
 from .. import maps as affine
-from ..params import CameraParams
 from .bins import attractor_points
 from .blur import NARROW_PX, blurred, deblurred
 from .levels import Levels, mean_of
+from .params import CameraParams
 
 BOX = 1 / 12     # variance of a point that is known by its pixel, pixels²
 

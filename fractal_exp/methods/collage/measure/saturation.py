@@ -8,9 +8,9 @@ from torch.nn.functional import avg_pool2d
 
 from .... import ops
 from ....ifs.code import IFS
-from ..params import SaturationParams
 from .bins import WARMUP
 from .levels import Levels
+from .params import SaturationParams
 
 
 def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:

@@ -17,7 +17,8 @@ from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
-from ..params import CollageParams, DescentSteps
+from ..fields import DescentSteps
+from ..params import CollageParams
 from ..state import Candidate
 from .bins import attractor_bins, binned, grid_for
 from .births import Birthplace

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
-from ..params import CameraParams
 from .levels import Binary, Density, Levels
 from .linear import Linear
+from .params import CameraParams
 from .pens import Dots, Drawn
 
 LEVELS: dict[str, type[Levels]] = {"density": Density, "linear": Linear, "dots": Dots, "coverage": Drawn,

@@ -1,0 +1,51 @@
+"""Kinds of values that parameters of several components have."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from ...ops.collage.reference import MAX_STEPS
+from ...runtime.params import NAME, Amount, Interval, ParamError, Params
+
+
+def _ascending(values: Interval) -> Interval:
+    if values[0] > values[1]:
+        raise ParamError("", f"{NAME} must be a lower and an upper end, got {list(values)}")
+    return values
+
+
+def power_of_two(value: int) -> int:
+    if value & (value - 1):
+        raise ParamError("", f"{NAME} must be a power of two, got {value}")
+    return value
+
+
+def odd(value: int) -> int:
+    if value % 2 == 0:
+        raise ParamError("", f"{NAME} must be odd, got {value}")
+    return value
+
+
+SingularValue = Annotated[float, Field(gt=0, lt=1)]
+Sizes = Annotated[tuple[SingularValue, SingularValue], AfterValidator(_ascending)]
+PositiveShare = Annotated[float, Field(gt=0, le=1)]
+Factor = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(power_of_two)]
+Some = Field(min_length=1)   # of a list that must not be empty
+
+
+class DescentSteps(Params):
+    """One descent on the collage error: how long and how fast."""
+
+    steps: Annotated[int, Field(ge=0, le=MAX_STEPS)]
+    """Adam steps."""
+    rate: Amount
+    """Learning rate of the maps at the first step, canvas units."""
+    largest: SingularValue = 0.995
+    """Largest singular value that a map may have."""
+
+
+def descent(steps: int, rate: float, largest: float = 0.995) -> DescentSteps:
+    return DescentSteps(steps=steps, rate=rate, largest=largest)

@@ -1,0 +1,79 @@
+"""How like a code is to a picture, and what `invert` says of it in words."""
+
+import pytest
+import torch
+
+from fractal_exp import codes, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.images.reading import ReadImage
+from fractal_exp.inversion import Likeness
+from fractal_exp.verdict import Verdict
+
+SHAPE = torch.zeros(64, 64)
+SHAPE[16:48, 8:56] = torch.eye(48)[:32]
+
+
+def likeness(f1_1px, noise_ratio=9.0):
+    return Likeness(f1_1px, f1_1px, noise_ratio, f1_1px)
+
+
+def read(**facts):
+    return ReadImage(SHAPE, False, (64, 64), (0, 0, 64, 64), **{"scale": 1.0, "notes": (), **facts})
+
+
+@pytest.mark.parametrize("kind", ["grey", "binary"])
+def test_the_true_code_is_as_like_as_another_rendering_of_it(kind):
+    code = attractor.normalize(codes.known("heighway_dragon"))
+    true = Likeness.of(code, suite.target(code, 128, kind))
+    assert 0.7 < true.noise_ratio < 1.4 and true.f1 > 0.97 and true.iou == pytest.approx(true.f1 / (2 - true.f1))
+    target = suite.target(code, 128, kind)
+    assert Verdict.of(true, len(code), target) == Verdict(
+        "recovered", "recovered: the picture is explained to its noise", "")
+    other = Likeness.of(attractor.normalize(codes.known("fern")), suite.target(code, 128, kind))
+    assert other.noise_ratio > 30 and other.f1 < 0.8 and other.f1 < other.f1_1px < 1
+    assert Verdict.of(other, 4, target).kind != "recovered"
+
+
+def test_a_verdict_has_a_kind_words_and_a_remedy():
+    verdict = Verdict.of(likeness(0.553), 23, SHAPE)
+    assert verdict == Verdict("approximation", "approximation with 23 maps; F1 .55 within a pixel; more maps would "
+                              "help", "more maps: maps=46, with more time for each")
+    assert str(verdict) == f"{verdict.words} ({verdict.remedy})"
+    none = Verdict.of(likeness(0.2), 3, SHAPE)
+    assert none.words == "not self-similar as far as we can see; F1 .20 within a pixel" and none.remedy
+    assert Verdict.of(likeness(0.3, 1.0), 3, SHAPE).kind == "recovered"
+    assert "1 map;" in Verdict.of(likeness(0.6), 1, SHAPE).words
+    assert "F1 1.00" in Verdict.of(likeness(1), 30, SHAPE).words
+    assert Verdict.of(likeness(1), 9, SHAPE).words == "recovered: the shape is explained to within a pixel by 9 maps"
+
+
+@pytest.mark.parametrize("facts, expected", [
+    ({"picture": read(unclear="it looks like a page of text")}, "cut one shape out of the picture"),
+    ({"picture": read(doubtful=True)}, "invert=true, if the shape is what was taken for the background"),
+    ({"stopped": "the time limit of 9 s was reached", "options": {"seconds": 9}}, "more time: seconds=36"),
+    ({"picture": read(scale=5.0)}, "a larger picture: the shape was enlarged 5 times"),
+    ({"options": {"maps": 8}}, "more maps: maps=16"), ({"options": {"at_most": 8}}, "more maps: at_most=16")])
+def test_the_remedy_is_what_is_most_likely_to_help(facts, expected):
+    assert expected in Verdict.of(likeness(0.7), 4, SHAPE, **facts).remedy
+
+
+@pytest.mark.parametrize("options, expected", [({}, "levels=coverage instead of binary"),
+                                               ({"levels": "coverage"}, "levels=density instead of coverage")])
+def test_where_the_shape_is_right_the_levels_may_be_wrong(options, expected):
+    verdict = Verdict.of(likeness(0.97), 4, SHAPE, options=options)
+    assert verdict.remedy == expected and "another meaning of grey levels would help" in verdict.words
+
+
+def test_a_code_no_better_than_a_box_is_none():
+    filled = torch.zeros(64, 64)
+    filled[16:48, 16:48] = 1
+    filled[20:22, 20:40] = 0
+    assert Verdict.of(likeness(0.9), 4, filled).kind == "not self-similar"
+    assert Verdict.of(likeness(0.9), 4, SHAPE).kind == "approximation"
+
+
+def test_a_picture_without_a_clear_shape_must_be_hit_well():
+    unclear = read(unclear="it looks like a page of text")
+    verdict = Verdict.of(likeness(0.8), 4, SHAPE, picture=unclear)
+    assert verdict.kind == "not self-similar" and "(it looks like a page of text)" in verdict.words
+    assert Verdict.of(likeness(0.93), 4, SHAPE, picture=unclear).kind == "approximation"

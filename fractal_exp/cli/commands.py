@@ -10,10 +10,12 @@ from pathlib import Path
 
 from .. import codes
 from ..errors import InputError, did_you_mean
+from ..ifs import attractor
 from ..ifs.code import IFS
 from ..runtime.files import explain, is_of_file
 from ..suite import SUITE_SEED, random_suite
 
+FRAMES = {"canvas": attractor.normalize, "own": lambda code: code}
 CODE_HELP = "a code: a JSON file, the name of a classic (fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED"
 
 

@@ -14,21 +14,18 @@ import torch
 from tqdm import tqdm
 
 from ..errors import InputError
-from ..ifs import attractor
 from ..ifs.code import IFS, View
 from ..rendering.film import SUFFIXES, check_film, frames, write_film
 from ..rendering.png import PngWriter
 from ..rendering.still import MODES, render, render_tiles, tile_side, tone_map, white_level
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
-from .commands import CODE_HELP, command, command_parser, read_code
+from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
 
 LARGEST = 16_384
 STILLS = {"bits": 8, "transparent": False}
 FILMS = {"seconds": 12.0, "fps": 30, "start_zoom": 1.0}
 DEFAULTS = STILLS | FILMS | {"supersample": 8, "seed": 0}
-FRAMES = {"canvas": attractor.normalize, "own": lambda code: code}
-
 DESCRIPTION = """Draw a code: a still at any view and any zoom, or a film that zooms into it.
 
 The canvas is [-1,1]², x to the right and y up; a code is brought to it first, its longer side from -0.75 to 0.75

@@ -18,8 +18,9 @@ const SOON = { coarse: 20, fine: 40 }; // ms that a batch of draws may take
 const SLOW = 60; // ms for one draw: then the processor is quicker than the GPU
 const MOST_DRAWS = 32;
 const EFFORT = { coarse: { visits: 60_000, most: 128 }, fine: { visits: 600_000, most: 512 } }; // of a cut
-const PER_DRAW = 15; // ms of cutting for a draw, where words are drawn by lot: many cuts, but no more than pay
-const FEWEST_DRAWS = 2, HEAVIEST = 8; // draws of such a cut, and how many times as many a heavy one has
+const CUTS = { coarse: 2, fine: 24 }; // of a picture where words are drawn by lot, if they take no longer than this:
+const CUTTING = { coarse: 30, fine: 1500 }; // ms of cutting for a picture
+const HEAVIEST = 8; // times as many points for a heavy cut
 const LEAST_SHARE = 1e-3; // of the points in view, taken for the goal where hardly any is found
 const MOST_THROWN = 40; // times the goal, where most points miss the view
 
@@ -143,9 +144,9 @@ export class Picture {
     const since = performance.now();
     stage.words = cut(this.tree, windowOf(this.view, width, height), { random: this.random, ...EFFORT[stage.name] });
     stage.first ??= stage.words.total;
-    const draws = Math.max(FEWEST_DRAWS, (performance.now() - since) / PER_DRAW);
+    const cuts = Math.max(1, Math.min(CUTS[stage.name], CUTTING[stage.name] / (performance.now() - since)));
     const weight = Math.min(HEAVIEST, stage.words.total / stage.first);
-    stage.left = stage.words.sampled ? Math.ceil(draws * weight) : Infinity;
+    stage.left = stage.words.sampled ? (stage.goal / cuts) * weight : Infinity; // points that this cut is good for
     if (stage.words.count === 0) return;
     stage.share = shareInView(stage.words, this.pool, this.random, width, height);
     if (!this.byHand) this.renderer.setWords(stage.words, width, height);
@@ -157,13 +158,13 @@ export class Picture {
     if (stage.left <= 0) this.cut();
     let draws = 0;
     if (stage.words.count > 0) {
-      const missing = (stage.goal - stage.kept) / (DRAW * Math.max(stage.share, LEAST_SHARE));
-      draws = Math.max(1, Math.min(this.draws, Math.ceil(missing), stage.left));
+      const missing = Math.min(stage.goal - stage.kept, stage.left) / (DRAW * Math.max(stage.share, LEAST_SHARE));
+      draws = Math.max(1, Math.min(this.draws, Math.ceil(missing)));
       this.slots = shareOut(stage.words, random, this.slots);
       this.throwPoints(Array.from({ length: draws }, () => Math.floor(random() * POOL)));
-      stage.left -= draws;
       stage.thrown += draws * DRAW;
       stage.kept += draws * DRAW * stage.share;
+      stage.left -= draws * DRAW * stage.share;
     }
     stage.done = stage.words.count === 0 || stage.kept >= stage.goal || stage.thrown >= MOST_THROWN * stage.goal;
     const took = performance.now() - since;

@@ -12,7 +12,7 @@ export const MOST_WORDS = 4096; // that are handed to the GPU
 const FEWEST_WORDS = 512; // the same points are put under many words, so that few points do for many
 const SMALL = 1 / 8; // of the window's side: a word that reaches no further is drawn and clipped, not split
 const DIMENSION = 1.5; // about that of most attractors: how mass falls with size
-const STRIDE = 8; // of a word: a b c d x y to pixels, mass, node of its address
+const STRIDE = 9; // of a word: a b c d x y to pixels, mass, node of its address, reach
 
 /** A code made ready for cutting: maps about the middle of the rectangle that holds the attractor for certain. */
 export function addressTree(code) {
@@ -60,22 +60,23 @@ class Words {
 
 /**
  * Where the parallelogram of the word at `at` lies, -1 beside the window of width × height pixels, 1 within it, 0
- * across its edge, and how far it reaches, as a share of the window's sides; separating axes are those of the two.
+ * across its edge; separating axes are those of the two. How far it reaches, as a share of the window's sides, is
+ * written beside the word. hull: the half sides p q of the rectangle that holds the attractor.
  */
 export function place(data, at, hull, width, height) {
-  const [px, py] = hull.p, [qx, qy] = hull.q;
+  const px = hull.p[0], py = hull.p[1], qx = hull.q[0], qy = hull.q[1];
   const a = data[at], b = data[at + 1], c = data[at + 2], d = data[at + 3];
   const p0 = a * px + b * py, q0 = c * px + d * py, p1 = a * qx + b * qy, q1 = c * qx + d * qy;
   const reachX = Math.abs(p0) + Math.abs(p1), reachY = Math.abs(q0) + Math.abs(q1);
-  const reach = Math.max(reachX / width, reachY / height);
+  data[at + 8] = Math.max(reachX / width, reachY / height);
   const w = width / 2, h = height / 2, dx = data[at + 4] - w, dy = data[at + 5] - h;
   const beyondX = Math.abs(dx), beyondY = Math.abs(dy);
-  if (beyondX > w + reachX || beyondY > h + reachY) return { where: -1, reach };
-  if (beyondX + reachX < w && beyondY + reachY < h) return { where: 1, reach };
+  if (beyondX > w + reachX || beyondY > h + reachY) return -1;
+  if (beyondX + reachX < w && beyondY + reachY < h) return 1;
   const area = Math.abs(p0 * q1 - p1 * q0);
-  if (Math.abs(p0 * dy - q0 * dx) > area + w * Math.abs(q0) + h * Math.abs(p0)) return { where: -1, reach };
-  if (Math.abs(p1 * dy - q1 * dx) > area + w * Math.abs(q1) + h * Math.abs(p1)) return { where: -1, reach };
-  return { where: 0, reach };
+  if (Math.abs(p0 * dy - q0 * dx) > area + w * Math.abs(q0) + h * Math.abs(p0)) return -1;
+  if (Math.abs(p1 * dy - q1 * dx) > area + w * Math.abs(q1) + h * Math.abs(p1)) return -1;
+  return 0;
 }
 
 /** The letters of the tree's words: each node knows its letter and the node before. */
@@ -110,14 +111,15 @@ class Cutting {
   root() {
     const { left, top, scale } = this.window, { x, y } = this.tree.hull;
     const words = new Words();
-    words.data.set([scale, 0, 0, -scale, (x - left) * scale, (top - y) * scale, 1, -1], words.add());
+    words.data.set([scale, 0, 0, -scale, (x - left) * scale, (top - y) * scale, 1, -1, 0], words.add());
     return words;
   }
 
   /** Put the children of a word that meet the window among `open`, or among the leaves where they are small. */
   split(data, at, open, small = SMALL) {
     const { count, maps, chances, hull } = this.tree, { width, height } = this.window;
-    const [a, b, c, d, x, y, mass, node] = data.subarray(at, at + STRIDE);
+    const a = data[at], b = data[at + 1], c = data[at + 2], d = data[at + 3], x = data[at + 4], y = data[at + 5];
+    const mass = data[at + 6], node = data[at + 7];
     for (let i = 0; i < count; i++) {
       if (chances[i] === 0) continue;
       const to = open.add(), into = open.data, m = 6 * i;
@@ -129,10 +131,10 @@ class Cutting {
       into[to + 5] = c * maps[m + 4] + (d * maps[m + 5] + y);
       into[to + 6] = mass * chances[i];
       this.visited += 1;
-      const { where, reach } = place(into, to, hull, width, height);
+      const where = place(into, to, hull, width, height), whole = where === 1 || into[to + 8] <= small;
       if (where >= 0) into[to + 7] = this.letters.add(i, node);
-      if (where < 0 || where === 1 || reach <= small) open.count -= 1;
-      if (where === 1 || (where === 0 && reach <= small)) this.leaves.copy(into, to);
+      if (where >= 0 && whole) this.leaves.copy(into, to);
+      if (where < 0 || whole) open.count -= 1;
     }
   }
 
@@ -140,8 +142,8 @@ class Cutting {
   descend() {
     const { hull } = this.tree, { width, height } = this.window;
     let open = this.root();
-    const { where, reach } = place(open.data, 0, hull, width, height);
-    if (where !== 0 || reach <= SMALL) {
+    const where = place(open.data, 0, hull, width, height);
+    if (where !== 0 || open.data[8] <= SMALL) {
       if (where >= 0) this.leaves = open;
       return;
     }
@@ -157,14 +159,14 @@ class Cutting {
 
   /** What a large word is likely to give to the window: its mass, less the more it reaches beyond. */
   promise(data, at) {
-    const { reach } = place(data, at, this.tree.hull, this.window.width, this.window.height);
-    return data[at + 6] / Math.max(1, reach) ** DIMENSION;
+    return data[at + 6] / Math.max(1, data[at + 8]) ** DIMENSION;
   }
 
   /** About `most` of the words, drawn by lot in proportion to `weight`, their mass raised so that the sum is kept in
    * the mean. Those that would be drawn more than once are kept as they are. */
   drawn(words, most, weight) {
-    const weights = Array.from({ length: words.count }, (_, n) => weight(n * STRIDE));
+    const weights = new Float64Array(words.count);
+    for (let n = 0; n < words.count; n++) weights[n] = weight(n * STRIDE);
     const step = this.threshold(weights, most);
     const kept = new Words(most);
     let lot = this.random() * step;

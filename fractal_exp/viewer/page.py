@@ -22,6 +22,7 @@ MOST_MAPS = 1000    # of a code that is shown
 LONGEST_TITLE = 120  # characters
 FRAME_HEIGHT = 480  # pixels, in a notebook
 EMPTY = "data:,"    # where there is no still picture
+STATIC = resources.files("fractal_exp.viewer") / "static"
 
 
 def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> str:
@@ -108,12 +109,11 @@ def _hash(text: str) -> str:
 
 @cache
 def _script() -> str:
-    files = resources.files(__package__) / "static"
-    modules = {file.name.removesuffix(".mjs"): file.read_text("utf-8") for file in files.iterdir()
+    modules = {file.name.removesuffix(".mjs"): file.read_text("utf-8") for file in STATIC.iterdir()
                if file.name.endswith(".mjs")}
     return linked(modules, "main")
 
 
 @cache
 def _read(name: str) -> str:
-    return (resources.files(__package__) / "static" / name).read_text("utf-8")
+    return (STATIC / name).read_text("utf-8")

@@ -82,7 +82,8 @@ def open_page(browser: object) -> Iterator[Callable[..., Opened]]:
 
     def opened(side: int | tuple[int, int] = 128, scheme: str = "dark", **settings: object) -> Opened:
         width, height = (side, side) if isinstance(side, int) else side
-        contexts.append(browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme, **settings))
+        contexts.append(browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme,
+                                            **settings))
         return Opened(contexts[-1].new_page())
 
     yield opened

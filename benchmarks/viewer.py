@@ -4,8 +4,8 @@
     python -m benchmarks.viewer --record benchmarks/results/viewer.jsonl
 
 Ten codes at 256² pixels in Debian's Chromium with software rendering: the whole, and 64, 10⁶ and 10⁹ times closer about
-a point of the attractor with much to see around it up to 10⁶. F1 is that of the lit pixels against `render`, beside that of `render` with another
-seed; seconds are from opening the file to the finished picture, the browser being there.
+a point of the attractor with much to see around it up to 10⁶. F1 is that of the lit pixels against `render`, beside
+that of `render` with another seed; seconds are from opening the file to the finished picture, the browser being there.
 """
 
 from __future__ import annotations

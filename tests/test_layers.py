@@ -13,7 +13,7 @@ FLOORS = [  # from the ground up; what is named alone is a file or a folder of t
     {"errors"},
     {"runtime", "data"},
     {"ifs"},
-    {"codes", "images"},
+    {"codes", "images", "viewer"},
     {"ops"},
     {"rendering", "perceptual", "tracking"},
     {"suite"},
@@ -25,7 +25,8 @@ FLOORS = [  # from the ground up; what is named alone is a file or a folder of t
     {"api"},
     {"cli"},
 ]
-EXCEPTIONS = {("ifs", "rendering")}  # what a code shows of itself, in a notebook or an SVG, imported when it is shown
+# What a code shows of itself in a notebook, as an SVG and as a page, imported when it is shown.
+EXCEPTIONS = {("ifs", "rendering"), ("ifs", "viewer")}
 FLOOR = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 

@@ -24,6 +24,8 @@ def test_the_wheel_holds_every_module_and_what_is_read_beside_them(built):
     assert modules - built == set()
     assert {"fractal_exp/py.typed", "fractal_exp/data/fractal_features.safetensors", "fractal_exp/conf/train.yaml",
             "fractal_exp/sweeps/ablations.yaml"} <= built
+    page = {str(path.relative_to(ROOT)) for path in (ROOT / "fractal_exp/viewer/static").iterdir()}
+    assert len(page) > 10 and page - built == set()
 
 
 def test_the_wheel_says_that_it_is_typed():

@@ -20,7 +20,7 @@ from PIL import Image
 from fractal_exp import IFS, InputError
 from fractal_exp.cli import configuration, interruption
 from fractal_exp.cli.train import fit
-from fractal_exp.tracking import read_series, runs_frame
+from fractal_exp.tracking import read_artifact, read_series, runs_frame
 
 TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1", "name=fit"]
 
@@ -50,6 +50,7 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     scores = train("target=image", f"target.path={picture}", f"output={tmp_path}")
     folder = tmp_path / "fits" / "fit"
     assert len(IFS.load(folder / "code.json")) == 10
+    assert (folder / "code.html").read_text().startswith("<!doctype html>")
     assert OmegaConf.load(folder / "config.yaml").iterations == 6
     assert {p.name for p in (folder / "views").iterdir()} >= {"target.png", "result.png", "comparison.png"}
     assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "time/fit_seconds"}
@@ -64,6 +65,7 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
 
     uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
     run = runs_frame(uri, "fits").iloc[0]
+    assert read_artifact(uri, run["run_id"], "code.html") == (folder / "code.html").read_bytes()
     assert run["status"] == "FINISHED"
     assert run["metrics.eval/f1"] == pytest.approx(scores["eval/f1"])
     assert run["tags.variant"] == "full" and run["tags.perceptual"] == "none" and run["tags.scale"] == "smoke"

@@ -24,12 +24,13 @@ from ..tracking.addresses import shown
 from ..verdict import Verdict
 from . import records
 
+PAGE = "code.html"
 WHITE = 65535  # of 16 bits
 
 
 @dataclass(frozen=True)
 class FitFolder:
-    """truth.json or target.png, config.yaml, code.json, history.json (the stages, and why the fit stopped),
+    """truth.json or target.png, config.yaml, code.json, code.html, history.json (the stages, and why the fit stopped),
     per_view.csv, views/, checkpoint.safetensors while the fit runs, finished.json after."""
 
     path: Path

@@ -14,7 +14,9 @@ from typing import Any
 import hydra
 from omegaconf import DictConfig, OmegaConf
 
+from ..errors import InputError
 from ..evaluation import Perceptual
+from ..ifs.code import IFS
 from ..images.reading import write_image
 from ..inversion import Likeness
 from ..methods.base import CodeReconstruction, Method, Reconstruction, stop_reason
@@ -26,7 +28,7 @@ from ..targets import Target
 from ..tracking import Tracker
 from ..verdict import Verdict
 from . import configuration, interruption, words
-from .folders import FitFolder
+from .folders import PAGE, FitFolder
 from .judging import Judgement, check_options, judge
 from .progress import Reporter
 from .runs import Runs
@@ -93,6 +95,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
             seconds = history.seconds()
         if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
             run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
+            _keep_page(folder, run, reconstruction.code)
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
         verdict = _verdict(reconstruction, target, stopped, config)
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
@@ -109,6 +112,14 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     if where := runs.where(settings):
         print(f"  dashboard  {where}")
     return judgement.scores
+
+
+def _keep_page(folder: FitFolder, run: Tracker, code: IFS) -> None:
+    """Put the code's page into the folder and into the run; a code that makes none, which is said, ends no fit."""
+    try:
+        run.artifact(PAGE, code.save_html(folder.path / PAGE))
+    except InputError as error:
+        print(f"  no page    {error}")
 
 
 def _verdict(reconstruction: Reconstruction, target: Target, stopped: str, config: DictConfig) -> Verdict | None:

@@ -96,6 +96,23 @@ class IFS:
 
         return portrait(self)
 
+    def _repr_html_(self) -> str | None:
+        """What a notebook shows that may run scripts: a page to fly into the attractor, in a frame of its own. Nothing
+        for a code that makes no page."""
+        from ..viewer import frame
+
+        try:
+            return frame(self._page())
+        except InputError:
+            return None
+
+    def _page(self, view: View | None = None) -> str:
+        from ..rendering.sheets import portrait
+        from ..viewer import check, page
+
+        check(self)  # before the picture is drawn
+        return page(self, view=view, still=portrait(self))
+
     def to(self, device: torch.device | str) -> IFS:
         """The same code on another device."""
         p = None if self.probabilities is None else self.probabilities.to(device)
@@ -153,6 +170,20 @@ class IFS:
         from .formats import save
 
         return save([self], path, format)
+
+    def save_html(self, path: str | Path, *, view: View | None = None) -> Path:
+        """Write one HTML file, without any other beside it, in which a browser flies into the attractor; return the
+        absolute path. It opens on `view`, or on the whole.
+
+        The code is shown in its own coordinates, so that a view of the page is one of `fractal_exp.render`. Raises
+        `InputError`, before anything is written, on a name that does not end in .html, a code that is not contractive
+        or has more than 1000 maps; and where the file cannot be written.
+        """
+        path = Path(path).absolute()
+        if path.suffix.lower() not in (".html", ".htm"):
+            raise InputError(f"a page is written as HTML, got {path.name!r}; end the name in .html")
+        write_atomically(path, self._page(view))
+        return path
 
     @classmethod
     def from_json(cls, data: Any) -> IFS:

@@ -1,0 +1,52 @@
+"""`fractal-view`: a code as a page to fly into. A plain command line, since there is nothing to compose."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..errors import InputError
+from ..ifs.code import View
+from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
+
+DESCRIPTION = """Write a code as a page to fly into: one HTML file that any browser opens, without a network.
+
+The canvas is [-1,1]², x to the right and y up; a code is brought to it first, its longer side from -0.75 to 0.75
+(--frame own leaves it where it is). So a view of the page is one of fractal-render.
+
+examples
+  fractal-view fern                                          fern.html, the whole fern
+  fractal-view leaf.json -o page.html                        a code of yours
+  fractal-view heighway_dragon --center 0.1 -0.3 --zoom 64   the page opens there"""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
+    parser = command_parser("fractal-view", DESCRIPTION)
+    parser.add_argument("code", help=CODE_HELP)
+    parser.add_argument("-o", "--output", help="file to write, .html (default: the code's name in this folder)")
+    parser.add_argument("--center", type=float, nargs=2, metavar=("X", "Y"), help="middle of the first view")
+    parser.add_argument("--zoom", type=float, help="of the first view")
+    parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")
+    command("fractal-view", write, parser, arguments)
+
+
+def write(options: argparse.Namespace) -> None:
+    """Write the page that the command line asks for."""
+    view = None
+    if options.center is not None or options.zoom is not None:
+        if options.center is None or options.zoom is None:
+            raise InputError("a first view needs both --center X Y and --zoom; leave both out for the whole")
+        view = View(tuple(options.center), options.zoom)
+    code = FRAMES[options.frame](read_code(options.code))
+    path = code.save_html(options.output or _default(options.code), view=view)
+    print(f"{path} ({path.stat().st_size // 1000} kB); open it in a browser")
+
+
+def _default(name: str) -> str:
+    """leaf.html for codes/leaf.json, suite-7.html for suite:7."""
+    return f"{Path(name).absolute().stem if Path(name).exists() else name.replace(':', '-')}.html"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""One HTML file from a code: the page's script, style and numbers, under a policy that lets it load nothing."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import re
+from functools import cache
+from importlib import resources
+from string import Template
+from typing import Any
+
+from ..errors import InputError
+from ..ifs import attractor
+from ..ifs.code import IFS, View
+from .linking import linked
+
+LARGEST = 200_000   # bytes of a page
+MOST_MAPS = 1000    # of a code that is shown
+LONGEST_TITLE = 120  # characters
+FRAME_HEIGHT = 480  # pixels, in a notebook
+EMPTY = "data:,"    # where there is no still picture
+STATIC = resources.files("fractal_exp.viewer") / "static"
+
+
+def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> str:
+    """The text of an HTML file that shows a code's attractor at any depth, in a browser with WebGL 2.
+
+    It opens on `view`, or on the whole attractor; its zoom counts from there. The code is shown in its own coordinates:
+    a view of the page is one of `fractal_exp.render`. still: a PNG of the whole, which stands where a browser runs no
+    script or has no WebGL 2. The file has at most 200 000 bytes, and its policy forbids it to load anything. Of the
+    code's `meta` it takes the title or the name, as text.
+
+    Raises `InputError` on a code that is not contractive, has more than 1000 maps, or makes too large a page.
+    """
+    check(code)
+    home = whole(code)
+    title = _title(code)
+    given = {"code": {key: code.to_json()[key] for key in ("linear", "offset", "probabilities")}, "title": title,
+             "file": _file_name(title), "home": _plain(home), "view": _plain(view or home)}
+    script, style = _script(), _read("page.css")
+    policy = (f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}; img-src data: blob:; "
+              "base-uri 'none'; form-action 'none'")
+    text = Template(_read("page.html")).substitute(
+        policy=html.escape(policy), title=html.escape(title), label=html.escape(f"The attractor of {title}"),
+        style=style, script=script, given=_embedded(given),
+        still=EMPTY if still is None else f"data:image/png;base64,{base64.b64encode(still).decode()}")
+    if (size := len(text.encode())) > LARGEST:
+        raise InputError(f"the page would have {size} bytes, at most {LARGEST} are allowed; show fewer maps than "
+                         f"{len(code)}")
+    return text
+
+
+def check(code: IFS) -> None:
+    """Raise `InputError` unless a page can show the code."""
+    if len(code) > MOST_MAPS:
+        raise InputError(f"a page shows a code of at most {MOST_MAPS} maps, got {len(code)}; remove those of the least "
+                         "probability")
+    code.check_contractive()
+
+
+def frame(text: str, height: int = FRAME_HEIGHT) -> str:
+    """A page (its text) as an HTML element for a notebook: a frame that may run scripts and nothing else."""
+    return (f'<iframe srcdoc="{html.escape(text)}" sandbox="allow-scripts" loading="lazy" title="A fractal to fly '
+            f'into" style="width: 100%; height: {height}px; border: 0; border-radius: 8px"></iframe>')
+
+
+def whole(code: IFS) -> View:
+    """The view in which the longer side of the code's visible box spans three quarters: the canvas itself for a
+    normalised code."""
+    x0, y0, x1, y1 = (float(side) for side in attractor.visible_box(code))
+    side = max(x1 - x0, y1 - y0)
+    zoom = attractor.FRAME_SIDE / side if side > 1e-5 else 1.0
+    center = (x0 + x1) / 2, (y0 + y1) / 2
+    if abs(zoom - 1) < 1e-3 and max(map(abs, center)) < 1e-3:
+        return View()
+    return View(center, zoom)
+
+
+def _plain(view: View) -> dict[str, float]:
+    return {"x": view.center[0], "y": view.center[1], "zoom": view.zoom}
+
+
+def _title(code: IFS) -> str:
+    """The code's title or name in one line of text."""
+    for key in ("title", "name"):
+        if isinstance(given := code.meta.get(key), str) and given.strip():
+            text = " ".join(given.encode("utf-8", "replace").decode().split())
+            return text if len(text) <= LONGEST_TITLE else text[:LONGEST_TITLE - 1] + "…"
+    return f"a code of {len(code)} map{'s' * (len(code) > 1)}"
+
+
+def _file_name(title: str) -> str:
+    """A file name without an ending, of plain letters."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:40] or "fractal"
+
+
+def _embedded(data: Any) -> str:
+    """JSON that may stand in a script element: no text in it can end that, or begin another."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+@cache
+def _script() -> str:
+    modules = {file.name.removesuffix(".mjs"): file.read_text("utf-8") for file in STATIC.iterdir()
+               if file.name.endswith(".mjs")}
+    return linked(modules, "main")
+
+
+@cache
+def _read(name: str) -> str:
+    return (STATIC / name).read_text("utf-8")

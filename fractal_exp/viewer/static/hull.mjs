@@ -1,0 +1,89 @@
+// Where the attractor lies for certain: half planes, and the smallest rectangle about them.
+
+const DIRECTIONS = 256; // of the half planes, a multiple of 4
+const SWEEPS = 2000;
+const TOLERANCE = 1e-7; // of the disc's radius, times how much the slowest map contracts
+const SLACK = 1 + 1e-9; // covers the rounding of all this
+
+/** A disc {x, y, radius} that every map sends into itself (Hutchinson 1981). */
+export function boundingDisc(code) {
+  const { count, maps } = code;
+  const scales = [];
+  let x = 0, y = 0, weight = 0;
+  for (let i = 0; i < count; i++) {
+    const [a, b, c, d, e, f] = maps.subarray(6 * i, 6 * i + 6);
+    const scale = (Math.hypot(a + d, b - c) + Math.hypot(a - d, b + c)) / 2;
+    const det = (1 - a) * (1 - d) - b * c;
+    x += ((1 - d) * e + b * f) / det / (1 - scale);
+    y += (c * e + (1 - a) * f) / det / (1 - scale);
+    weight += 1 / (1 - scale);
+    scales.push(scale);
+  }
+  x /= weight;
+  y /= weight;
+  let radius = 0;
+  for (let i = 0; i < count; i++) {
+    const [a, b, c, d, e, f] = maps.subarray(6 * i, 6 * i + 6);
+    radius = Math.max(radius, Math.hypot(a * x + b * y + e - x, c * x + d * y + f - y) / (1 - scales[i]));
+  }
+  return { x, y, radius, slack: 1 - Math.max(...scales) };
+}
+
+/**
+ * Certain upper bounds of u_k·x over the attractor, in 256 directions of angle 2 pi k / 256. A support function obeys
+ * h(u) = max_i h(M_i^T u) + b_i·u and is sublinear, so that interpolating between directions never underestimates.
+ */
+export function supportFunction(code) {
+  const { x, y, radius, slack } = boundingDisc(code);
+  const { count, maps } = code;
+  const delta = (2 * Math.PI) / DIRECTIONS;
+  const size = count * DIRECTIONS;
+  const first = new Int32Array(size), alpha = new Float64Array(size), beta = new Float64Array(size);
+  const shift = new Float64Array(size);
+  let table = new Float64Array(DIRECTIONS);
+  for (let k = 0; k < DIRECTIONS; k++) {
+    const u = Math.cos(k * delta), v = Math.sin(k * delta);
+    table[k] = u * x + v * y + radius;
+    for (let i = 0; i < count; i++) {
+      const [a, b, c, d, e, f] = maps.subarray(6 * i, 6 * i + 6);
+      const p = a * u + c * v, q = b * u + d * v, n = k * count + i;
+      const angle = (Math.atan2(q, p) + 2 * Math.PI) % (2 * Math.PI);
+      first[n] = Math.min(Math.floor(angle / delta), DIRECTIONS - 1);
+      const phi = angle - first[n] * delta, length = Math.hypot(p, q) / Math.sin(delta);
+      alpha[n] = Math.max(length * Math.sin(delta - phi), 0);
+      beta[n] = Math.max(length * Math.sin(phi), 0);
+      shift[n] = u * e + v * f;
+    }
+  }
+  for (let sweep = 0, fall = Infinity; sweep < SWEEPS && fall > TOLERANCE * slack * radius; sweep++) {
+    const swept = new Float64Array(DIRECTIONS);
+    fall = 0;
+    for (let k = 0; k < DIRECTIONS; k++) {
+      let highest = -Infinity;
+      for (let n = k * count; n < (k + 1) * count; n++) {
+        const next = first[n] + 1 === DIRECTIONS ? 0 : first[n] + 1;
+        highest = Math.max(highest, alpha[n] * table[first[n]] + beta[n] * table[next] + shift[n]);
+      }
+      swept[k] = Math.min(table[k], highest);
+      fall = Math.max(fall, table[k] - swept[k]);
+    }
+    table = swept;
+  }
+  return table;
+}
+
+/** The smallest rectangle that is certain to hold the attractor: its middle {x, y} and half sides p, q as vectors. */
+export function boundingRectangle(code) {
+  const h = supportFunction(code);
+  const quarter = DIRECTIONS / 4;
+  let best = null;
+  for (let k = 0; k < quarter; k++) {
+    const along = h[k] + h[k + 2 * quarter], across = h[k + quarter] + h[k + 3 * quarter];
+    if (best === null || along * across < best.along * best.across) best = { k, along, across };
+  }
+  const { k, along, across } = best;
+  const angle = (2 * Math.PI * k) / DIRECTIONS, u = Math.cos(angle), v = Math.sin(angle);
+  const s = (h[k] - h[k + 2 * quarter]) / 2, t = (h[k + quarter] - h[k + 3 * quarter]) / 2;
+  const half = (SLACK * along) / 2, width = (SLACK * across) / 2;
+  return { x: u * s - v * t, y: v * s + u * t, p: [u * half, v * half], q: [-v * width, u * width] };
+}

@@ -1,0 +1,187 @@
+// The page: a picture of the code, the hands on it, and the bar that tells where one is.
+
+import { readCode } from "./code.mjs";
+import { keyMove, listenToPointers } from "./gestures.mjs";
+import { Picture } from "./picture.mjs";
+import { asAddress, copy, download, isSandboxed } from "./taking.mjs";
+import { between, fromFragment, panned, shownAddress, shownZoom, toFragment, zoomed } from "./view.mjs";
+
+const GLIDE = 220; // ms of a smooth zoom
+const FURTHEST = 1 / 16; // of the first view's zoom
+const ADDRESS_EVERY = 400; // ms between writes of the page's address: browsers refuse more
+const MILLION = 1e6;
+
+const $ = (id) => document.getElementById(id);
+const given = JSON.parse($("given").textContent);
+const surface = $("picture");
+const calm = matchMedia("(prefers-reduced-motion: reduce)"), dark = matchMedia("(prefers-color-scheme: dark)");
+const least = given.home.zoom * FURTHEST;
+let view = fromFragment(location.hash, least) ?? given.view;
+let glide = null, swapped = false, picture = null, writing = 0;
+
+function sides() {
+  const box = surface.getBoundingClientRect();
+  return [box.width, box.height];
+}
+
+function go(next) {
+  view = next;
+  $("zoom").textContent = `×\u202f${shownZoom(view.zoom / given.home.zoom)}`;
+  picture?.look(view);
+  writing ||= setTimeout(writeAddress, ADDRESS_EVERY);
+}
+
+function writeAddress() {
+  writing = 0;
+  $("said").textContent = `Zoom ${shownZoom(view.zoom / given.home.zoom)}`;
+  try {
+    history.replaceState(null, "", toFragment(view));
+  } catch {
+    // a sandboxed frame may have no address of its own; the link is still offered as text
+  }
+}
+
+function glideTo(to) {
+  if (calm.matches) return stopGliding(), go(to);
+  glide = { from: view, to, since: performance.now() };
+  requestAnimationFrame(glideOn);
+}
+
+function glideOn(now) {
+  if (!glide) return;
+  const t = Math.min(1, Math.max(0, (now - glide.since) / GLIDE));
+  go(between(glide.from, glide.to, t * (2 - t)));
+  if (t < 1) requestAnimationFrame(glideOn);
+  else glide = null;
+}
+
+function stopGliding() {
+  if (glide) go(glide.to);
+  glide = null;
+}
+
+const moves = {
+  pan(dx, dy) {
+    stopGliding();
+    go(panned(view, dx, dy, ...sides()));
+  },
+  zoom(factor, column, row, smooth) {
+    stopGliding();
+    const to = zoomed(view, factor, column, row, ...sides(), least);
+    if (smooth) glideTo(to);
+    else go(to);
+  },
+  home() {
+    stopGliding();
+    glideTo(given.home);
+  },
+  swap() {
+    swapped = !swapped;
+    paint();
+  },
+  async save() {
+    if (!picture) return;
+    picture.showAgain();
+    const blob = await new Promise((resolve) => surface.toBlob(resolve, "image/png"));
+    if (!isSandboxed()) return download(blob, `${given.file}.png`);
+    $("still").src = await asAddress(blob);
+    $("still").hidden = false;
+    offer("This frame lets no page save files. The picture is below: save it from its own menu (right click, or press "
+      + "it long).", viewText());
+  },
+  async link() {
+    writeAddress();
+    const text = location.protocol === "about:" || isSandboxed() ? viewText() : location.href;
+    if (await copy(text)) return note("Copied: the link to this view");
+    $("still").hidden = true;
+    offer("The clipboard is refused here. Copy the text below.", text);
+  },
+  help() {
+    $("help").showModal();
+  },
+};
+
+/** The view for the Python package, which goes where a link cannot. */
+function viewText() {
+  return `View(center=(${view.x}, ${view.y}), zoom=${view.zoom})`;
+}
+
+function offer(why, text) {
+  $("why").textContent = why;
+  $("text").value = text;
+  $("offer").showModal();
+  $("text").select();
+}
+
+let noteTimer = 0;
+function note(text) {
+  $("note").textContent = text;
+  clearTimeout(noteTimer);
+  noteTimer = setTimeout(() => { $("note").textContent = ""; }, 2500);
+}
+
+function paint() {
+  const light = dark.matches === swapped;
+  document.documentElement.style.colorScheme = light ? "light" : "dark";
+  picture?.paint(...(light ? [[1, 1, 1], [0, 0, 0]] : [[0, 0, 0], [1, 1, 1]]));
+  $("do-swap").setAttribute("aria-pressed", String(swapped));
+}
+
+function told({ drawing, empty, kept, thrown, goal, common, heaviest }) {
+  document.documentElement.dataset.state = drawing ? "drawing" : "done";
+  $("points").textContent = empty ? "nothing here" : `${points(thrown)} points`;
+  $("progress").style.transform = `scaleX(${empty ? 1 : Math.min(1, kept / goal)})`;
+  const word = shownAddress(heaviest), head = shownAddress(common);
+  $("address").textContent = head || (word ? "whole" : "–");
+  $("address").title = word ? `Every point here begins with: ${head || "–"}. The heaviest word: ${word}` : "";
+  if (empty) note("No point of the attractor is in this view; press 0 for the whole");
+}
+
+function points(count) {
+  return count < MILLION ? `${Math.round(count / 1000)}\u202f000` : `${(count / MILLION).toFixed(1)} million`;
+}
+
+function fit() {
+  const [width, height] = sides(), ratio = window.devicePixelRatio || 1;
+  picture?.resize(Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio)));
+}
+
+function start() {
+  $("title").textContent = given.title;
+  for (const name of ["home", "swap", "link", "save", "help"]) $(`do-${name}`).addEventListener("click", moves[name]);
+  const middle = (factor) => () => moves.zoom(factor, sides()[0] / 2, sides()[1] / 2, true);
+  $("closer").addEventListener("click", middle(2));
+  $("further").addEventListener("click", middle(1 / 2));
+  for (const dialog of document.querySelectorAll("dialog")) {
+    dialog.querySelector("button").addEventListener("click", () => dialog.close());
+    dialog.addEventListener("close", () => surface.focus());
+  }
+  $("text").addEventListener("focus", () => $("text").select());
+  try {
+    picture = new Picture(surface, readCode(given.code), told, new URLSearchParams(location.search).get("thrower"));
+  } catch (error) {
+    surface.hidden = true;
+    note(`A still picture only: ${error.message}`);
+    clearTimeout(noteTimer);
+    return;
+  }
+  listenToPointers(surface, moves);
+  document.addEventListener("keydown", (event) => {
+    if (document.querySelector("dialog[open]")) return;
+    const move = keyMove(event);
+    if (!move) return;
+    event.preventDefault();
+    move(moves, ...sides());
+  });
+  addEventListener("hashchange", () => {
+    const to = fromFragment(location.hash, least);
+    if (to) stopGliding(), go(to);
+  });
+  dark.addEventListener("change", paint);
+  new ResizeObserver(fit).observe(surface);
+  paint();
+  fit();
+  go(view);
+}
+
+start();

@@ -1,0 +1,232 @@
+"""The page in a real browser: it draws what `render` draws, at any depth, for hands and keys, and asks nobody."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+import torch
+from conftest import QUIET, Opened
+
+from fractal_exp import IFS, View, codes, render
+from fractal_exp.evaluation.metrics import f1
+from fractal_exp.ifs import attractor
+from fractal_exp.suite import random_suite
+
+LEAST_F1 = 0.97
+
+
+def named(name: str) -> IFS:
+    return attractor.normalize(random_suite(12)[11] if name == "suite-011" else codes.known(name))
+
+
+@pytest.fixture(scope="module")
+def fern(tmp_path_factory):
+    code = named("fern")
+    return code, code.save_html(tmp_path_factory.mktemp("page") / "fern.html")
+
+
+def address(path, view: View, query: str = "") -> str:
+    (x, y), zoom = view.center, view.zoom
+    return f"file://{path}{query}#x={x!r}&y={y!r}&zoom={zoom!r}"
+
+
+def alike(picture: np.ndarray, code: IFS, view: View) -> float:
+    truth = render(code, view, resolution=len(picture))
+    return float(f1(torch.tensor(picture, dtype=torch.float32)[None], truth[None]))
+
+
+def shown_view(opened: Opened) -> View:
+    """The view that the link names."""
+    opened.page.wait_for_timeout(500)  # browsers refuse to write an address more often
+    found = re.search(r"#x=(.+)&y=(.+)&zoom=(.+)", opened.page.url)
+    return View((float(found[1]), float(found[2])), float(found[3]))
+
+
+def test_a_page_from_a_file_says_nothing_and_asks_for_nothing(fern, open_page):
+    _, path = fern
+    opened = open_page((700, 400)).go(f"file://{path}")
+    assert opened.said == [] and opened.asked == [f"file://{path}"]
+    assert opened.text("title") == "Barnsley's fern (black spleenwort)"
+    assert opened.text("zoom") == "×\u202f1" and opened.text("address") == "whole"
+    assert "million" in opened.text("points")
+    assert not opened.page.is_visible("#poster")
+
+
+@pytest.mark.parametrize("name", ["fern", "heighway_dragon", "maple_leaf", "suite-011"])
+def test_stills_agree_with_render_at_any_zoom(name, tmp_path, open_page):
+    code = named(name)
+    path = code.save_html(tmp_path / "page.html")
+    point = attractor.random_point(code, 3)
+    for view in (View(), View(point, 64), View(point, 1e6)):
+        picture = open_page().go(address(path, view)).picture()
+        assert picture.shape == (128, 128) and alike(picture, code, view) >= LEAST_F1
+        assert picture.mean() == pytest.approx(float(render(code, view, resolution=128).mean()), rel=0.15)
+
+
+def test_the_gpu_throws_the_same_picture_as_the_processor(fern, open_page):
+    code, path = fern
+    view = View(attractor.random_point(code, 3), 1e6)
+    pictures = [open_page(96).go(address(path, view, f"?thrower={thrower}")).picture() for thrower in ("gpu", "cpu")]
+    for picture in pictures:
+        assert alike(picture, code, view) >= LEAST_F1
+    assert pictures[0].mean() == pytest.approx(pictures[1].mean(), rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["fern", "heighway_dragon", "suite-011"])
+def test_no_view_on_the_attractor_is_black_down_to_a_billion(name, tmp_path, open_page):
+    code = named(name)
+    path = code.save_html(tmp_path / "page.html")
+    for seed, zoom in enumerate((1e3, 1e5, 1e7, 1e9)):
+        picture = open_page(64).go(address(path, View(attractor.random_point(code, seed), zoom))).picture()
+        assert (picture > 0).mean() > 0.01
+
+
+def test_points_do_not_swim_where_a_deep_view_is_moved(fern, open_page):
+    code, path = fern
+    opened = open_page().go(address(path, View(attractor.random_point(code, 3), 1e9)))
+    before = opened.picture()
+    opened.page.mouse.move(90, 60)
+    opened.page.mouse.down()
+    opened.page.mouse.move(50, 70)
+    opened.page.mouse.up()
+    after = opened.redrawn().picture()
+    a, b = (torch.tensor(part, dtype=torch.float32)[None] for part in (before[:-10, 40:], after[10:, :-40]))
+    assert float(f1(a, b)) >= LEAST_F1
+
+
+def test_the_wheel_zooms_a_million_times_to_the_pointer(open_page, tmp_path):
+    """The origin, a fixed point of the dragon's, stays under the pointer; there the picture agrees with `render`."""
+    code = codes.known("heighway_dragon")
+    path = code.save_html(tmp_path / "dragon.html")
+    opened = open_page().go(address(path, View((0.25, 0.25), 2.0)))
+    opened.page.mouse.move(32, 96)
+    while "million" not in opened.text("zoom"):
+        opened.page.mouse.wheel(0, -120)
+    opened.page.wait_for_timeout(300)
+    view = shown_view(opened.drawn())
+    quarter = 0.5 / view.zoom
+    assert view.zoom > 1e5 and max(abs(part - quarter) for part in view.center) < 1e-3 * quarter
+    assert alike(opened.picture(), code, view) >= LEAST_F1
+
+
+def test_the_keyboard_alone_moves_zooms_and_goes_home(fern, open_page):
+    _, path = fern
+    opened = open_page((600, 300)).go(f"file://{path}")
+    press = opened.page.keyboard.press
+    for key in ["PageUp", "PageUp", "ArrowUp", "+"]:
+        press(key)
+        opened.page.wait_for_timeout(300)
+    view = shown_view(opened.drawn())
+    assert view.zoom == pytest.approx(96) and view.center == (0, pytest.approx(0.24 / 64))
+    press("0")
+    opened.page.wait_for_timeout(300)
+    assert shown_view(opened.drawn()) == View()
+    press("h")
+    assert opened.page.is_visible("#help")
+    press("Escape")
+    opened.page.wait_for_selector("#picture:focus")  # where the keys go once the help is closed
+    assert not opened.page.is_visible("#help")
+    labels = []
+    for _ in range(7):
+        press("Tab")
+        labels.append(opened.page.locator(":focus").get_attribute("aria-label"))
+    assert labels == ["Zoom in", "Zoom out", "Show the whole", "Swap light and dark", "Copy the link to this view",
+                      "Save the picture as PNG", "Help"]
+    press("Enter")
+    assert opened.page.is_visible("#help") and opened.said == []
+
+
+def test_a_light_page_draws_dark_on_white_and_can_be_swapped(fern, open_page):
+    _, path = fern
+    opened = open_page(scheme="light").go(f"file://{path}")
+    light = opened.picture()
+    opened.page.keyboard.press("i")
+    dark = opened.picture()
+    assert light[0, 0] == 1 and dark[0, 0] == 0 and np.abs(1 - light - dark).max() < 0.01
+    opened.page.emulate_media(color_scheme="dark")
+    opened.page.wait_for_timeout(200)
+    assert opened.picture()[0, 0] == 1
+
+
+@pytest.mark.parametrize("motion", ["reduce", "no-preference"])
+def test_reduced_motion_jumps(fern, open_page, motion):
+    _, path = fern
+    opened = open_page((600, 300), reduced_motion=motion).go(f"file://{path}")
+    opened.page.keyboard.press("PageUp")
+    assert (opened.text("zoom") == "×\u202f8") == (motion == "reduce")
+
+
+def test_pinching_zooms(fern, open_page):
+    _, path = fern
+    opened = open_page((400, 400), has_touch=True).go(f"file://{path}")
+    touch = opened.page.context.new_cdp_session(opened.page)
+    for kind, spread in (("touchStart", 40), ("touchMove", 80), ("touchMove", 160), ("touchEnd", None)):
+        points = [] if spread is None else [{"x": 200 + sign * spread, "y": 150, "id": k} for k, sign in
+                                            enumerate((-1, 1))]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    assert shown_view(opened).zoom == pytest.approx(4, rel=0.01)
+
+
+FRAMES = {"srcdoc": "", "blob": """
+<script>const frame = document.querySelector("iframe"), text = frame.srcdoc; frame.removeAttribute("srcdoc");
+frame.src = URL.createObjectURL(new Blob([text], {type: "text/html"}));</script>"""}
+
+
+@pytest.mark.parametrize("kind", FRAMES)
+def test_a_sandboxed_frame_draws_and_offers_what_it_may_not_save(fern, open_page, tmp_path, kind):
+    code, _ = fern
+    (tmp_path / "notebook.html").write_text(f"<!doctype html><title>n</title>{code._repr_html_()}{FRAMES[kind]}")
+    opened = open_page((700, 520))
+    opened.page.goto(f"file://{tmp_path}/notebook.html")
+    opened.page.wait_for_timeout(200)
+    frame = opened.page.frames[-1]
+    opened.drawn(frame)
+    frame.click("#do-save")
+    frame.wait_for_selector("#still[src^='data:image/png']")
+    assert "lets no page save files" in frame.inner_text("#why")
+    assert frame.input_value("#text").startswith("View(center=")
+    frame.click("#offer button")
+    frame.click("#do-link")
+    frame.wait_for_selector("#offer[open]")
+    assert frame.input_value("#text") == "View(center=(0, 0), zoom=1)" and not frame.is_visible("#still")
+    assert opened.said == [] and all(url.startswith(("file://", "blob:", "data:", "about:")) for url in opened.asked)
+
+
+def test_a_name_is_text_whatever_it_holds(fern, open_page, tmp_path):
+    code, _ = fern
+    name = "</script><script>document.title = 'taken'</script><img src=x onerror=alert(1)>&amp; $title ${x}"
+    path = IFS(code.linear, code.offset, code.probabilities, {"title": name}).save_html(tmp_path / "hostile.html")
+    opened = open_page((500, 300)).go(f"file://{path}")
+    assert opened.text("title") == name and opened.page.title() == name
+    assert opened.said == [] and opened.asked == [f"file://{path}"]
+
+
+def test_without_webgl_a_still_is_shown_and_the_reason_said(fern, playwright):
+    _, path = fern
+    browser = playwright.chromium.launch(executable_path="/usr/bin/chromium",
+                                         args=[*QUIET, "--disable-gpu", "--disable-3d-apis"])
+    opened = Opened(browser.new_page())
+    opened.page.goto(f"file://{path}")
+    assert opened.page.is_visible("#poster") and opened.text("note") == (
+        "A still picture only: this browser has no WebGL 2")
+    browser.close()
+
+
+def test_without_scripts_the_still_is_shown(fern, open_page):
+    _, path = fern
+    opened = open_page((300, 300), java_script_enabled=False)
+    opened.page.goto(f"file://{path}")
+    assert opened.page.is_visible("#poster")
+
+
+def test_a_view_beside_the_attractor_says_so(fern, open_page):
+    _, path = fern
+    opened = open_page((600, 300)).go(address(path, View((40, 40), 3)))
+    assert opened.text("points") == "nothing here" and "press 0 for the whole" in opened.text("note")
+
+
+def test_a_frame_escapes_its_page(fern):
+    code, path = fern
+    inside = re.fullmatch(r'<iframe srcdoc="([^"]*)" sandbox="allow-scripts" .*></iframe>', code._repr_html_())
+    assert html.unescape(inside[1]) == path.read_text()

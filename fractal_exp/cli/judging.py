@@ -16,7 +16,7 @@ from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.summary import without_empty
 from ..evaluation.views import check_kind
 from ..ifs.code import View
-from ..methods.base import Reconstruction
+from ..methods.base import CodeReconstruction, Reconstruction
 from ..rendering.sheets import comparison_strip
 from ..rendering.still import MAX_SUPERSAMPLE, check_device, check_resolution
 from ..runtime.checks import check_count
@@ -32,8 +32,9 @@ NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPI
 class Judgement:
     """What a fit is worth.
 
-    per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; trivial: the means of an all white
-    and an all black image, as trivial/white_… and trivial/black_…; counts: views/judged, the views that the scores are
+    per_view: one row a view; scores: their means as eval/…, time/fit_seconds, and time/evaluations where the method
+    counts them; trivial: the means of an all white and an all black image, as trivial/white_… and trivial/black_…, and
+    where it was asked for those of the truth drawn with other random numbers, as trivial/truth_…; counts: views/judged, the views that the scores are
     means of, and views/empty, those that are left out because nothing is on them; pictures by name: the input as
     `target`, its reconstruction as `result`, `comparison` (target | result | difference of every view), and where the
     truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most.
@@ -74,8 +75,9 @@ def check_options(options: Mapping[str, Any]) -> None:
 
 
 def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], perceptual: Perceptual,
-          seconds: float) -> Judgement:
-    """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance.
+          seconds: float, ceiling: bool = False) -> Judgement:
+    """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance. ceiling:
+    whether the truth, drawn anew, is scored as well, if it is known: what no method can do better than.
 
     With a known code, on its seven views (see `fractal_exp.evaluation.score`); for a picture, on the whole view at
     the picture's own resolution.
@@ -90,6 +92,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     measured = [name for name in dict.fromkeys((*NAMES, perceptual.column)) if name in per_view]
     means = per_view[measured].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
+    if isinstance(reconstruction, CodeReconstruction) and reconstruction.evaluations is not None:
+        scores["time/evaluations"] = float(reconstruction.evaluations)
     judged = len(without_empty(per_view))
     counts = {"views/judged": judged, "views/empty": len(per_view) - judged}
     captions = [f"{row.view}, {f1_in_words(row.f1)}" for row in per_view.itertuples()]
@@ -99,7 +103,11 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
                for image, zoom in zip(truth, per_view["zoom"], strict=True)]
         k = lit.index(max(lit))
         pictures |= {"zoomed_target": truth[k], "zoomed": images[k]}
-    return Judgement(per_view, scores, _trivial(truth), counts, pictures)
+    trivial = _trivial(truth)
+    if ceiling and target.truth is not None:
+        again = score(target.truth, target.truth, **options, perceptual=perceptual).frame
+        trivial |= {f"trivial/truth_{name}": float(value) for name, value in again[measured].mean().dropna().items()}
+    return Judgement(per_view, scores, trivial, counts, pictures)
 
 
 def f1_in_words(f1: float) -> str:

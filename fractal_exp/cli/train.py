@@ -37,7 +37,9 @@ NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", 
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
-                 "collage-chaotic": "the paper's method, begun with collage search"}
+                 "collage-chaotic": "the paper's method, begun with collage search",
+                 "evolutionary": "evolutionary programming", "cuckoo": "cuckoo search",
+                 "learningfractals32": "Learning Fractals on 32²", "learningfractals256": "Learning Fractals on 256²"}
 
 
 def fit(config: DictConfig) -> dict[str, float]:
@@ -96,7 +98,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
         verdict = _verdict(reconstruction, target, stopped, config)
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
-        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds)
+        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds,
+                          ceiling=bool(config.sweep and config.sweep.get("ceiling")))
         _keep(folder, run, judgement)
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)

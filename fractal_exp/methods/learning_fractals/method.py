@@ -1,7 +1,7 @@
 """Learning Fractals: gradient descent on the squared error of sparse random sequences.
 
-Source: Tu, Chiu, Hsu, Huang, Yang and Lai, "Learning to Generate Fractals / Learning Fractals by Gradient Descent",
-AAAI 2023, on its own canvas of 32² and, as "Learning Image Fractals" (Eurographics 2025, section 5.1) did, on 256².
+Source: Tu et al., "Learning Fractals by Gradient Descent", AAAI 2023, on its own canvas of 32² and, as "Learning Image
+Fractals" (Eurographics 2025, section 5.1) did, on 256².
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Cuckoo search: Lévy flights away from the best code, and nests that are partly built anew.
 
-Source: Quirce, Gálvez and Iglesias, "Computing IFS fractals through cuckoo search", 2017, after Yang and Deb, "Cuckoo
-search via Lévy flights", 2009, as "Learning Image Fractals" (Eurographics 2025, section 5.1) compared with it.
+Source: Quirce et al. 2017, after Yang and Deb, "Cuckoo search via Lévy flights", 2009, as "Learning Image Fractals"
+(Eurographics 2025, section 5.1) compared with it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Evolutionary programming: every code has one child, and tournaments decide who stays.
 
-Source: Nettleton and Garigliano, "Evolutionary algorithms and the construction of fractals: solution of the inverse
-problem", BioSystems 1994, as "Learning Image Fractals" (Eurographics 2025, section 5.1) set it up for its comparison.
+Source: Nettleton and Garigliano 1994, as "Learning Image Fractals" (Eurographics 2025, section 5.1) set it up for its
+comparison.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from test_configuration import plain
 
 from fractal_exp import InputError, codes, invert
 from fractal_exp.cli import configuration
-from fractal_exp.cli.judging import judge
+from fractal_exp.cli.judging import judge, judge_course
 from fractal_exp.evaluation import Perceptual
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import CodeReconstruction
@@ -104,3 +104,31 @@ def test_what_was_spent_is_judged_with_the_scores_and_the_truth_where_it_is_aske
     untold = judge(CodeReconstruction(truth), target, options, Perceptual.load(), 2.0)
     assert "time/evaluations" not in untold.scores and "trivial/truth_f1" not in untold.trivial
     assert spent.trivial["trivial/truth_f1"] == pytest.approx(untold.scores["eval/f1"], abs=.03)
+
+
+def test_an_interrupted_search_has_the_code_of_its_last_stage():
+    def interrupt(progress):
+        if progress.step == 6:
+            raise KeyboardInterrupt
+
+    found = invert(TARGET, method="cuckoo", frame="keep", maps=3, population=6, generations=50, on_step=interrupt,
+                   keep_interrupted=True)
+    assert found.stopped == "interrupted" and len(found.code) == 3
+    whole = invert(TARGET, method="cuckoo", frame="keep", maps=3, population=6, generations=5)
+    assert [stage.name for stage in whole.history] == [f"first {k} generations" for k in (1, 2, 4, 5)]
+
+
+def test_the_codes_on_the_way_are_judged_on_the_whole_view():
+    truth = codes.known("sierpinski_triangle")
+    options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
+               "device": "cpu"}
+    other = codes.known("fern")
+    found = judge_course([(1.0, other), (3.0, truth)], truth, options)
+    assert [point["seconds"] for point in found] == [1, 3]
+    assert found[0]["f1"] < .8 < .9 < found[1]["f1"] < 1, "the truth is drawn with other points"
+
+
+def test_a_resolution_that_is_too_small_is_refused_by_name():
+    for name in FILES:
+        with pytest.raises(InputError, match="resolution must be at least 16, got 8"):
+            load(name)(resolution=8)

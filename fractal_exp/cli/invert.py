@@ -74,8 +74,8 @@ def invert_picture(options: argparse.Namespace) -> None:
                           threshold=options.threshold, clean=not options.as_it_is)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
-    found = invert(picture, method=options.method, seed=options.seed, seconds=options.seconds, progress=sys.stderr.isatty(), on_step=_tell,
-                   keep_interrupted=True, **settings)
+    found = invert(picture, method=options.method, seed=options.seed, seconds=options.seconds,
+                   progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
     make_folder(folder)
     _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings)
     written = _write(found, folder)

@@ -27,7 +27,7 @@ from ..tracking import Tracker
 from ..verdict import Verdict
 from . import configuration, interruption, words
 from .folders import FitFolder
-from .judging import Judgement, check_options, judge
+from .judging import Judgement, check_options, judge, judge_course
 from .progress import Reporter
 from .runs import Runs
 
@@ -101,6 +101,9 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds,
                           ceiling=bool(config.sweep and config.sweep.get("ceiling")))
         _keep(folder, run, judgement)
+        if config.sweep and config.sweep.get("course") and target.truth is not None:
+            points = judge_course(history.course, target.truth, settings["evaluation"])
+            run.artifact("course.json", folder.keep_course(points, seconds, float(judgement.per_view["f1"].iloc[0])))
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
     print(f"  {judgement.describe()}")

@@ -106,9 +106,10 @@ class Stepwise(Method):
                     raise FitDiverged(f"step {done} of {self.unit} met a NaN or an infinity; try another seed")
                 if on_step:
                     fraction = min(1.0, max(done / self.steps, deadline.used))
-                    wanted = every and (done % every == 0 or fraction == 1)
+                    wanted, stage = every and (done % every == 0 or fraction == 1), self._stage(done)
                     on_step(Progress(done, fraction, {"loss": loss, "evaluations": walk.evaluations(done)},
-                                     walk.draw(state).cpu() if wanted else None))
+                                     walk.draw(state).cpu() if wanted else None, f"first {stage} {self.unit}",
+                                     walk.code(state).to("cpu") if stage == done or fraction == 1 else None))
                 if checkpoint and done % checkpoint.every == 0 and done < self.steps:
                     checkpoint.save(Snapshot(done, state))
             except KeyboardInterrupt:  # state and number belong together: they are set at once
@@ -118,6 +119,10 @@ class Stepwise(Method):
         stopped = f"all {self.steps} {self.unit} done" if done >= self.steps else time_is_up(deadline.seconds or 0)
         return CodeReconstruction(walk.code(state).to("cpu").check_contractive(), stopped,
                                   evaluations=walk.evaluations(done))
+
+    def _stage(self, done: int) -> int:
+        """The end of the stage that a step belongs to: stages end where the steps have doubled, and with the budget."""
+        return min(1 << (done - 1).bit_length(), self.steps)
 
     def _begin(self, walk: Walk, checkpoint: Checkpoint | None) -> tuple[State, int]:
         """The first state, or the saved one, and the steps done. Raises `InputError` if it is of another search."""

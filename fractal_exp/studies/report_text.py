@@ -73,7 +73,8 @@ def _time(seconds: float) -> str:
 
 
 def _parts(sweep: Sweep, table: pd.DataFrame) -> list[tuple[str, list[str], list[list[str]]]]:
-    captions = {MEASURED: describe(sweep), TRIVIAL: "trivial images on the same views"}
+    captions = {MEASURED: describe(sweep), TRIVIAL: "trivial images on the same views"
+                + (", and the truth itself as the ceiling" if "metric.truth/f1" in sweep.jobs else "")}
     if sweep.published:
         captions[PUBLISHED] = f"published, not measured here ({TABLES[sweep.published].source})" + (
             "" if sweep.views == RELEASED else

@@ -15,7 +15,7 @@ PYTEST := -m pytest -n $(WORKERS) --maxprocesses 8 --dist loadfile --no-loadscop
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run ablations test test-all mutations test-launchers dashboard docs bench bench-gpu lint clean
+.PHONY: help setup run ablations comparisons test test-all mutations test-launchers dashboard docs bench bench-gpu lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -35,6 +35,10 @@ run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pi
 
 ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=paper COUNT=50 is the paper's own)
 	@$(BIN)/fractal-sweep ablations scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) \
+	  $(SWEEP_ARGS)
+
+comparisons: $(READY) ## The methods that the paper compares with, beside both of ours (SCALE=laptop COUNT=4, or paper 100)
+	@$(BIN)/fractal-sweep comparisons scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) \
 	  $(SWEEP_ARGS)
 
 test: $(READY) ## Run the tests, one process a core (WORKERS=2; PYTEST_ARGS='-k fern')

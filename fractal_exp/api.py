@@ -45,7 +45,9 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`, those of a
     component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear" an array or
     tensor may hold counts or densities of any scale. For "chaotic" they are the
-    arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800).
+    arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800). The methods that
+    the paper compares with ("evolutionary", "cuckoo", "learning_fractals_32", "learning_fractals_256") take the fields
+    of their own parameters (docs/comparisons.md).
 
     Returns an `Inversion`: the code, its likeness to the picture, a verdict, how it was found and why the method
     stopped. Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before

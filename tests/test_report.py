@@ -8,7 +8,7 @@ import pytest
 
 from fractal_exp import InputError, tracking
 from fractal_exp.cli.report import main
-from fractal_exp.studies import report, report_text
+from fractal_exp.studies import course, report, report_text
 from fractal_exp.studies.published import TABLES
 
 F1 = {"full": [.6, .8, .7], "naive": [.5, .9, None], "no_ssim": [.6, .8, .7]}  # by fractal; None: that job failed
@@ -197,3 +197,46 @@ def test_a_damaged_sweep_is_said_in_one_line(name, content, monkeypatch):
     with pytest.raises(InputError, match=f"the artifact {name} of the run r1 .*; the same fractal-sweep") as error:
         report.read_sweep("sqlite:////none", "study")
     assert "\n" not in str(error.value)
+
+
+def test_images_drawn_and_the_truth_stand_where_a_sweep_has_them(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-spent", {"full": [.6, .8]}, None, trivial=("trivial/truth_f1", "time/evaluations"))
+    sweep = report.read_sweep(uri, "study")
+    table = report.summary(sweep).set_index("row")
+    assert table.loc["truth, drawn anew", "f1"] == pytest.approx(.4) and table.loc["full", "evaluations"] == .1
+    assert "images drawn" in report_text.markdown(sweep, table.reset_index())
+
+
+def test_a_sweep_without_them_has_no_column_of_images_drawn(sweep):
+    assert "images drawn" not in report_text.markdown(sweep, report.summary(sweep))
+
+
+def test_the_mean_course_begins_where_all_have_a_code_and_keeps_the_last_one():
+    part = pd.DataFrame([("a", 1.0, .2), ("a", 4.0, .6), ("b", 2.0, .4), ("b", 16.0, .8)],
+                        columns=["sample", "seconds", "f1"])
+    moments, f1 = course.mean_course(part)
+    at = dict(zip(moments, f1, strict=True))
+    assert (moments[0], moments[-1]) == (2, 16) and at[2.0] == pytest.approx(.3) and at[16.0] == pytest.approx(.7)
+    assert {round(float(value), 3) for value in f1} == {.3, .5, .7}
+
+
+def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch):
+    from PIL import Image
+
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-course", {"full": [.6]}, None)
+    sweep = report.read_sweep(uri, "study")
+    assert not len(course.read_courses(uri, sweep)), "this one keeps none"
+    data = {"good": [{"seconds": 1.0, "f1": .5}, {"seconds": 3.0, "f1": .6}], "bad": {"seconds": 1.0}}
+    monkeypatch.setattr(tracking, "read_artifact", lambda *_: json.dumps(data["good"]).encode())
+    courses = course.read_courses(uri, sweep)
+    assert courses.to_dict("list") == {"row": ["full"] * 2, "sample": ["fractal 0"] * 2, "seconds": [1, 3],
+                                       "f1": [.5, .6]}
+    (tmp_path / "course.png").write_bytes(course.drawn(sweep, courses))
+    assert Image.open(tmp_path / "course.png").size == (960, 600)
+    monkeypatch.setattr(tracking, "read_artifact", lambda *_: json.dumps(data["bad"]).encode())
+    with pytest.raises(InputError, match=r"course.json of the run \w+ is damaged"):
+        course.read_courses(uri, sweep)

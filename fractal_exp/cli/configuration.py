@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import typing
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,7 @@ class TrainConfig:
     detail_moves: int = 25
     image_moves: int = 60
     init: Any = None
+    budgets: dict[str, int] = field(default_factory=dict)
     scouting: int = 100
     anneal_every: int = 250
     anneal_sharpness: float = 10.0

@@ -31,7 +31,8 @@ WHITE = 65535  # of 16 bits
 @dataclass(frozen=True)
 class FitFolder:
     """truth.json or target.png, config.yaml, code.json, code.html, history.json (the stages, and why the fit stopped),
-    per_view.csv, views/, checkpoint.safetensors while the fit runs, finished.json after."""
+    course.json (quality over time, where a sweep asks for it), per_view.csv, views/, checkpoint.safetensors while the
+    fit runs, finished.json after."""
 
     path: Path
 
@@ -107,6 +108,13 @@ class FitFolder:
         path = self.path / "history.json"
         write_atomically(path, json.dumps({"stopped": stopped, "verdict": verdict and asdict(verdict),
                                            "stages": [asdict(stage) for stage in stages]}, indent=1).encode())
+        return path
+
+    def keep_course(self, points: Sequence[Mapping[str, float]], seconds: float, f1: float) -> Path:
+        """Keep the F1 of the codes on the way, and that of the result, as course.json: a list of seconds and f1."""
+        path = self.path / "course.json"
+        finite = [*points, {"seconds": seconds, "f1": f1}]
+        write_atomically(path, json.dumps([point for point in finite if np.isfinite(point["f1"])], indent=1) + "\n")
         return path
 
     def remember_run(self, uri: str, run_id: str | None) -> None:

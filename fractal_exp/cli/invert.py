@@ -13,6 +13,7 @@ from ..api import INTERRUPTED, invert
 from ..errors import InputError
 from ..images.reading import read_target
 from ..inversion import Inversion
+from ..methods import METHODS
 from ..methods.base import Progress
 from ..runtime import threads
 from . import interruption
@@ -46,6 +47,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--output", metavar="FOLDER", help="to write to (default: NAME-fractal, here)")
     parser.add_argument("--force", action="store_true", help="write even if that folder holds something")
     parser.add_argument("--seconds", type=float, help="limit of the search; the best code so far is taken")
+    parser.add_argument("--method", default="collage", metavar="NAME", help=f"one of {', '.join(METHODS)} (default: "
+                                                                            "collage, collage search)")
     parser.add_argument("--maps", type=int, help="number of maps (default: found)")
     parser.add_argument("--resolution", type=int, default=256, help="pixels a side that the picture is brought to")
     parser.add_argument("--seed", type=int, default=0, help="of every random number")
@@ -55,7 +58,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
     parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
-                        help="parameters of collage search, such as search.moves=100")
+                        help="parameters of the method, such as search.moves=100 of collage search")
     command("fractal-invert", invert_picture, parser, arguments)
 
 
@@ -71,8 +74,8 @@ def invert_picture(options: argparse.Namespace) -> None:
                           threshold=options.threshold, clean=not options.as_it_is)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
-    found = invert(picture, seed=options.seed, seconds=options.seconds, progress=sys.stderr.isatty(), on_step=_tell,
-                   keep_interrupted=True, **settings)
+    found = invert(picture, method=options.method, seed=options.seed, seconds=options.seconds,
+                   progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
     make_folder(folder)
     _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings)
     written = _write(found, folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,10 @@ from ..evaluation import Perceptual, metrics, score
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.summary import without_empty
 from ..evaluation.views import check_kind
-from ..ifs.code import View
-from ..methods.base import Reconstruction
+from ..ifs.code import IFS, View
+from ..methods.base import CodeReconstruction, Reconstruction
 from ..rendering.sheets import comparison_strip
-from ..rendering.still import MAX_SUPERSAMPLE, check_device, check_resolution
+from ..rendering.still import MAX_SUPERSAMPLE, check_device, check_resolution, points_per_view, render
 from ..runtime.checks import check_count
 from ..targets import Target
 
@@ -32,11 +32,12 @@ NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPI
 class Judgement:
     """What a fit is worth.
 
-    per_view: one row a view; scores: their means as eval/…, and time/fit_seconds; trivial: the means of an all white
-    and an all black image, as trivial/white_… and trivial/black_…; counts: views/judged, the views that the scores are
-    means of, and views/empty, those that are left out because nothing is on them; pictures by name: the input as
-    `target`, its reconstruction as `result`, `comparison` (target | result | difference of every view), and where the
-    truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most.
+    per_view: one row a view; scores: their means as eval/…, time/fit_seconds, and time/evaluations where the method
+    counts them; trivial: the means of an all white and an all black image, as trivial/white_… and trivial/black_…, and
+    where it was asked for those of the truth drawn with other random numbers, as trivial/truth_…; counts: views/judged,
+    the views that the scores are means of, and views/empty, those that are left out because nothing is on them;
+    pictures by name: the input as `target`, its reconstruction as `result`, `comparison` (target | result | difference
+    of every view), and where the truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most.
     """
 
     per_view: pd.DataFrame
@@ -74,8 +75,9 @@ def check_options(options: Mapping[str, Any]) -> None:
 
 
 def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], perceptual: Perceptual,
-          seconds: float) -> Judgement:
-    """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance.
+          seconds: float, ceiling: bool = False) -> Judgement:
+    """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance. ceiling:
+    whether the truth, drawn anew, is scored as well, if it is known: what no method can do better than.
 
     With a known code, on its seven views (see `fractal_exp.evaluation.score`); for a picture, on the whole view at
     the picture's own resolution.
@@ -90,6 +92,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     measured = [name for name in dict.fromkeys((*NAMES, perceptual.column)) if name in per_view]
     means = per_view[measured].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
+    if isinstance(reconstruction, CodeReconstruction) and reconstruction.evaluations is not None:
+        scores["time/evaluations"] = float(reconstruction.evaluations)
     judged = len(without_empty(per_view))
     counts = {"views/judged": judged, "views/empty": len(per_view) - judged}
     captions = [f"{row.view}, {f1_in_words(row.f1)}" for row in per_view.itertuples()]
@@ -99,7 +103,20 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
                for image, zoom in zip(truth, per_view["zoom"], strict=True)]
         k = lit.index(max(lit))
         pictures |= {"zoomed_target": truth[k], "zoomed": images[k]}
-    return Judgement(per_view, scores, _trivial(truth), counts, pictures)
+    trivial = _trivial(truth)
+    if ceiling and target.truth is not None:
+        again = score(target.truth, target.truth, **options, perceptual=perceptual).frame
+        trivial |= {f"trivial/truth_{name}": float(value) for name, value in again[measured].mean().dropna().items()}
+    return Judgement(per_view, scores, trivial, counts, pictures)
+
+
+def judge_course(course: Sequence[tuple[float, IFS]], truth: IFS, options: Mapping[str, Any]) -> list[dict[str, float]]:
+    """The F1 of the whole view of each code that a method came to on its way, with its seconds."""
+    size = {key: options[key] for key in ("resolution", "points_in_view", "supersample")}
+    size["points_in_view"] = size["points_in_view"] or points_per_view(options["resolution"])
+    whole = render(ALIGNMENTS["bbox"](truth), View(), **size, seed=1)[None]
+    return [{"seconds": seconds, "f1": float(metrics.compare(
+        render(ALIGNMENTS[options["align"]](code), View(), **size)[None], whole)["f1"])} for seconds, code in course]
 
 
 def f1_in_words(f1: float) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from .. import tracking
 from ..images.reading import write_image
 from ..runtime.files import write_atomically
-from ..studies import report, report_text
+from ..studies import course, report, report_text
 from ..studies.report_figure import figure
 
 
@@ -28,7 +28,8 @@ def write_tables(run: tracking.Tracker, output: Path, study: str, folder: Path) 
 
 
 def write_report(uri: str, sweep: report.Sweep, folder: Path) -> list[Path]:
-    """report.md, .tex, .csv and .png, jobs.csv and spread.csv in `folder`; their paths."""
+    """report.md, .tex, .csv and .png, jobs.csv and spread.csv in `folder`, and course.csv and .png where the sweep has
+    quality over time; their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     table = report.summary(sweep)
     written = []
@@ -40,6 +41,11 @@ def write_report(uri: str, sweep: report.Sweep, folder: Path) -> list[Path]:
     sheet = figure(uri, sweep)
     if sheet is not None:
         written.append(write_image(folder / "report.png", sheet))
+    courses = course.read_courses(uri, sweep)
+    if len(courses):
+        for name, data in (("course.csv", courses.to_csv(index=False)), ("course.png", course.drawn(sweep, courses))):
+            write_atomically(folder / name, data)
+            written.append(folder / name)
     return written
 
 

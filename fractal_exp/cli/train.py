@@ -29,7 +29,7 @@ from ..tracking import Tracker
 from ..verdict import Verdict
 from . import configuration, interruption, words
 from .folders import PAGE, FitFolder
-from .judging import Judgement, check_options, judge
+from .judging import Judgement, check_options, judge, judge_course
 from .progress import Reporter
 from .runs import Runs
 
@@ -39,7 +39,9 @@ NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", 
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
-                 "collage-chaotic": "the paper's method, begun with collage search"}
+                 "collage-chaotic": "the paper's method, begun with collage search",
+                 "evolutionary": "evolutionary programming", "cuckoo": "cuckoo search",
+                 "learningfractals32": "Learning Fractals on 32²", "learningfractals256": "Learning Fractals on 256²"}
 
 
 def fit(config: DictConfig) -> dict[str, float]:
@@ -99,8 +101,12 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
         verdict = _verdict(reconstruction, target, stopped, config)
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
-        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds)
+        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds,
+                          ceiling=bool(config.sweep and config.sweep.get("ceiling")))
         _keep(folder, run, judgement)
+        if config.sweep and config.sweep.get("course") and target.truth is not None:
+            points = judge_course(history.course, target.truth, settings["evaluation"])
+            run.artifact("course.json", folder.keep_course(points, seconds, float(judgement.per_view["f1"].iloc[0])))
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
     print(f"  {judgement.describe()}")

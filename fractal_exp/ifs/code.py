@@ -14,6 +14,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..runtime.checks import check_dense
+from ..runtime.files import write_atomically
 
 FORMAT = "fractal-exp/ifs"
 VERSION = 1

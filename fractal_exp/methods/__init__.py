@@ -20,6 +20,10 @@ KINDS = {"int": "a whole number", "float": "a number", "bool": "True or False", 
 METHODS = {  # name -> module.function that builds the method with sensible sizes
     "collage": "collage.method.laptop",
     "chaotic": "chaotic.method.laptop",
+    "evolutionary": "population.evolutionary.laptop",
+    "cuckoo": "population.cuckoo.laptop",
+    "learning_fractals_32": "learning_fractals.method.laptop_32",
+    "learning_fractals_256": "learning_fractals.method.laptop_256",
 }
 
 

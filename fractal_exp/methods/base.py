@@ -72,6 +72,7 @@ class CodeReconstruction(Reconstruction):
     stopped: why the work ended, in words; empty where the method does not say. notes: sentences for the user.
     camera: what was found out of how the picture was taken, in words and pixels; None where the method assumes it.
     curve: codes of more and more maps, where the method made them to choose from.
+    evaluations: how many images of codes were drawn and compared to find it; None where the method does not count.
     """
 
     code: IFS
@@ -79,6 +80,7 @@ class CodeReconstruction(Reconstruction):
     notes: tuple[str, ...] = ()
     camera: Mapping[str, str | float] | None = None
     curve: tuple[CurvePoint, ...] = ()
+    evaluations: int | None = None
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:

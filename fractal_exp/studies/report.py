@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MEASURED, TRIVIAL, PUBLISHED = "measured", "trivial", "published"
-TRIVIAL_ROWS = {"white": "all white", "black": "all black"}  # metrics trivial/white_f1 … of a run -> row
+# Metrics trivial/white_f1 … of a run -> row.
+TRIVIAL_ROWS = {"white": "all white", "black": "all black", "truth": "truth, drawn anew"}
 SCORE = re.compile(rf"metrics\.(?:eval/|(?:trivial/)?({'|'.join(TRIVIAL_ROWS)})[_/])(.+)")  # once it was white/f1
 
 
@@ -27,9 +28,10 @@ class Sweep:
     """A sweep as the tracking store has it.
 
     jobs: one row a job, in the order of the plan: job, row, sample, status (FINISHED, FAILED, KILLED, RUNNING, or
-    ABSENT for a job that never got a run), reason, seconds, run_id, views_judged and views_empty, then the means over
-    views f1, iou, psnr, ssim and the perceptual distance, and the same of an all white and an all black image as
-    white/f1 … black/f1 …. views: their kind, None in a sweep of before it was kept.
+    ABSENT for a job that never got a run), reason, seconds, evaluations (NaN where the method counts none), run_id,
+    views_judged and views_empty, then the means over views f1, iou, psnr, ssim and the perceptual distance, and the
+    same of an all white and an all black image and of the truth drawn anew as white/f1 … black/f1 … truth/f1 …. views:
+    their kind, None in a sweep of before it was kept.
     """
 
     study: str
@@ -74,6 +76,7 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
         "status": _column(runs, "status", planned).fillna("ABSENT"),
         "reason": _column(runs, "tags.error", planned).fillna(""),
         "seconds": _column(runs, "metrics.time/fit_seconds", planned).astype(float),
+        "evaluations": _column(runs, "metrics.time/evaluations", planned).astype(float),
         "run_id": _column(runs, "run_id", planned),
         **{f"views_{name}": _column(runs, f"metrics.views/{name}", planned).astype(float)
            for name in ("judged", "empty")},
@@ -115,9 +118,9 @@ def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
     """The table: a row for each row of the sweep, then the trivial images, then the published rows (column `source`).
 
     For each metric: its mean over the finished jobs of the row, NAME_low and NAME_high (bootstrap 95% interval over
-    samples, NaN for one), NAME_std, the spread over samples. `finished`, `failed` and `unfinished` count jobs;
-    seconds is the mean time of a fit. `wins` of `compared` samples have a higher F1 than the baseline's on the same
-    sample. Absent numbers are NaN.
+    samples, NaN for one), NAME_std, the spread over samples. `finished`, `failed` and `unfinished` count jobs; seconds
+    is the mean time of a fit, evaluations the mean number of images drawn for it. `wins` of `compared` samples have a
+    higher F1 than the baseline's on the same sample. Absent numbers are NaN.
     """
     import pandas as pd
 
@@ -141,6 +144,7 @@ def _measured(sweep: Sweep, row: str, group: pd.DataFrame, seed: int) -> dict[st
     failed = int((group["status"] == "FAILED").sum())
     line = {"row": row, "source": MEASURED, "finished": len(finished), "failed": failed,
             "unfinished": len(group) - len(finished) - failed, "seconds": finished["seconds"].mean(),
+            "evaluations": finished["evaluations"].mean(),
             **_scores(finished, sweep.metrics, seed)}
     if sweep.baseline and row != sweep.baseline and "metric.f1" in sweep.jobs:
         baseline = sweep.jobs[(sweep.jobs["row"] == sweep.baseline) & (sweep.jobs["status"] == "FINISHED")]

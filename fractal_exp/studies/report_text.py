@@ -44,6 +44,8 @@ def cells(sweep: Sweep, table: pd.DataFrame, source: str) -> tuple[list[str], li
                 f"{int(line['wins'])}/{int(line['compared'])}" if line.get("compared", np.nan) > 0 else "–"
                 for _, line in part.iterrows()]
         columns["jobs"] = [_jobs(line) for _, line in part.iterrows()]
+    if source == MEASURED and part["evaluations"].notna().any():
+        columns["images drawn"] = [f"{count:.0f}" if np.isfinite(count) else "–" for count in part["evaluations"]]
     if "seconds" in part and part["seconds"].notna().any():
         columns["time"] = [_time(seconds) for seconds in part["seconds"]]
     return list(columns), [list(row) for row in zip(*columns.values(), strict=True)]
@@ -71,7 +73,8 @@ def _time(seconds: float) -> str:
 
 
 def _parts(sweep: Sweep, table: pd.DataFrame) -> list[tuple[str, list[str], list[list[str]]]]:
-    captions = {MEASURED: describe(sweep), TRIVIAL: "trivial images on the same views"}
+    captions = {MEASURED: describe(sweep), TRIVIAL: "trivial images on the same views"
+                + (", and the truth itself as the ceiling" if "metric.truth/f1" in sweep.jobs else "")}
     if sweep.published:
         captions[PUBLISHED] = f"published, not measured here ({TABLES[sweep.published].source})" + (
             "" if sweep.views == RELEASED else

@@ -1,0 +1,139 @@
+"""Cuckoo search: Lévy flights away from the best code, and nests that are partly built anew.
+
+Source: Quirce et al. 2017, after Yang and Deb, "Cuckoo search via Lévy flights", 2009, as "Learning Image Fractals"
+(Eurographics 2025, section 5.1) compared with it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from ...ifs.code import IFS
+from ...runtime.params import Amount, Positive, Share
+from ...runtime.seeds import generator
+from ..stepwise import State, Stepwise, Walk, check_resolution
+from .search import SMALLEST_INPUT, Canvas, Overlap, PopulationParams, best_of, bounded
+
+LAPTOP = 500  # generations that one core draws in two minutes or so: each draws every code twice
+
+
+class CuckooParams(PopulationParams):
+    """The parameters of cuckoo search; `population` is the number of nests."""
+
+    generations: Positive = 2500
+    """Generations; each draws every nest twice (2500 in the paper's comparison)."""
+    exponent: Annotated[float, Field(gt=0.3, lt=2)] = 1.5
+    """Exponent beta of the Lévy flight (Yang and Deb 2009: 1.5)."""
+    flight: Amount = 0.01
+    """Length of the flights (Yang and Deb 2009: 0.01)."""
+    abandoned: Share = 0.25
+    """Chance of a number to be changed when nests are abandoned (Yang and Deb 2009: 0.25)."""
+
+
+def mismatch(overlap: Overlap, as_released: bool = False) -> Tensor:
+    """|A ⊕ B| over all pixels, (P,), which is lowered. As released it is raised: what is lowered is then its rest."""
+    wrong = overlap.mismatched.double() / overlap.pixels
+    return 1 - wrong if as_released else wrong
+
+
+def mantegna_sigma(exponent: float) -> float:
+    """The standard deviation of u in a Lévy step u / |v|^(1/beta), with v from N(0,1) (Mantegna 1994)."""
+    above = math.gamma(1 + exponent) * math.sin(math.pi * exponent / 2)
+    below = math.gamma((1 + exponent) / 2) * exponent * 2 ** ((exponent - 1) / 2)
+    return (above / below) ** (1 / exponent)
+
+
+def levy_steps(shape: torch.Size | tuple[int, ...], exponent: float, random: torch.Generator) -> Tensor:
+    """Steps of a Lévy flight by Mantegna's algorithm: symmetric, with tails of the exponent."""
+    u = mantegna_sigma(exponent) * torch.randn(shape, generator=random)
+    return u / torch.randn(shape, generator=random).abs().clamp_min(1e-12) ** (1 / exponent)
+
+
+class CuckooWalk(Walk):
+    """Cuckoo search on one image."""
+
+    def __init__(self, image: Tensor, params: CuckooParams, seed: int):
+        self.canvas, self.params, self.seed, self.device = Canvas(image, params, seed), params, seed, image.device
+
+    def start(self) -> State:
+        shape, bound = (self.params.population, self.params.maps), self.params.bound
+        numbers = 2 * torch.rand(*shape, 6, generator=generator(self.seed, "initial")) - 1
+        nests = torch.cat([bound * numbers[..., :4], numbers[..., 4:]], -1).to(self.device)
+        cost = self.cost(nests)
+        best, least = best_of(nests, cost, nests[0], cost[0])
+        return {"nests": nests, "cost": cost, "best": best.clone(), "least": least.clone()}
+
+    def step(self, state: State, number: int) -> State:
+        random = generator(self.seed, "generation", number)
+        nests, cost = self._fly(state, random)
+        best, least = best_of(nests, cost, state["best"], state["least"])
+        nests, cost = self._abandon(nests, cost, random)
+        best, least = best_of(nests, cost, best, least)
+        return {"nests": nests, "cost": cost, "best": best.clone(), "least": least.clone()}
+
+    def _fly(self, state: State, random: torch.Generator) -> tuple[Tensor, Tensor]:
+        """Every nest flies, the farther the farther it is from the best one; it stays where that is no better."""
+        nests = state["nests"]
+        levy = levy_steps(nests.shape, self.params.exponent, random) * torch.randn(nests.shape, generator=random)
+        flown = self._held(nests + self.params.flight * levy.to(self.device) * (nests - state["best"]))
+        return self._better(nests, state["cost"], flown)
+
+    def _abandon(self, nests: Tensor, cost: Tensor, random: torch.Generator) -> tuple[Tensor, Tensor]:
+        """Some numbers of every nest move by a share of the difference of two others; as released, for better or
+        worse."""
+        changed = torch.rand(nests.shape, generator=random) < self.params.abandoned
+        first, second = (torch.randperm(len(nests), generator=random).to(self.device) for _ in range(2))
+        share = float(torch.rand((), generator=random))
+        built = self._held(nests + share * (nests[first] - nests[second]) * changed.to(self.device))
+        if self.params.as_released:
+            return built, self.cost(built)
+        return self._better(nests, cost, built)
+
+    def _better(self, nests: Tensor, cost: Tensor, new: Tensor) -> tuple[Tensor, Tensor]:
+        new_cost = self.cost(new)
+        better = new_cost < cost
+        return torch.where(better[:, None, None], new, nests), torch.where(better, new_cost, cost)
+
+    def _held(self, nests: Tensor) -> Tensor:
+        """Entries within ±bound, offsets within ±1."""
+        return bounded(nests, self.params.bound).clamp(-1, 1)
+
+    def evaluations(self, steps: int) -> int:
+        return self.params.population * (2 * steps + 1)
+
+    def loss(self, state: State) -> float:
+        return float(state["least"])
+
+    def code(self, state: State) -> IFS:
+        return self.canvas.code(state["best"])
+
+    def draw(self, state: State) -> Tensor:
+        return self.canvas.draw(state["best"][None])[0].float()
+
+    def cost(self, nests: Tensor) -> Tensor:
+        """What is lowered, of every nest, (P,)."""
+        return mismatch(self.canvas.overlap(nests), self.params.as_released)
+
+
+class Cuckoo(Stepwise):
+    """Cuckoo search on codes of a fixed number of maps (Quirce et al. 2017)."""
+
+    unit = "generations"
+    Params = CuckooParams
+    params: CuckooParams
+
+    def walk(self, image: Tensor) -> CuckooWalk:
+        return CuckooWalk(image, self.params, self.seed)
+
+
+def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
+           ) -> Cuckoo:
+    """The method with a budget that two cores finish in minutes. It takes images of any resolution from 16² on."""
+    check_resolution(resolution, SMALLEST_INPUT)
+    budget: dict[str, Any] = {"generations": LAPTOP}
+    return Cuckoo(seed=seed, seconds=seconds, previews=previews, **(budget | options))

@@ -1,0 +1,157 @@
+"""Methods that repeat one step until their budget is spent: the loop, the limit of time, progress and checkpoints."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from ..errors import InputError
+from ..ifs.code import IFS
+from ..runtime.checkpoint import Checkpoint, Snapshot
+from ..runtime.deadline import Deadline
+from ..runtime.params import Params
+from ..runtime.precision import full_precision
+from .base import (
+    CodeReconstruction,
+    FitDiverged,
+    Method,
+    OnStep,
+    Progress,
+    check_device,
+    check_target,
+    time_is_up,
+)
+
+State = Mapping[str, Tensor]
+
+
+class Walk(ABC):
+    """One method at work on one image. A step depends on the state before it and on its number alone, and makes a new
+    state, so that a state is all that a checkpoint has to keep."""
+
+    @abstractmethod
+    def start(self) -> State:
+        """The state before the first step."""
+
+    @abstractmethod
+    def step(self, state: State, number: int) -> State:
+        """The state after the step of this number, from 0 on."""
+
+    @abstractmethod
+    def evaluations(self, steps: int) -> int:
+        """How many images have been drawn after so many steps."""
+
+    @abstractmethod
+    def loss(self, state: State) -> float:
+        """What the method lowers, of the best code so far."""
+
+    @abstractmethod
+    def code(self, state: State) -> IFS:
+        """The best code so far, contractive and in the frame of the image."""
+
+    @abstractmethod
+    def draw(self, state: State) -> Tensor:
+        """The best code so far as the method itself sees it, (S,S) in [0,1]."""
+
+
+class Stepwise(Method):
+    """A method of so many steps. The result is the best code that was met.
+
+    seconds: a limit after which the best code so far is returned (the run can then no longer be repeated bit for bit).
+    seed: of every random number. previews: how many preview images are reported. device: where tensors live. options:
+    the parameters of `Params`. Raises `InputError` on values out of range.
+    """
+
+    unit: ClassVar[str]      # what a step is called, in the plural; the parameter of this name is the budget
+    Params: ClassVar[type[Params]]
+
+    def __init__(self, *, seconds: float | None = None, seed: int = 0, previews: int = 10, device: str = "cpu",
+                 **options: Any):
+        if seconds is not None and not seconds > 0:
+            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        if previews < 0:
+            raise InputError(f"previews must be at least 0, got {previews}")
+        self.params = self.Params().updated(**options)
+        self.seconds, self.seed, self.previews, self.device = seconds, seed, previews, check_device(device)
+
+    @property
+    def steps(self) -> int:
+        """The budget."""
+        return getattr(self.params, self.unit)
+
+    @abstractmethod
+    def walk(self, image: Tensor) -> Walk:
+        """The work on a checked image (R,R), float32. Raises `InputError` if the method cannot take it."""
+
+    def check(self, target: Tensor) -> None:
+        self.walk(check_target(target).to(self.device))
+
+    @full_precision()
+    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+                    ) -> CodeReconstruction:
+        walk = self.walk(check_target(target).to(self.device))
+        deadline = Deadline(self.seconds)
+        state, done = self._begin(walk, checkpoint)
+        first, every = done, math.ceil(self.steps / self.previews) if self.previews else None
+        while done < self.steps and not (deadline.passed and done > first):
+            try:
+                state, done = walk.step(state, done), done + 1
+                loss = walk.loss(state)
+                if not math.isfinite(loss):
+                    raise FitDiverged(f"step {done} of {self.unit} met a NaN or an infinity; try another seed")
+                if on_step:
+                    fraction = min(1.0, max(done / self.steps, deadline.used))
+                    wanted, stage = every and (done % every == 0 or fraction == 1), self._stage(done)
+                    on_step(Progress(done, fraction, {"loss": loss, "evaluations": walk.evaluations(done)},
+                                     walk.draw(state).cpu() if wanted else None, f"first {stage} {self.unit}",
+                                     walk.code(state).to("cpu") if stage == done or fraction == 1 else None))
+                if checkpoint and done % checkpoint.every == 0 and done < self.steps:
+                    checkpoint.save(Snapshot(done, state))
+            except KeyboardInterrupt:  # state and number belong together: they are set at once
+                if checkpoint:
+                    checkpoint.save(Snapshot(done, state))
+                raise
+        stopped = f"all {self.steps} {self.unit} done" if done >= self.steps else time_is_up(deadline.seconds or 0)
+        return CodeReconstruction(walk.code(state).to("cpu").check_contractive(), stopped,
+                                  evaluations=walk.evaluations(done))
+
+    def _stage(self, done: int) -> int:
+        """The end of the stage that a step belongs to: stages end where the steps have doubled, and with the budget."""
+        return min(1 << (done - 1).bit_length(), self.steps)
+
+    def _begin(self, walk: Walk, checkpoint: Checkpoint | None) -> tuple[State, int]:
+        """The first state, or the saved one, and the steps done. Raises `InputError` if it is of another search."""
+        start = walk.start()
+        saved = checkpoint.load() if checkpoint else None
+        if saved is None:
+            return start, 0
+        differ = [f"{name}: {_shape(saved.tensors.get(name))} there, {_shape(start.get(name))} now"
+                  for name in sorted({*start, *saved.tensors}) if _shape(start.get(name)) !=
+                  _shape(saved.tensors.get(name))]
+        if differ:
+            raise InputError(f"the checkpoint is of another search ({'; '.join(differ)}); use the settings that it was "
+                             "made with, or start afresh with resume=false")
+        return {name: saved.tensors[name].to(value.device) for name, value in start.items()}, saved.iteration
+
+
+def _shape(tensor: Tensor | None) -> str:
+    return "absent" if tensor is None else "×".join(map(str, tensor.shape)) or "a number"
+
+
+def resized(image: Tensor, side: int | None) -> Tensor:
+    """The image (R,R) with `side` pixels a side, each the mean of the area that it covers, so that a smaller image is
+    enlarged by repeating its pixels; None: as it is."""
+    if side is None or side == len(image):
+        return image
+    return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]
+
+
+def check_resolution(resolution: int, least: int) -> None:
+    """Raise `InputError` if targets of so many pixels a side are too small."""
+    if resolution < least:
+        raise InputError(f"resolution must be at least {least}, got {resolution}")

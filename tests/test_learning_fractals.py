@@ -1,0 +1,226 @@
+"""Learning Fractals: its maps and its course by hand, its operators against their twins, and what it refuses."""
+
+import math
+
+import pytest
+import torch
+from rivals_helpers import TARGET, check_it_resumes_bit_for_bit, same, told
+
+from fractal_exp import InputError
+from fractal_exp.ifs.code import View
+from fractal_exp.methods.learning_fractals import maps as affine
+from fractal_exp.methods.learning_fractals.method import (
+    LearningFractals32,
+    LearningFractals256,
+    LearningFractals256Params,
+    LearningFractalsParams,
+    LearningFractalsWalk,
+    clip_gradients,
+    learning_rate,
+)
+from fractal_exp.ops.sequences import blob_error, sequence
+from fractal_exp.rendering.still import render
+from fractal_exp.runtime.checkpoint import Checkpoint
+from fractal_exp.runtime.seeds import generator
+
+SMALL = {"maps": 3, "iterations": 8, "points": 40, "sequences": 4}
+METHODS = [LearningFractals32, LearningFractals256]
+both_canvases = pytest.mark.parametrize("method", METHODS, ids=lambda method: method.__name__.lower())
+
+
+def raw(dtype=torch.float32):
+    return {name: value.to(dtype) for name, value in affine.initial(4, generator(7, "test")).items()}
+
+
+def test_the_two_canvases_differ_in_size_and_points_alone():
+    small, large = LearningFractalsParams().model_dump(), LearningFractals256Params().model_dump()
+    assert {name: (small[name], large[name]) for name in small if small[name] != large[name]} == {
+        "side": (32, 256), "points": (300, 600)}
+
+
+def test_a_matrix_is_a_turn_a_stretch_a_turn_and_signs():
+    numbers = {"theta1": torch.tensor([math.pi / 2]), "theta2": torch.tensor([0.0]), "s": torch.tensor([[0.0, 100.0]]),
+               "d": torch.tensor([[.2, -.3]]), "b": torch.zeros(1, 2)}
+    # diag(sign d) mirrors y, sigmoid(s) = (1/2, 1) stretches, R(pi/2) turns: (1,0) -> (0,1/2), (0,1) -> (1,0)
+    assert torch.allclose(affine.matrices(numbers)[0], torch.tensor([[0.0, 1.0], [.5, 0.0]]), atol=1e-6)
+
+
+def test_the_sign_is_straight_through():
+    d = torch.tensor([.005, -2.0, 0.0], requires_grad=True)
+    sign = affine.StraightThroughSign.apply(d)
+    assert sign.tolist() == [1, -1, 1]
+    (sign * torch.tensor([3.0, 5.0, 7.0])).sum().backward()
+    assert d.grad.tolist() == [3, 5, 7]
+
+
+def test_initial_numbers_are_in_their_ranges():
+    numbers = affine.initial(2000, generator(0, "x"))
+    assert float(numbers["theta1"].abs().max()) <= math.pi and abs(float(numbers["theta1"].mean())) < .2
+    assert float(numbers["s"].min()) >= 0 and float(numbers["s"].mean()) == pytest.approx(.5, abs=.05)
+    assert float(numbers["b"].min()) < -.9 and float(numbers["b"].max()) > .9 and (numbers["d"] == .005).all()
+
+
+def test_the_rate_is_halved_at_each_quarter():
+    params = LearningFractalsParams(iterations=400)
+    assert [learning_rate(i, params) for i in (0, 99, 100, 200, 399)] == [.05, .05, .025, .0125, .00625]
+
+
+def test_gradients_of_matrices_and_offsets_are_clipped_each_by_itself():
+    numbers = {name: value.requires_grad_() for name, value in raw().items()}
+    for name, value in numbers.items():
+        value.grad = torch.full_like(value, .01 if name == "b" else 10.0)
+    clip_gradients(numbers, 1.0)
+    norms = {name: float(value.grad.norm()) for name, value in numbers.items()}
+    assert math.hypot(*(norms[name] for name in affine.MATRIX)) == pytest.approx(1, abs=1e-4)
+    assert norms["b"] == pytest.approx(.01 * math.sqrt(8)), "a small gradient stays as it is"
+    numbers["b"].grad.fill_(10.0)
+    clip_gradients(numbers, 1.0)
+    assert float(numbers["b"].grad.norm()) == pytest.approx(1, abs=1e-4)
+
+
+def test_noise_comes_every_ten_iterations_below_six_hundred_and_spares_the_offsets():
+    walk = LearningFractalsWalk(TARGET, LearningFractalsParams(maps=64), 0)
+    for number, shaken in ((0, True), (5, False), (10, True), (590, True), (600, False), (610, False)):
+        numbers = affine.initial(200, generator(0, "x"))
+        after = dict(numbers)
+        walk._shake(after, number)
+        assert torch.equal(after["b"], numbers["b"])
+        for name in affine.MATRIX:
+            spread = float((after[name] - numbers[name]).std())
+            assert spread == pytest.approx(.1, abs=.02) if shaken else spread == 0
+
+
+def test_a_step_is_adams():
+    params = LearningFractalsParams(**SMALL, noise=0.0)
+    walk = LearningFractalsWalk(TARGET, params, 0)
+    state = walk.start()
+    after = walk.step(state, 0)
+    # the first step of Adam has the length of its rate, whatever the gradient
+    moved = (after["raw/b"] - state["raw/b"]).abs()
+    assert float(moved.max()) == pytest.approx(.05, rel=1e-3)
+    assert float(after["exp_avg/b"].abs().max()) > 0 and torch.equal(after["best/b"], state["raw/b"])
+    assert after["least"] < torch.inf
+
+
+@pytest.mark.parametrize("backend", ["cpu", "torch"])
+def test_a_sequence_begins_at_its_start_and_follows_the_maps(backend):
+    one = torch.tensor([[[.5, 0.0], [0.0, .25]]])
+    points = sequence(one, torch.tensor([[1.0, 0.0]]), torch.tensor([4.0, 8.0]), sequences=2, length=3, backend=backend)
+    assert points.tolist() == [[[3.0, 2.0], [2.5, .5], [2.25, .125]]] * 2
+
+
+def test_sequences_draw_maps_by_their_chances_and_differ():
+    linear, offset = torch.zeros(3, 2, 2), torch.tensor([[0.0, 0], [1, 0], [2, 0]])
+    points = sequence(linear, offset, torch.zeros(2), sequences=20, length=500, seed=1,
+                      probabilities=torch.tensor([.5, .3, .2]))
+    counts = [float((points[..., 0] == k).float().mean()) for k in range(3)]
+    assert counts == pytest.approx([.5, .3, .2], abs=.02) and not torch.equal(points[0], points[1])
+
+
+def test_kernels_agree_with_their_twins_and_so_do_their_gradients():
+    image = torch.rand(48, 48, generator=torch.Generator().manual_seed(2))
+
+    def worked(backend: str, dtype: torch.dtype):
+        numbers = {name: value.requires_grad_() for name, value in raw(dtype).items()}
+        linear = affine.matrices(numbers)
+        points = sequence(linear, numbers["b"], affine.fixed_point(linear[0], numbers["b"][0]), sequences=5, length=70,
+                          probabilities=affine.chances(linear), seed=3, backend=backend)
+        errors = blob_error(affine.to_pixels(points, 48), image.to(dtype), backend=backend)
+        (errors * torch.arange(1, 6)).sum().backward()
+        return [points.detach(), errors.detach(), *(value.grad for value in numbers.values())]
+
+    for ours, exact in zip(worked("cpu", torch.float32), worked("torch", torch.float64), strict=True):
+        assert torch.allclose(ours.double(), exact, atol=2e-6 + 2e-5 * float(exact.abs().max()))
+
+
+def test_the_gradient_of_the_twin_is_right():
+    points = 8 * torch.rand(2, 5, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    image = torch.rand(9, 9, dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda x: blob_error(x, image), points.requires_grad_())
+
+
+@pytest.mark.parametrize("backend", ["cpu", "torch"])
+def test_a_blob_is_a_gaussian_about_its_pixel_cut_at_one(backend):
+    point = torch.tensor([[[1.0, 2.0]]])
+    r, c = torch.meshgrid(torch.arange(5.0), torch.arange(5.0), indexing="ij")
+    drawn = torch.exp(-((r - 1) ** 2 + (c - 2) ** 2))
+    assert float(blob_error(point, drawn, backend=backend)) == pytest.approx(0, abs=1e-12)
+    twice = blob_error(point.expand(1, 2, 2), torch.zeros(5, 5), backend=backend)
+    assert float(twice) == pytest.approx(float((2 * drawn).clamp(0, 1).square().mean()), rel=1e-5)
+
+
+def test_points_beyond_the_canvas_are_held_at_its_border_where_their_gradient_ends():
+    points = torch.tensor([[-7.0, 0.0], [5.0, 2.5]], requires_grad=True)
+    pixels = affine.to_pixels(points, 33)
+    assert pixels.tolist() == [[0, 16], [32, 24]]
+    pixels.sum().backward()
+    assert points.grad[0].tolist() == [0, pytest.approx(3.2)]
+
+
+def test_a_code_is_returned_where_the_method_saw_it():
+    walk = LearningFractalsWalk(TARGET, LearningFractalsParams(maps=3, side=64, points=2000), 0)
+    state = walk.start()
+    seen, drawn = walk.draw(state), render(walk.code(state), View(), resolution=64, points_in_view=40_000)
+    assert float(seen.sum()) > 50
+    assert float(((drawn > 0).float() - seen).abs().sum() / seen.sum()) < .4, "40000 points light more than 600 do"
+    assert float((seen * (drawn > 0)).sum() / seen.sum()) > .9
+
+
+@both_canvases
+def test_a_fit_gets_better_tells_what_it_does_and_counts_what_it_draws(method):
+    seen = told(made := method(**SMALL | {"iterations": 40, "side": 32}, previews=2))
+    losses = [progress.scalars["loss"] for progress in seen]
+    assert losses == sorted(losses, reverse=True) and losses[-1] < losses[0]
+    assert [p.step for p in seen if p.preview is not None] == [20, 40] and seen[-1].preview.shape == (32, 32)
+    found = made.reconstruct(TARGET)
+    assert found.evaluations == 160 == seen[-1].scalars["evaluations"]
+    assert found.stopped == "all 40 iterations done" and len(found.code) == 3
+
+
+@both_canvases
+def test_a_resumed_fit_ends_as_if_it_had_not_been_interrupted(method, tmp_path):
+    check_it_resumes_bit_for_bit(lambda: method(**SMALL, seed=3), tmp_path / "checkpoint")
+
+
+def test_the_seed_decides_and_nothing_else():
+    same(*(LearningFractals32(**SMALL, seed=5).reconstruct(TARGET) for _ in range(2)))
+    one, other = (LearningFractals32(**SMALL, seed=seed).reconstruct(TARGET).code for seed in (5, 6))
+    assert not torch.equal(one.offset, other.offset)
+
+
+def test_a_fit_of_another_size_is_not_gone_on_with(tmp_path):
+    checkpoint = Checkpoint(tmp_path / "checkpoint", 2, {}, resume=True)
+    LearningFractals32(**SMALL).reconstruct(TARGET, checkpoint=checkpoint)
+    with pytest.raises(InputError, match=r"best/b: 3×2 there, 4×2 now"):
+        LearningFractals32(**SMALL | {"maps": 4}).reconstruct(TARGET, checkpoint=checkpoint)
+
+
+def test_a_code_whose_singular_values_are_one_in_float32_still_contracts():
+    numbers = raw() | {"s": torch.full((4, 2), 40.0)}
+    assert float(affine.matrices(numbers)[0].norm()) == pytest.approx(math.sqrt(2))
+    assert float(affine.code(numbers, 32).check_contractive().singular_values().max()) < 1
+
+
+@pytest.mark.parametrize("options, message", [
+    ({"iterations": 0}, "iterations must be at least 1, got 0"),
+    ({"side": 8}, "side must be at least 16, got 8"),
+    ({"seconds": -1}, "seconds must be above 0"),
+    ({"previews": -1}, "previews must be at least 0"),
+    ({"sequence": 3}, "did you mean 'sequences'"),
+])
+def test_bad_settings_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        LearningFractals32(**options)
+
+
+@pytest.mark.parametrize("call, message", [
+    (lambda: sequence(torch.zeros(2, 3, 2, 2), torch.zeros(2, 3, 2), torch.zeros(2)), "those of one code"),
+    (lambda: sequence(torch.zeros(3, 2, 2), torch.zeros(3, 2), torch.zeros(3)), "from one start"),
+    (lambda: sequence(torch.zeros(3, 2, 2), torch.zeros(3, 2), torch.zeros(2), length=0), "length must be"),
+    (lambda: blob_error(torch.zeros(3, 2), torch.zeros(4, 4)), "points must have shape"),
+    (lambda: blob_error(torch.zeros(1, 3, 2), torch.zeros(4, 5)), "image must have shape"),
+    (lambda: blob_error(torch.zeros(1, 3, 2), torch.zeros(4, 4, dtype=torch.float64)), "must agree in dtype"),
+])
+def test_operators_refuse_what_they_cannot_take(call, message):
+    with pytest.raises(InputError, match=message):
+        call()

@@ -37,7 +37,8 @@ TINY = ["scale=smoke", "resolution=32", "evaluation.resolution=32", "evaluation.
 
 
 def jobs_of(name: str, *overrides: str, crossed: bool = True) -> list[dict]:
-    """The resolved configuration of every job of a sweep, or of those alone that differ from the first in one value."""
+    """The resolved configuration of every job of a sweep; unless crossed, of all rows on the first fractal and of the
+    first row on all."""
     configuration.register()
     common = ["sweep.folder=folder", "sweep.varies=[]", *overrides]
     with initialize_config_module("fractal_exp.conf", version_base="1.3"):
@@ -49,7 +50,8 @@ def jobs_of(name: str, *overrides: str, crossed: bool = True) -> list[dict]:
         parsed = OverridesParser.create(config_loader=loader).parse_overrides(lines)
         jobs, lists = [], BasicSweeper.split_arguments(parsed, None)[0]
         for words in lists:
-            if not crossed and sum(a != b for a, b in zip(words, lists[0], strict=True)) > 1:
+            other = {word.split("=")[0] for word in set(words) - set(lists[0])}
+            if not crossed and "target.index" in other and len(other) > 1:
                 continue
             config = compose(name, [*common, *words], return_hydra_config=True)
             HydraConfig.instance().set_config(config)

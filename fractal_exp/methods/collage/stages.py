@@ -6,88 +6,20 @@ from dataclasses import replace
 
 from ...runtime.deadline import Deadline
 from ...runtime.seeds import derive
+from .canonical.params import CanonicalParams
 from .canonical.rounding import Rounding
 from .canonical.symmetry import simplest, symmetries
 from .growth.stage import Growth
-from .image.crossing import Crossing
 from .image.gauss_newton import fitted_into_frame, polished
 from .image.likeness import without_unseen
-from .image.objective import ImageObjective, Rendered
+from .image.objective import Rendered
 from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
 from .measure.bins import attractor_points
-from .measure.search import Regime
+from .measure.stages import Detail, FromMixture, Populations, Restart
 from .problem import SearchProblem
 from .stage import Stage
-from .state import Candidate, Key, State
-
-
-class Restart(Stage):
-    """A search from nothing. The maps of all restarts so far are mixed, and those of the rounds before."""
-
-    name, order, ends_at = "search", 0, "search_share"
-
-    @property
-    def expected_moves(self) -> int:
-        return self.params.search.moves
-
-    def open(self, state: State) -> None:
-        # the words in paths of seeds stand for random streams: another word gives other numbers
-        seed = derive(self.problem.seed, "island", 1000 * self.round + self.restart)
-        self.search = self._measure_search(state, state.before, Regime.whole(self.params), seed)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.start()
-
-    def close(self, state: State) -> State:
-        found = state.current
-        scores, state = tuple(sorted((*state.scores, found.score))), state.with_pool(found.maps)
-        alone = state.best is None and state.before is None
-        mixed = [] if alone or not self.params.search.mixture else [self.search.mixed(state.pool)]
-        best = min([*([] if alone else [state.best or found]), found, *mixed], key=lambda candidate: candidate.score)
-        return replace(state, best=best, scores=scores)
-
-    def last_key(self, state: State) -> Key:
-        """Once two restarts have found the same, the others of the round are left out."""
-        scores, within = state.scores, 1 + self.params.search.agreement
-        limit = min(self.params.search.wrong_number, within * state.best.score)  # beyond: too many maps, or too few
-        agreed = len(scores) > 1 and scores[1] < limit
-        return (self.round, self.order, self.problem.restarts(self.round)) if agreed else self.key
-
-
-class FromMixture(Stage):
-    """The search goes on from the best mixture, on a measure that it corrects for saturation."""
-
-    name, order, ends_at = "search", 1, "mixture_share"
-
-    @property
-    def expected_moves(self) -> int:
-        search = self.params.search
-        return search.moves if search.restarts > 1 and search.mixture else 0
-
-    def open(self, state: State) -> None:
-        seed = derive(self.problem.seed, "closing", self.round)
-        self.search = self._measure_search(state, state.best, Regime.whole(self.params), seed)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.best)
-
-
-class Detail(Stage):
-    """The search on a finer grid."""
-
-    name, order, ends_at = "detail", 2, "detail_share"
-
-    @property
-    def expected_moves(self) -> int:
-        return self.params.search.detail_moves
-
-    def open(self, state: State) -> None:
-        seed = derive(self.problem.seed, "detail", self.round)
-        self.search = self._measure_search(state, state.best, Regime.detail(self.params), seed)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.best)
+from .state import Candidate, State
 
 
 class Approach(Stage):
@@ -102,50 +34,20 @@ class Approach(Stage):
         return self.search.resume(state.best)
 
 
-class Populations(Stage):
-    """Sets of as many maps as are asked for, crossed: the place of stages 1 and 2 where this is the better search."""
-
-    name, order, ends_at = "population", 0, "detail_share"
-
-    @property
-    def expected_moves(self) -> int:
-        return self.params.population.generations
-
-    @property
-    def most_moves(self) -> int:
-        return self.params.population.rounds * self.expected_moves
-
-    def open(self, state: State) -> None:
-        problem, size = self.problem, self.params.population.view
-        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
-        seed = derive(problem.seed, "population", self.round)
-        objective = ImageObjective(image, problem.levels, self.params, seed)
-        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
-                               deadline=self.deadline)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.start()
-
-    def is_settled(self, state: State) -> bool:
-        return self.search.is_settled(state.current)
-
-
 class ImageMoves(Stage):
     """Refinement, and moves of single maps, judged by renderings; the end of a round. While the error has been halved
     not long ago there are more moves than asked for. It leaves no best code where another round is worth while."""
 
     name, order, ends_at = "image", 4, "image_share"
+    reached = "the code renders the image as well as the true one would"
 
     @property
     def expected_moves(self) -> int:
-        moves = self.params.moves
-        if self.problem.is_crossed:
-            return self.params.population.moves
-        return moves.count if self.problem.levels.is_exact else moves.drawn_count
+        return self.params.population.moves if self.problem.is_crossed else self.params.moves.count
 
     @property
     def most_moves(self) -> int:
-        return self.params.moves.longest * self.expected_moves if self.problem.levels.is_exact else self.expected_moves
+        return self.params.moves.longest * self.expected_moves
 
     @property
     def recent(self) -> int:
@@ -159,27 +61,7 @@ class ImageMoves(Stage):
         self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera)
 
     def begin(self, state: State) -> Candidate:
-        return self._seen_anew(self.search.resume(self._without_doubles(state.best)))
-
-    def _without_doubles(self, found: Candidate) -> Candidate:
-        """Without maps that only make lines thicker in a picture that others drew, if there are two others at least."""
-        if self.problem.levels.is_exact or self.params.maps:
-            return found
-        points = attractor_points(found.maps, found.probabilities, self.params.moves.parent_points, self.problem.seed)
-        near = 2 / len(self.problem.image) * self.params.moves.double_px
-        maps, weights = without_doubles(found.maps, found.probabilities, points, near)
-        if len(maps) < 2 or len(maps) == len(found.maps):
-            return found
-        found = replace(found, maps=maps, weights=weights)
-        self._open(found)
-        return self.search.judged(found)
-
-    def _seen_anew(self, found: Candidate) -> Candidate:
-        """Seen with the camera that suits it, if that has to be estimated."""
-        if self.problem.levels.is_exact:
-            return found
-        self._open(found)
-        return self.search.judged(found)
+        return self.search.resume(state.best)
 
     def step(self, now: Candidate, number: int) -> Candidate:
         more = number + 1 - self.expected_moves  # small maps that make up for a wrong one keep it where it is
@@ -201,36 +83,37 @@ class ImageMoves(Stage):
         state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
             self.search = problem.image_search(state.current.code, problem.deadline, "finish", self.round)
-        found, before = self.search.finish(self._seen_anew(self._without_doubles(state.current))), state.before
-        if before is not None and problem.is_reduced and problem.levels.is_exact:  # it was judged by another image
-            before = self.search.judged(before)
+        found, before = self._finished(state.current), state.before and self._judged_again(state.before)
         best = found if before is None or found.score < before.score else before
-        if self.round + 1 < problem.rounds and not problem.levels.is_exact and self._is_unlike(best):
-            return replace(state.with_pool(found.maps), best=None, before=best, scores=())
-        if self.round + 1 < problem.rounds and problem.levels.is_exact and self._is_wrong(best):
-            simple = self.search.simplified(best)
-            best = best if simple is None or self._is_wrong(simple) else simple
-            if self._is_wrong(best):
+        if self.round + 1 < problem.rounds and self._is_wrong(best):
+            mended = self._mended(best)
+            if mended is None:
                 return replace(state.with_pool(found.maps), best=None, before=best, scores=())
+            best = mended
         return replace(state, best=best, before=None)
+
+    def _finished(self, found: Candidate) -> Candidate:
+        return self.search.finish(found)
+
+    def _judged_again(self, before: Candidate) -> Candidate:
+        """The best of the rounds before, which was judged by a smaller image if this one is reduced."""
+        return self.search.judged(before) if self.problem.is_reduced else before
+
+    def _mended(self, wrong: Candidate) -> Candidate | None:
+        """A wrong code made right by rounding alone; None if another round is worth while."""
+        simple = self.search.simplified(wrong)
+        return None if simple is None or self._is_wrong(simple) else simple
 
     def _reason(self, state: State) -> str:
         """Why there are no more moves; empty if time is up, which the method says itself."""
         if self.deadline.passed:
             return ""
         if self.search.is_settled(state.current, state.step):
-            return ("the code renders the image as well as the true one would" if self.problem.levels.is_exact
-                    else "the code draws the shape to within a pixel")
+            return self.reached
         return "all moves were made" if state.step == self.most_moves else "no move helped any more"
 
-    def _is_unlike(self, candidate: Candidate) -> bool:
-        """Whether a code of a picture that others drew, seen with its own camera, is worth another round."""
-        objective = self.problem.objective(len(self.problem.image), candidate.code, self.problem.seed,
-                                           camera=candidate.camera)
-        shown = objective.judge(candidate.maps, candidate.weights)
-        return self.params.stages.drawn_hopeless <= objective.likeness(shown.image) < self.params.stages.unlike
-
     def _is_wrong(self, candidate: Candidate) -> bool:
+        """Whether a code is worth another round."""
         stages = self.params.stages
         worth = stages.later_rounds if self.round else stages.second_round
         return self.search.noise_ratio(candidate) > worth and not self.search.objective.is_hopeless(candidate.error)
@@ -276,6 +159,10 @@ class LastDigits(Stage):
     def deadline(self) -> Deadline:
         return self.problem.deadline.until(self.params.stages.canonical_share)
 
+    @property
+    def canonical(self) -> CanonicalParams:
+        return self.params.canonical
+
     def open(self, state: State) -> None:
         large = self.problem.full_side > self.params.stages.largest_side
         renderings = 1 if large else self.params.image.last_renderings
@@ -287,15 +174,83 @@ class LastDigits(Stage):
         found = state.result
         if self._is_far(found):
             return found
-        start, canonical = self.objective.judge(found.maps, found.weights), self.params.canonical
-        if not self.problem.levels.is_exact:
-            start, canonical = self._simplest(start), canonical.of_drawn()
-        last = Rounding(self.objective, self.problem.deadline, canonical)(start)
-        if not self.problem.levels.is_exact:
-            last = pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
-                          deadline=self.problem.deadline)
+        last = self._rounded(self.objective.judge(found.maps, found.weights))
         weights = None if last.weights is None else last.probabilities
         return Candidate(last.maps, weights, last.error, last.error, found.camera)
+
+    def _rounded(self, start: Rendered) -> Rendered:
+        return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
+
+    def _is_far(self, found: Candidate) -> bool:
+        """Whether simple numbers near to the found ones would tell nothing."""
+        hasty = self.objective.hasty()
+        shown = hasty.judge(found.maps, found.weights)
+        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
+
+    def close(self, state: State) -> State:
+        return replace(state, best=state.current, before=None)
+
+
+class DrawnMoves(ImageMoves):
+    """In a picture that others drew, of which a code is seen anew with the camera that suits it before it is judged."""
+
+    reached = "the code draws the shape to within a pixel"
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.moves.drawn_count
+
+    @property
+    def most_moves(self) -> int:
+        return self.expected_moves
+
+    def begin(self, state: State) -> Candidate:
+        search = self.search
+        return self._seen_anew(search.resume(self._without_doubles(state.best)))
+
+    def _without_doubles(self, found: Candidate) -> Candidate:
+        """Without maps that only make lines thicker, if there are two others at least."""
+        if self.params.maps:
+            return found
+        points = attractor_points(found.maps, found.probabilities, self.params.moves.parent_points, self.problem.seed)
+        near = 2 / len(self.problem.image) * self.params.moves.double_px
+        maps, weights = without_doubles(found.maps, found.probabilities, points, near)
+        if len(maps) < 2 or len(maps) == len(found.maps):
+            return found
+        return self._seen_anew(replace(found, maps=maps, weights=weights))
+
+    def _seen_anew(self, found: Candidate) -> Candidate:
+        self._open(found)
+        return self.search.judged(found)
+
+    def _finished(self, found: Candidate) -> Candidate:
+        search = self.search  # another one is opened to see the code anew
+        return search.finish(self._seen_anew(self._without_doubles(found)))
+
+    def _judged_again(self, before: Candidate) -> Candidate:
+        return before  # by its own camera
+
+    def _mended(self, wrong: Candidate) -> None:
+        """Rounding comes too early."""
+
+    def _is_wrong(self, candidate: Candidate) -> bool:
+        objective = self.problem.objective(len(self.problem.image), candidate.code, self.problem.seed,
+                                           camera=candidate.camera)
+        shown = objective.judge(candidate.maps, candidate.weights)
+        return self.params.stages.drawn_hopeless <= objective.likeness(shown.image) < self.params.stages.unlike
+
+
+class DrawnLastDigits(LastDigits):
+    """Of a picture that others drew, which tells less of them; what they make superfluous is left out."""
+
+    @property
+    def canonical(self) -> CanonicalParams:
+        return self.params.canonical.of_drawn()
+
+    def _rounded(self, start: Rendered) -> Rendered:
+        last = super()._rounded(self._simplest(start))
+        return pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
+                      deadline=self.problem.deadline)
 
     def _simplest(self, found: Rendered) -> Rendered:
         """Of the codes that differ by symmetries of the shape, parents in place of maps, or maps that nobody sees, the
@@ -312,15 +267,8 @@ class LastDigits(Stage):
         return found if other.error > params.drawn_worse * found.error else other
 
     def _is_far(self, found: Candidate) -> bool:
-        """Whether simple numbers near to the found ones would tell nothing."""
         hasty = self.objective.hasty()
-        shown = hasty.judge(found.maps, found.weights)
-        if not self.problem.levels.is_exact:
-            return hasty.likeness(shown.image) < self.params.stages.unlike
-        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
-
-    def close(self, state: State) -> State:
-        return replace(state, best=state.current, before=None)
+        return hasty.likeness(hasty.judge(found.maps, found.weights).image) < self.params.stages.unlike
 
 
 def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
@@ -330,7 +278,8 @@ def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
     restarts = [Restart(problem, number, restart) for restart in range(problem.restarts(number))]
     search = [*restarts, FromMixture(problem, number), Detail(problem, number)]
     approach = [Approach(problem, number)] if problem.is_reduced else []
-    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, ImageMoves(problem, number)]
+    moves = ImageMoves if problem.levels.is_exact else DrawnMoves
+    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, moves(problem, number)]
 
 
 def last_stages(problem: SearchProblem) -> list[Stage]:
@@ -339,5 +288,6 @@ def last_stages(problem: SearchProblem) -> list[Stage]:
     if problem.params.grows_at_once:
         return growth
     full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []
-    last = [LastDigits(problem, problem.rounds)] if problem.params.canonical.enabled else []
+    digits = LastDigits if problem.levels.is_exact else DrawnLastDigits
+    last = [digits(problem, problem.rounds)] if problem.params.canonical.enabled else []
     return [*full, *last, *growth]

@@ -1,0 +1,108 @@
+"""The stages that search on the image's measure, from random maps to some that stage 3 can go on from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ....runtime.seeds import derive
+from ..image.crossing import Crossing
+from ..image.objective import ImageObjective
+from ..stage import Stage
+from ..state import Candidate, Key, State
+from .search import Regime
+
+
+class Restart(Stage):
+    """A search from nothing. The maps of all restarts so far are mixed, and those of the rounds before."""
+
+    name, order, ends_at = "search", 0, "search_share"
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.search.moves
+
+    def open(self, state: State) -> None:
+        # the words in paths of seeds stand for random streams: another word gives other numbers
+        seed = derive(self.problem.seed, "island", 1000 * self.round + self.restart)
+        self.search = self._measure_search(state, state.before, Regime.whole(self.params), seed)
+
+    def begin(self, state: State) -> Candidate:
+        return self.search.start()
+
+    def close(self, state: State) -> State:
+        found = state.current
+        scores, state = tuple(sorted((*state.scores, found.score))), state.with_pool(found.maps)
+        alone = state.best is None and state.before is None
+        mixed = [] if alone or not self.params.search.mixture else [self.search.mixed(state.pool)]
+        best = min([*([] if alone else [state.best or found]), found, *mixed], key=lambda candidate: candidate.score)
+        return replace(state, best=best, scores=scores)
+
+    def last_key(self, state: State) -> Key:
+        """Once two restarts have found the same, the others of the round are left out."""
+        scores, within = state.scores, 1 + self.params.search.agreement
+        limit = min(self.params.search.wrong_number, within * state.best.score)  # beyond: too many maps, or too few
+        agreed = len(scores) > 1 and scores[1] < limit
+        return (self.round, self.order, self.problem.restarts(self.round)) if agreed else self.key
+
+
+class FromMixture(Stage):
+    """The search goes on from the best mixture, on a measure that it corrects for saturation."""
+
+    name, order, ends_at = "search", 1, "mixture_share"
+
+    @property
+    def expected_moves(self) -> int:
+        search = self.params.search
+        return search.moves if search.restarts > 1 and search.mixture else 0
+
+    def open(self, state: State) -> None:
+        seed = derive(self.problem.seed, "closing", self.round)
+        self.search = self._measure_search(state, state.best, Regime.whole(self.params), seed)
+
+    def begin(self, state: State) -> Candidate:
+        return self.search.resume(state.best)
+
+
+class Detail(Stage):
+    """The search on a finer grid."""
+
+    name, order, ends_at = "detail", 2, "detail_share"
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.search.detail_moves
+
+    def open(self, state: State) -> None:
+        seed = derive(self.problem.seed, "detail", self.round)
+        self.search = self._measure_search(state, state.best, Regime.detail(self.params), seed)
+
+    def begin(self, state: State) -> Candidate:
+        return self.search.resume(state.best)
+
+
+class Populations(Stage):
+    """Sets of as many maps as are asked for, crossed: the place of stages 1 and 2 where this is the better search."""
+
+    name, order, ends_at = "population", 0, "detail_share"
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.population.generations
+
+    @property
+    def most_moves(self) -> int:
+        return self.params.population.rounds * self.expected_moves
+
+    def open(self, state: State) -> None:
+        problem, size = self.problem, self.params.population.view
+        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
+        seed = derive(problem.seed, "population", self.round)
+        objective = ImageObjective(image, problem.levels, self.params, seed)
+        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
+                               deadline=self.deadline)
+
+    def begin(self, state: State) -> Candidate:
+        return self.search.start()
+
+    def is_settled(self, state: State) -> bool:
+        return self.search.is_settled(state.current)

@@ -35,13 +35,13 @@ def said(program, arguments: list[str], monkeypatch, capsys) -> str:
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["method=colage"], "there is no method=colage; did you mean 'collage'? the choices are collage, chaotic"),
+    (["method=colage"], "there is no method=colage; did you mean 'collage'? the choices are collage, cuckoo"),
     (["target.pth=leaf.png"], "there is no setting target.pth; did you mean target.path (with target=image)?"),
     (["target=image", "target.pth=leaf.png"], "did you mean target.path"),
     (["sedd=3"], "there is no setting sedd; did you mean seed?"),
     (["optimizer.annealing.spred=3"], "did you mean optimizer.annealing.spread"),
     (["maps=3"], "there is no setting maps; did you mean"),
-    (["method.maps=3"], "method.maps is a setting of method=collage, which is not chosen here"),
+    (["method.maps=3"], "method.maps is a setting of method=collage or method=cuckoo or"),
     (["metod=collage"], "there is no setting metod; did you mean method?"),
     (["foo/bar=3"], "there is no setting foo/bar"),
     (["target@foo=known"], "target"),

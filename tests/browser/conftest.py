@@ -46,10 +46,6 @@ class Opened:
         (frame or self.page).wait_for_selector('html[data-state="done"]', state="attached", timeout=PATIENCE)
         return self
 
-    def redrawn(self) -> Opened:
-        self.page.wait_for_selector('html[data-state="drawing"]', state="attached", timeout=PATIENCE)
-        return self.drawn()
-
     def picture(self) -> np.ndarray:
         """What is seen, (H,W) in [0,1], as the page itself saves it."""
         with self.page.expect_download() as download:

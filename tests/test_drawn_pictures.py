@@ -244,13 +244,16 @@ def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
     assert len(found.maps) == 3
     assert torch.allclose(found.maps, maps, atol=PIXEL)
     assert len(without_unseen(judge, shown, 4).maps) == 4
+    exact = ImageObjective(image, Drawn(CAMERA, image, pen), CollageParams(canonical={"drawn_worse": 0.1}))
+    assert len(without_unseen(exact, exact.judge(shown.maps), 0).maps) == 4, "no code has a tenth of the error"
 
 
-@pytest.mark.parametrize(("tile", "on_the_shape"), [(8.0, True), (0.0, False)])
-def test_an_attractor_may_be_off_a_lattice_by_half_a_small_tile(tile, on_the_shape):
+@pytest.mark.parametrize(("tile", "apart", "on_the_shape"), [
+    (8.0, 5, True), (0.0, 5, False), (28.0, 14, False), (28.0, 5, True)])
+def test_an_attractor_may_be_off_a_lattice_by_half_a_small_tile(tile, apart, on_the_shape):
     lattice = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 0.1 * PIXEL, 0.0)).render(SEGMENT, SIDE, 0)
-    lattice = sum(torch.roll(lattice, 5 * k, 0) for k in range(-4, 5)).clamp(max=1)  # lines five pixels apart
-    half = torch.tensor([[0, -10 * PIXEL], [0, 10 * PIXEL]]).repeat(2, 1)
+    lattice = sum(torch.roll(lattice, apart * k, 0) for k in range(-4, 5)).clamp(max=1)
+    half = torch.tensor([[0, -2 * apart * PIXEL], [0, 2 * apart * PIXEL]]).repeat(2, 1)
     filled = IFS(SEGMENT.linear[[0, 0, 1, 1]], SEGMENT.offset[[0, 0, 1, 1]] + half)  # the rectangle of the lines
     levels = Drawn(CAMERA, lattice, (tile * PIXEL, 0.0, 0.0))
     assert (likeness_of_attractor(filled, lattice, levels) > 0.95) == on_the_shape

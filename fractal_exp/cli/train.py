@@ -101,27 +101,34 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
         verdict = _verdict(reconstruction, target, stopped, config)
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
+        sweep = config.sweep or {}
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds,
-                          ceiling=bool(config.sweep and config.sweep.get("ceiling")))
+                          ceiling=bool(sweep.get("ceiling")))
         _keep(folder, run, judgement)
-        if config.sweep and config.sweep.get("course") and target.truth is not None:
+        if sweep.get("course") and target.truth is not None:
             points = judge_course(history.course, target.truth, settings["evaluation"])
             run.artifact("course.json", folder.keep_course(points, seconds, float(judgement.per_view["f1"].iloc[0])))
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
+    _conclude(judgement, stopped, verdict, folder, runs.where(settings))
+    return judgement.scores
+
+
+def _conclude(judgement: Judgement, stopped: str, verdict: Verdict | None, folder: FitFolder,
+              where: str | None) -> None:
+    """Print the scores, and where everything lies."""
     print(f"  {judgement.describe()}")
     print(f"  stopped    {stopped}")
     if verdict is not None:
         print(f"  verdict    {verdict}")
     print(f"  code       {folder.path / 'code.json'}")
     print(f"  pictures   {folder.views}")
-    if where := runs.where(settings):
+    if where:
         print(f"  dashboard  {where}")
-    return judgement.scores
 
 
 def _keep_page(folder: FitFolder, run: Tracker, code: IFS) -> None:
-    """Put the code's page into the folder and into the run; a code that makes none, which is said, ends no fit."""
+    """Put the code's page into the folder and into the run. If a code has no page, say so and go on."""
     try:
         run.artifact(PAGE, code.save_html(folder.path / PAGE))
     except InputError as error:

@@ -17,12 +17,14 @@ def _ascending(values: Interval) -> Interval:
 
 
 def power_of_two(value: int) -> int:
+    """The value, if it is a power of two; raises `ParamError` if not."""
     if value & (value - 1):
         raise ParamError("", f"{NAME} must be a power of two, got {value}")
     return value
 
 
 def odd(value: int) -> int:
+    """The value, if it is odd; raises `ParamError` if not."""
     if value % 2 == 0:
         raise ParamError("", f"{NAME} must be odd, got {value}")
     return value
@@ -48,4 +50,5 @@ class DescentSteps(Params):
 
 
 def descent(steps: int, rate: float, largest: float = 0.995) -> DescentSteps:
+    """`DescentSteps` in one line, for defaults."""
     return DescentSteps(steps=steps, rate=rate, largest=largest)

@@ -13,16 +13,19 @@ from .objective import ImageObjective, Rendered, error_of
 
 
 def likeness_of(shown: Rendered, objective: ImageObjective) -> float:
-    """F1 within a pixel of a code's drawing, but no more than of its attractor."""
+    """The smaller of two likenesses: of a code's drawing (F1 within a pixel) and of its attractor."""
     return min(objective.likeness(shown.image),
                likeness_of_attractor(shown.code, objective.image, objective.levels))
 
 
 def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadline: Deadline = NO_DEADLINE
                    ) -> Rendered:
-    """The code without maps whose loss lowers the likeness by no more than `MoveParams.unseen`, polished, at least so
-    many stay: those that make up for a camera that is only nearly right, the widths of a tree's branches for one. Never
-    a code whose error is more than `CanonicalParams.drawn_worse` times the first one's."""
+    """Take out maps that nobody sees, one at a time, and polish what is left.
+
+    Such maps make up for a camera that is only nearly right, for instance for the widths of a tree's branches. A map
+    goes if the likeness stays within `MoveParams.unseen` of the first one, and the error within
+    `CanonicalParams.drawn_worse` times the first one. At least `least` maps stay.
+    """
     params, worst = objective.params, objective.params.canonical.drawn_worse * shown.error
     goal = likeness_of(shown, objective) - params.moves.unseen
     while len(shown.maps) > max(2, least) and not deadline.passed:
@@ -35,11 +38,15 @@ def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadl
 
 
 def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
-    """F1 of two shares: of the attractor that lies within a pixel of the shape in an image (R,R), and of the shape that
-    lies near the attractor: within a pixel of what the camera's pen draws there, or half the size of the tiles that it
-    takes the picture to be made of. Where these are small (`CameraParams.small_tile_px`), half their size counts for
-    the attractor as well: of a tree of few steps, it fills what the picture shows as a lattice. Tiles are drawn after
-    the picture itself, and large ones alone would make a wrong code look right."""
+    """How well a code's attractor agrees with the shape in an image (R,R): F1 of a precision and a recall.
+
+    Precision is the share of the attractor within a pixel of the shape. Recall is the share of the shape within a pixel
+    of what the camera's pen draws around the attractor, or within half a tile of it, if the camera draws tiles.
+
+    Precision allows for half a tile too, at most for half of `CameraParams.small_tile_px`: the attractor of a tree
+    fills what a drawing of few steps shows as a lattice. Large tiles look like the picture itself, and with all of
+    their size a wrong code would look right.
+    """
     from scipy.ndimage import distance_transform_edt
 
     side = len(image)

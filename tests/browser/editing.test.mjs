@@ -6,7 +6,7 @@ import {
   Steps, about, flipped, shareThatContracts, withAdded, withChance, withOwnChances, withRow, withoutChances, withoutMap,
 } from "../../fractal_exp/viewer/static/editing.mjs";
 import {
-  KINDS, boxAtHand, clipped, corners, dragged, imageOf, mapAt, places,
+  KINDS, boxAtHand, clipped, corners, dragged, endsOf, imageOf, mapAt, places,
 } from "../../fractal_exp/viewer/static/handles.mjs";
 import { boxOf } from "../../fractal_exp/viewer/static/hull.mjs";
 import { cameraOf, homeOf, windowOf } from "../../fractal_exp/viewer/static/view.mjs";
@@ -132,6 +132,21 @@ test("handles stand apart and in reach, for flat maps and points too", () => {
     for (const kind of Object.keys(KINDS)) {
       const made = dragged(kind, each, box, places(imageOf(each, box, window), window)[kind], [9, 5], window);
       assert.ok(made.every(Number.isFinite), `${kind} ${made}`);
+    }
+  }
+});
+
+test("handles stand at the ends that are in the window, and follow the hand there too", () => {
+  for (const [x, y] of [[0.5, 0.7], [-0.5, 0.7], [0.4, -0.5], [-0.5, -0.5]]) {
+    const each = [...row.slice(0, 4), 0, 0], { centre } = imageOf(each, box, window);
+    [each[4], each[5]] = [x - (centre[0] - 300) / window.scale, y - (200 - centre[1]) / window.scale];
+    const before = imageOf(each, box, window), stands = places(before, window);
+    const inside = Object.values(stands).filter(([p, q]) => p > 0 && p < 600 && q > 0 && q < 400);
+    assert.ok(inside.length >= 4, `${x} ${y}: ${stands}`);
+    for (const kind of ["first", "second"]) {
+      const made = imageOf(dragged(kind, each, box, stands[kind], [6, 8], window), box, window);
+      const moved = places(made, window, endsOf(before, window))[kind];
+      near(moved, [stands[kind][0] + 6, stands[kind][1] + 8], 1e-6);
     }
   }
 });

@@ -104,7 +104,7 @@ export class Editor {
       this.asked = 0;
       const { code, box } = this.state, window = this.window();
       const held = this.hold?.box ?? boxAtHand(code.rows[this.selected], box, window);
-      this.overlay.show(code.rows, this.selected, box, held, window);
+      this.overlay.show(code.rows, this.selected, box, held, window, this.hold !== null);
       this.panel.show(code, this.selected, this.steps);
     });
   }
@@ -210,9 +210,9 @@ export class Editor {
   // The panel's.
 
   number(k, value) {
-    const { code } = this.state, row = code.rows[this.selected].with(k, value);
-    plainCode([row]);
-    this.change(withRow(code, this.selected, row));
+    const { code } = this.state, changed = withRow(code, this.selected, code.rows[this.selected].with(k, value));
+    plainCode(changed.rows);
+    this.change(changed);
   }
 
   chance(p) {

@@ -15,6 +15,8 @@ const KNOB = 34; // pixels from the second side to the handle that turns
 const SMALL = 0.16; // half sides of the smaller box's image, as a share of the window's shorter side
 const FLAT = 1e-3; // ratio of singular values below which a map is taken for one onto a line
 const STEEP = Math.sin((20 * Math.PI) / 180); // of the angle between two sides, below which their handles are set apart
+const EDGE = 18, TITLE = 44, BAR = 64; // pixels at a window's sides, top and bottom that handles keep free if they can
+const OPPOSITE = -0.5; // cosine from which on a handle stands at the other end of its side
 const LEAST_SCALE = 0.02; // of one drag
 const NOTCH = Math.PI / 12; // between turns with Shift
 
@@ -54,8 +56,19 @@ function preimage([a, b, c, d, e, f], to, box) {
 }
 
 /** Where the handles of an image stand, {kind: [x, y]}: far enough from each other to be taken, near enough to be seen.
- */
-export function places({ centre: [x, y], u, v }, { width, height }) {
+ * ends: of both sides, which of the two has the handles, as `endsOf` finds them. */
+export function places(image, window, ends = endsOf(image, window)) {
+  return standing(image, window)[ends];
+}
+
+/** At which ends of its sides an image has more handles in the window: a number for `places`. */
+export function endsOf(image, window) {
+  const free = ([x, y]) => x >= EDGE && x <= window.width - EDGE && y >= TITLE && y <= window.height - BAR;
+  const seen = standing(image, window).map((stands) => Object.values(stands).filter(free).length);
+  return seen.indexOf(Math.max(...seen));
+}
+
+function standing({ centre: [x, y], u, v }, { width, height }) {
   const most = Math.max(NEAREST, FARTHEST * Math.min(width, height));
   const flatU = Math.hypot(...u) < 1e-6, flatV = Math.hypot(...v) < 1e-6;
   const first = held(flatU ? (flatV ? [1, 0] : [-v[1], v[0]]) : u, most);
@@ -63,11 +76,10 @@ export function places({ centre: [x, y], u, v }, { width, height }) {
   const lengths = Math.hypot(...first) * Math.hypot(...second);
   if (Math.abs(first[0] * second[1] - first[1] * second[0]) < STEEP * lengths) second = [first[1], -first[0]];
   const above = 1 + KNOB / Math.hypot(...second);
-  return {
-    move: [x, y], turn: [x + above * second[0], y + above * second[1]],
-    scale: [x + first[0] + second[0], y + first[1] + second[1]],
-    first: [x + first[0], y + first[1]], second: [x + second[0], y + second[1]],
-  };
+  return [[1, 1], [1, -1], [-1, 1], [-1, -1]].map(([s, t]) => {
+    const at = (p, q) => [x + s * p * first[0] + t * q * second[0], y + s * p * first[1] + t * q * second[1]];
+    return { move: [x, y], turn: at(0, above), scale: at(1, 1), first: at(1, 0), second: at(0, 1) };
+  });
 }
 
 /** A vector made as long as a handle may be away. */
@@ -99,21 +111,22 @@ const CHANGES = {
     const along = (from[0] * to[0] + from[1] * to[1]) / (from[0] ** 2 + from[1] ** 2);
     return row.slice(0, 4).map((number) => number * Math.max(along, LEAST_SCALE));
   },
-  first({ row: [, b, , d], u, by, box, scale, straight }) {
-    const [x, y] = moved(u, by, straight);
+  first({ row: [, b, , d], u, from, by, box, scale, straight }) {
+    const [x, y] = moved(u, from, by, straight);
     return [x / scale / box.hx, b, -y / scale / box.hx, d];
   },
-  second({ row: [a, , c], v, by, box, scale, straight }) {
-    const [x, y] = moved(v, by, straight);
+  second({ row: [a, , c], v, from, by, box, scale, straight }) {
+    const [x, y] = moved(v, from, by, straight);
     return [a, x / scale / box.hy, c, -y / scale / box.hy];
   },
 };
 
-/** A side after its end was moved, in its own direction alone where it is to stay straight. */
-function moved(side, by, straight) {
-  const square = side[0] ** 2 + side[1] ** 2;
-  const along = straight && square > 0 ? (side[0] * by[0] + side[1] * by[1]) / square : 0;
-  return straight && square > 0 ? side.map((part) => part * (1 + along)) : [side[0] + by[0], side[1] + by[1]];
+/** A side after the end of it where the handle stands was moved, in its own direction alone if it is to stay straight. */
+function moved(side, from, by, straight) {
+  const dot = (one, other) => one[0] * other[0] + one[1] * other[1], square = dot(side, side);
+  const end = dot(from, side) < OPPOSITE * Math.hypot(...from) * Math.sqrt(square) ? -1 : 1;
+  if (straight && square > 0) return side.map((part) => part * (1 + (end * dot(side, by)) / square));
+  return [side[0] + end * by[0], side[1] + end * by[1]];
 }
 
 /** The map whose parallelogram holds a point: the smallest one, or the next larger after the one that is selected. */

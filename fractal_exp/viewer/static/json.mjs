@@ -7,7 +7,6 @@ const FORMAT = "fractal-exp/ifs", VERSION = 1;
 const LARGEST = 3.4028234663852886e38; // of float32
 const DEEPEST = 500; // lists in lists
 const OWN = ["format", "version", "linear", "offset", "probabilities", "meta"], LISTS = ["ifs_m", "ifs_t", "ifs_p"];
-const PARTS = /"(?:[^"\\]|\\.)*"|[{}[\],:]/g;
 
 /** The one code of a JSON file. */
 export function readJson(text) {
@@ -28,20 +27,30 @@ function parsed(text) {
 /** JSON.parse takes the last of two values for one key in silence; that is refused, and so is great depth. */
 function checkKeys(text) {
   const open = [];
-  let key = null;
-  for (const [part] of text.matchAll(PARTS)) {
-    if (part === "{" || part === "[") {
-      open.push(part === "{" ? new Set() : null);
-      if (open.length <= DEEPEST) continue;
+  for (let at = 0, string = []; at < text.length; at++) {
+    const letter = text[at];
+    if (letter === '"') {
+      const end = endOfString(text, at);
+      string = [at, end];
+      at = end - 1;
+    } else if (letter === "{" || letter === "[") {
+      if (open.push(letter === "{" ? new Set() : null) <= DEEPEST) continue;
       throw new Refused("the file is no JSON that can be read: its lists are nested too deeply");
-    } else if (part === "}" || part === "]") {
+    } else if (letter === "}" || letter === "]") {
       open.pop();
-    } else if (part === ":") {
-      const keys = open.at(-1), name = JSON.parse(key);
+    } else if (letter === ":") {
+      const keys = open.at(-1), name = JSON.parse(text.slice(...string));
       if (keys.has(name)) throw new Refused(`the file gives the key '${plain(name, 40)}' twice; remove one`);
       keys.add(name);
-    } else if (part !== ",") key = part;
+    }
   }
+}
+
+/** Where the text goes on after the string that begins at `at`; a regular expression would run out of stack. */
+function endOfString(text, at) {
+  do at += text[at] === "\\" ? 2 : 1;
+  while (text[at] !== '"');
+  return at + 1;
 }
 
 function codeOf(data) {

@@ -1,6 +1,6 @@
 // The maps over the picture, as parallelograms, and the handles of the one that is selected.
 
-import { KINDS, clipped, corners, imageOf, places } from "./handles.mjs";
+import { KINDS, clipped, corners, endsOf, imageOf, places } from "./handles.mjs";
 
 export const COLOURS = 6; // of maps, in page.css
 const STEP = 2, LEAP = 20; // pixels of an arrow key, and with Shift
@@ -78,12 +78,15 @@ export class Overlay {
     }
   }
 
-  /** Show the rows' images of `box` in a window; the selected one with its handles, which hold it by `boxAtHand`. */
-  show(rows, selected, box, boxAtHand, window) {
+  /** Show the rows' images of `box` in a window; the selected one with its handles, which hold it by `boxAtHand`. While
+   * one of them is held, they stay at the ends where they are. */
+  show(rows, selected, box, boxAtHand, window, held) {
     while (this.bodies.length > rows.length) this.bodies.pop().group.remove();
     while (this.bodies.length < rows.length) this.bodies.push(this.body(this.bodies.length));
     rows.forEach((row, i) => this.place(this.bodies[i], imageOf(row, box, window), window, i === selected));
-    const image = imageOf(rows[selected], boxAtHand, window), at = places(image, window);
+    const image = imageOf(rows[selected], boxAtHand, window);
+    if (!held) this.ends = endsOf(image, window);
+    const at = places(image, window, this.ends);
     this.line.setAttribute("points", clipped(corners(image), window).map(pair).join(" "));
     this.line.classList.toggle("smaller", boxAtHand !== box);
     this.stem.setAttribute("d", `M${pair(at.move)}L${pair(at.turn)}M${pair(at.first)}L${pair(at.move)}`);

@@ -14,7 +14,7 @@ export function wordsOf(text) {
 /** A note on one line without control characters, cut to `most` characters; empty if it is no text. */
 export function plain(text, most = 200) {
   const words = typeof text === "string" ? wordsOf(text).join(" ") : "";
-  return [...words.replace(/[\p{C}\p{Zl}\p{Zp}]/gu, "")].slice(0, most).join("");
+  return [...words.replace(/[\p{C}\p{Zl}\p{Zp}]/gu, "").slice(0, 2 * most)].slice(0, most).join("");
 }
 
 /** A finite number in decimal notation. Throws Refused that names it as `what`. */

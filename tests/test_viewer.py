@@ -28,6 +28,15 @@ def given(text: str) -> dict:
     return json.loads(re.search(r'<script type="application/json" id="given">(.*?)</script>', text)[1])
 
 
+def held(text: str) -> IFS:
+    """The code that the page holds."""
+    code = given(text)["code"]
+    rows, chances = (None if part is None else torch.frombuffer(bytearray(base64.b64decode(part)), dtype=torch.float32)
+                     for part in (code["rows"], code["probabilities"]))
+    rows = rows.reshape(-1, 6)
+    return IFS(rows[:, :4].reshape(-1, 2, 2), rows[:, 4:], chances, code["meta"])
+
+
 def sha(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
@@ -53,8 +62,12 @@ def test_a_page_is_small_and_its_policy_allows_its_own_script_and_style_alone():
 
 def test_the_page_holds_the_code_to_the_last_digit_and_the_view_that_it_opens_on():
     code = attractor.normalize(codes.known("maple_leaf"))
-    data = given(page(code, view=View((0.1, -0.3), 64)))
-    assert torch.equal(IFS(**data["code"]).linear, code.linear) and torch.equal(IFS(**data["code"]).offset, code.offset)
+    text = page(code, view=View((0.1, -0.3), 64))
+    data, inside = given(text), held(text)
+    assert torch.equal(inside.linear, code.linear) and torch.equal(inside.offset, code.offset)
+    assert torch.equal(inside.probabilities, code.probabilities)
+    assert inside.meta == {"name": "maple_leaf", "title": "Maple leaf"}
+    assert held(page(codes.known("koch_curve"))).probabilities is None
     assert data["home"] == {"x": 0, "y": 0, "zoom": 1} and data["view"] == {"x": 0.1, "y": -0.3, "zoom": 64}
     assert data["file"] == "maple-leaf"
 
@@ -68,9 +81,11 @@ def test_a_code_in_its_own_coordinates_is_framed_as_its_normalised_one():
 
 
 def test_a_name_stays_text():
-    text = page(IFS(**given(page(codes.known("fern")))["code"], meta={"title": HOSTILE, "other": HOSTILE}))
+    fern = codes.known("fern")
+    text = page(IFS(fern.linear, fern.offset, fern.probabilities, {"title": HOSTILE, "other": HOSTILE, "name": 3}))
     assert "<script>alert" not in text and text.count("</script>") == 2
     assert given(text)["title"] == " ".join(HOSTILE.split())
+    assert given(text)["code"]["meta"] == {"title": " ".join(HOSTILE.split())}
     long = given(page(IFS([[[0.5, 0], [0, 0.5]]], [[1.0, 2.0]], meta={"name": "\ud800" + "x" * 5000})))
     assert len(long["title"]) == 120 and long["title"].startswith("?x") and re.fullmatch("x{1,40}", long["file"])
 
@@ -100,8 +115,12 @@ def test_numbers_that_are_none_make_no_page(tmp_path):
 
 def test_as_many_maps_as_are_allowed_fit_into_a_page():
     generator = torch.Generator().manual_seed(0)
-    code = IFS(torch.rand(1000, 2, 2, generator=generator) / 5, torch.rand(1000, 2, generator=generator))
-    assert len(page(code, still=bytes(20_000)).encode()) <= LARGEST
+    code = IFS(torch.rand(1000, 2, 2, generator=generator) / 5, torch.rand(1000, 2, generator=generator),
+               torch.full((1000,), 0.001))
+    full = page(code, still=bytes(20_000))
+    assert len(full.encode()) <= LARGEST and "data:image/png" not in full  # the still has to go
+    assert "data:image/png" in page(codes.known("fern"), still=bytes(20_000))
+    assert torch.equal(held(full).linear, code.linear)
 
 
 def test_a_notebook_shows_a_frame_or_nothing():
@@ -134,7 +153,7 @@ def test_a_wrong_command_is_one_line(words, message, capsys, tmp_path, monkeypat
 
 
 def test_modules_are_linked_in_the_order_of_their_imports():
-    modules = {"main": 'import { f } from "./a.mjs";\nimport { X } from "./b.mjs";\nf(X);\n',
+    modules = {"main": 'import {\n  f,\n} from "./a.mjs";\nimport { X } from "./b.mjs";\nf(X);\n',
                "a": 'import { X } from "./b.mjs";\nconst own = 1;\nexport async function f() {}\n',
                "b": "const own = 2;\nexport const X = own;\n"}
     text = linked(modules, "main")

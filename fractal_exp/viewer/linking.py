@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-IMPORT = re.compile(r'^import \{ ([^}]*) \} from "\./(\w+)\.mjs";\n', re.MULTILINE)
+IMPORT = re.compile(r'^import \{\s([^}]*?),?\s\} from "\./(\w+)\.mjs";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export ((?:async )?function|const|class) (\w+)", re.MULTILINE)
 ANY = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 
@@ -32,10 +32,11 @@ def _link(modules: Mapping[str, str], name: str, done: dict[str, str], path: tup
     text, taken = modules[name], []
     for names, source in IMPORT.findall(text):
         _link(modules, source, done, (*path, name))
-        missing = {each.strip() for each in names.split(",")} - {found for _, found in EXPORT.findall(modules[source])}
+        wanted = [each.strip() for each in names.split(",")]
+        missing = set(wanted) - {found for _, found in EXPORT.findall(modules[source])}
         if missing:
             raise ValueError(f"{name}.mjs imports {', '.join(sorted(missing))}, which {source}.mjs does not export")
-        taken.append(f"const {{ {names} }} = {source}Module;")
+        taken.append(f"const {{ {', '.join(wanted)} }} = {source}Module;")
     given = ", ".join(found for _, found in EXPORT.findall(text))
     body = EXPORT.sub(r"\1 \2", IMPORT.sub("", text))
     if other := ANY.search(body):

@@ -12,13 +12,15 @@ from importlib import resources
 from string import Template
 from typing import Any
 
+import torch
+
 from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
 from .linking import linked
 
 LARGEST = 200_000   # bytes of a page
-MOST_MAPS = 1000    # of a code that is shown
+MOST_MAPS = 1000    # of a code that is shown, in code.mjs too
 LONGEST_TITLE = 120  # characters
 FRAME_HEIGHT = 480  # pixels, in a notebook
 EMPTY = "data:,"    # where there is no still picture
@@ -30,23 +32,26 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> 
 
     It opens on `view`, or on the whole attractor; its zoom counts from there. The code is shown in its own coordinates:
     a view of the page is one of `fractal_exp.render`. still: a PNG of the whole, which stands where a browser runs no
-    script or has no WebGL 2. The file has at most 200 000 bytes, and its policy forbids it to load anything. Of the
-    code's `meta` it takes the title or the name, as text.
+    script or has no WebGL 2; it is left out where the page would be too large. The file has at most 200 000 bytes, and
+    its policy forbids it to load anything. Of the code's `meta` it takes the title and the name, as text. The maps can
+    be edited in the page, and taken along in another format.
 
     Raises `InputError` on a code that is not contractive, has more than 1000 maps, or makes too large a page.
     """
     check(code)
     home = whole(code)
     title = _title(code)
-    given = {"code": {key: code.to_json()[key] for key in ("linear", "offset", "probabilities")}, "title": title,
-             "file": _file_name(title), "home": _plain(home), "view": _plain(view or home)}
+    given = {"code": _packed(code), "title": title, "file": _file_name(title), "home": _plain(home),
+             "view": _plain(view or home)}
     script, style = _script(), _read("page.css")
     policy = (f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}; img-src data: blob:; "
               "base-uri 'none'; form-action 'none'")
-    text = Template(_read("page.html")).substitute(
-        policy=html.escape(policy), title=html.escape(title), label=html.escape(f"The attractor of {title}"),
-        style=style, script=script, given=_embedded(given),
-        still=EMPTY if still is None else f"data:image/png;base64,{base64.b64encode(still).decode()}")
+    poster = EMPTY if still is None else f"data:image/png;base64,{base64.b64encode(still).decode()}"
+    parts = {"policy": html.escape(policy), "title": html.escape(title), "style": style, "script": script,
+             "label": html.escape(f"The attractor of {title}"), "given": _embedded(given)}
+    text = Template(_read("page.html")).substitute(parts, still=poster)
+    if len(text.encode()) > LARGEST:
+        text = Template(_read("page.html")).substitute(parts, still=EMPTY)
     if (size := len(text.encode())) > LARGEST:
         raise InputError(f"the page would have {size} bytes, at most {LARGEST} are allowed; show fewer maps than "
                          f"{len(code)}")
@@ -83,13 +88,31 @@ def _plain(view: View) -> dict[str, float]:
     return {"x": view.center[0], "y": view.center[1], "zoom": view.zoom}
 
 
+def _packed(code: IFS) -> dict[str, Any]:
+    """What the page holds of a code: rows a b c d e f and probabilities as float32 in base 64, title and name.
+
+    Written out, a thousand maps would be too long for a page.
+    """
+    rows = torch.cat([code.linear.reshape(-1, 4), code.offset], 1)
+    chances = code.probabilities
+    return {"rows": _base64(rows), "probabilities": None if chances is None else _base64(chances),
+            "meta": {key: text for key in ("title", "name") if (text := _line(code.meta.get(key)))}}
+
+
+def _base64(numbers: torch.Tensor) -> str:
+    return base64.b64encode(numbers.cpu().numpy().astype("<f4").tobytes()).decode()
+
+
 def _title(code: IFS) -> str:
     """The code's title or name in one line of text."""
-    for key in ("title", "name"):
-        if isinstance(given := code.meta.get(key), str) and given.strip():
-            text = " ".join(given.encode("utf-8", "replace").decode().split())
-            return text if len(text) <= LONGEST_TITLE else text[:LONGEST_TITLE - 1] + "…"
-    return f"a code of {len(code)} map{'s' * (len(code) > 1)}"
+    return (_line(code.meta.get("title")) or _line(code.meta.get("name"))
+            or f"a code of {len(code)} map{'s' * (len(code) > 1)}")
+
+
+def _line(given: Any) -> str:
+    """A note in one line, cut where it is long; empty if it is no text."""
+    text = " ".join(given.encode("utf-8", "replace").decode().split()) if isinstance(given, str) else ""
+    return text if len(text) <= LONGEST_TITLE else text[:LONGEST_TITLE - 1] + "…"
 
 
 def _file_name(title: str) -> str:

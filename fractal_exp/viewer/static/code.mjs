@@ -1,35 +1,83 @@
 // A code as the page reads it: maps and their chances, to the last digit those of the Python package.
 
 export const PROBABILITY_FLOOR = 0.01; // p_i is proportional to |det M_i| + floor where a code has none of its own
+export const MOST_MAPS = 1000; // of a code that is shown
+
+/** What a person can mend: its message says what was expected, what was got and the remedy. */
+export class Refused extends Error {}
 
 /**
- * The code of the package's JSON: {count, maps, chances}. maps: rows a b c d e f of x' = a x + b y + e,
- * y' = c x + d y + f, rounded to float32, in which the package keeps a code. Throws on a code that does not contract.
+ * A code in plain form: {rows, probabilities, meta}. rows: a b c d e f of x' = a x + b y + e, y' = c x + d y + f;
+ * probabilities: as many, or null; both are rounded to float32, in which the package keeps a code. Throws Refused on
+ * numbers that are not finite, on a map that does not contract and on probabilities that are none.
  */
-export function readCode(data) {
-  const count = data.linear.length;
-  const maps = new Float64Array(6 * count);
-  for (let i = 0; i < count; i++) {
-    maps.set([...data.linear[i].flat(), ...data.offset[i]].map(Math.fround), 6 * i);
-  }
-  for (let i = 0; i < count; i++) {
-    if (!(largestSingularValue(maps, i) < 1)) throw new RangeError(`map ${i + 1} does not contract`);
-  }
-  return { count, maps, chances: chancesOf(maps, count, data.probabilities) };
+export function plainCode(rows, probabilities = null, meta = {}) {
+  checkCount(rows.length);
+  const rounded = rows.map((row) => row.map(Math.fround));
+  const chances = probabilities && probabilities.map(Math.fround);
+  rounded.forEach((row, i) => {
+    if (row.every(Number.isFinite)) return;
+    throw new Refused(`map ${i + 1} has a number that is not finite, or larger than float32 can hold; correct it`);
+  });
+  if (chances) checkProbabilities(chances, rows.length);
+  rounded.forEach((row, i) => {
+    const largest = largestSingularValue(row);
+    if (largest < 1) return;
+    throw new Refused(`map ${i + 1} does not contract: it has singular value ${Number(largest.toPrecision(6))}, and `
+      + "must stay below 1; shrink its matrix or drop the map");
+  });
+  return { rows: rounded, probabilities: chances, meta };
 }
 
-/** The larger singular value of map i; NaN where the map holds one. */
-export function largestSingularValue(maps, i) {
-  const [a, b, c, d] = maps.subarray(6 * i, 6 * i + 4);
+/** Throws Refused unless a page shows a code of so many maps. */
+export function checkCount(maps) {
+  if (maps < 1) throw new Refused("the code has no map");
+  if (maps > MOST_MAPS) throw new Refused(`a page shows a code of at most ${MOST_MAPS} maps, got ${maps}`);
+}
+
+function checkProbabilities(chances, count) {
+  if (chances.length !== count) throw new Refused(`${count} maps need ${count} probabilities, got ${chances.length}`);
+  if (!chances.every(Number.isFinite)) throw new Refused("probabilities must be finite numbers");
+  const least = Math.min(...chances), sum = total(chances);
+  if (least < 0) throw new Refused(`probabilities must not be negative, got ${least}`);
+  if (!(Math.abs(sum - 1) <= 1e-3)) {
+    throw new Refused(`probabilities must sum to 1, got ${Number(sum.toPrecision(6))}; divide them by their sum`);
+  }
+}
+
+/** A code made ready for drawing, {count, maps, chances}: maps is one array of all rows. */
+export function ready({ rows, probabilities }) {
+  return { count: rows.length, maps: Float64Array.from(rows.flat()), chances: chancesOf(rows, probabilities) };
+}
+
+/** The code of the package's JSON, ready for drawing. Throws Refused on one that cannot be drawn. */
+export function readCode({ linear, offset, probabilities }) {
+  return ready(plainCode(linear.map((matrix, i) => [...matrix.flat(), ...offset[i]]), probabilities));
+}
+
+/** The code that a page holds: float32 numbers of its rows, and of its probabilities or null, in base 64. */
+export function unpacked({ rows, probabilities, meta }) {
+  const numbers = floats(rows);
+  const list = Array.from({ length: numbers.length / 6 }, (_, i) => [...numbers.subarray(6 * i, 6 * i + 6)]);
+  return plainCode(list, probabilities && [...floats(probabilities)], meta);
+}
+
+function floats(text) {
+  return new Float32Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+}
+
+/** The larger singular value of a row's matrix. */
+export function largestSingularValue([a, b, c, d]) {
   return (Math.hypot(a + d, b - c) + Math.hypot(a - d, b + c)) / 2;
 }
 
-function chancesOf(maps, count, given) {
-  const chances = new Float64Array(count);
-  for (let i = 0; i < count; i++) {
-    const [a, b, c, d] = maps.subarray(6 * i, 6 * i + 4);
-    chances[i] = given ? Math.fround(given[i]) : Math.abs(a * d - b * c) + PROBABILITY_FLOOR;
-  }
-  const sum = chances.reduce((total, chance) => total + chance, 0);
-  return chances.map((chance) => chance / sum);
+/** The probabilities of the chaos game, whose sum is 1. */
+export function chancesOf(rows, probabilities) {
+  const chances = probabilities ?? rows.map(([a, b, c, d]) => Math.abs(a * d - b * c) + PROBABILITY_FLOOR);
+  const sum = total(chances);
+  return Float64Array.from(chances, (chance) => chance / sum);
+}
+
+export function total(numbers) {
+  return numbers.reduce((sum, number) => sum + number, 0);
 }

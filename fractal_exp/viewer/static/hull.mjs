@@ -1,8 +1,12 @@
 // Where the attractor lies for certain: half planes, and the smallest rectangle about them.
 
+import { ready } from "./code.mjs";
+
 const DIRECTIONS = 256; // of the half planes, a multiple of 4
-const SWEEPS = 2000;
+const SWEEPS = 2000, MOST_WORK = 4e7; // at most, and steps of all sweeps: a looser bound is certain too
 const TOLERANCE = 1e-7; // of the disc's radius, times how much the slowest map contracts
+const POINT = 5e-6, HALF = 0.75; // half side of what counts as a point, and of the box about it
+const FLAT = 0.15; // least ratio of a box's sides
 const SLACK = 1 + 1e-9; // covers the rounding of all this
 
 /** A disc {x, y, radius} that every map sends into itself (Hutchinson 1981). */
@@ -40,6 +44,7 @@ export function supportFunction(code) {
   const size = count * DIRECTIONS;
   const first = new Int32Array(size), alpha = new Float64Array(size), beta = new Float64Array(size);
   const shift = new Float64Array(size);
+  const most = Math.min(SWEEPS, Math.ceil(MOST_WORK / size));
   let table = new Float64Array(DIRECTIONS);
   for (let k = 0; k < DIRECTIONS; k++) {
     const u = Math.cos(k * delta), v = Math.sin(k * delta);
@@ -55,7 +60,7 @@ export function supportFunction(code) {
       shift[n] = u * e + v * f;
     }
   }
-  for (let sweep = 0, fall = Infinity; sweep < SWEEPS && fall > TOLERANCE * slack * radius; sweep++) {
+  for (let sweep = 0, fall = Infinity; sweep < most && fall > TOLERANCE * slack * radius; sweep++) {
     const swept = new Float64Array(DIRECTIONS);
     fall = 0;
     for (let k = 0; k < DIRECTIONS; k++) {
@@ -86,4 +91,15 @@ export function boundingRectangle(code) {
   const s = (h[k] - h[k + 2 * quarter]) / 2, t = (h[k + quarter] - h[k + 3 * quarter]) / 2;
   const half = (SLACK * along) / 2, width = (SLACK * across) / 2;
   return { x: u * s - v * t, y: v * s + u * t, p: [u * half, v * half], q: [-v * width, u * width] };
+}
+
+/** An upright box about the attractor of a code in plain form: its middle {x, y} and half sides hx, hy, none of them
+ * much shorter than the other, so that a flat attractor has one too. */
+export function boxOf(code) {
+  const h = supportFunction(ready(code)), quarter = DIRECTIONS / 4;
+  const [right, top, left, bottom] = [0, 1, 2, 3].map((k) => h[k * quarter]);
+  const [width, height] = [right + left, top + bottom].map((side) => Math.max(side, 0) / 2);
+  const longer = Math.max(width, height), isPoint = longer <= POINT;
+  const half = (side) => (isPoint ? HALF : Math.max(side, FLAT * longer));
+  return { x: (right - left) / 2, y: (top - bottom) / 2, hx: half(width), hy: half(height) };
 }

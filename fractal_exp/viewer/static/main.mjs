@@ -1,10 +1,15 @@
 // The page: a picture of the code, the hands on it, and the bar that tells where one is.
 
-import { readCode } from "./code.mjs";
+import { ready, unpacked } from "./code.mjs";
+import { Editor } from "./editor.mjs";
 import { keyMove, listenToPointers } from "./gestures.mjs";
 import { Picture } from "./picture.mjs";
+import { randomNumbers } from "./random.mjs";
+import { plain } from "./reading.mjs";
 import { asAddress, copy, download, isSandboxed } from "./taking.mjs";
-import { between, fromFragment, panned, shownAddress, shownZoom, toFragment, zoomed } from "./view.mjs";
+import {
+  between, cameraOf, fromFragment, panned, shownAddress, shownZoom, toFragment, zoomed,
+} from "./view.mjs";
 
 const GLIDE = 220; // ms of a smooth zoom
 const FURTHEST = 1 / 16; // of the first view's zoom
@@ -15,9 +20,14 @@ const $ = (id) => document.getElementById(id);
 const given = JSON.parse($("given").textContent);
 const surface = $("picture");
 const calm = matchMedia("(prefers-reduced-motion: reduce)"), dark = matchMedia("(prefers-color-scheme: dark)");
-const least = given.home.zoom * FURTHEST;
-let view = fromFragment(location.hash, least) ?? given.view;
-let glide = null, swapped = false, picture = null, writing = 0;
+let home = given.home;
+let view = fromFragment(location.hash, least()) ?? given.view;
+let glide = null, swapped = false, picture = null, editor = null, writing = 0;
+
+/** The least zoom. */
+function least() {
+  return home.zoom * FURTHEST;
+}
 
 function sides() {
   const box = surface.getBoundingClientRect();
@@ -26,14 +36,15 @@ function sides() {
 
 function go(next) {
   view = next;
-  $("zoom").textContent = `×\u202f${shownZoom(view.zoom / given.home.zoom)}`;
+  $("zoom").textContent = `×\u202f${shownZoom(view.zoom / home.zoom)}`;
   picture?.look(view);
+  editor?.show();
   writing ||= setTimeout(writeAddress, ADDRESS_EVERY);
 }
 
 function writeAddress() {
   writing = 0;
-  $("said").textContent = `Zoom ${shownZoom(view.zoom / given.home.zoom)}`;
+  $("said").textContent = `Zoom ${shownZoom(view.zoom / home.zoom)}`;
   try {
     history.replaceState(null, "", toFragment(view));
   } catch {
@@ -67,13 +78,14 @@ const moves = {
   },
   zoom(factor, column, row, smooth) {
     stopGliding();
-    const to = zoomed(view, factor, column, row, ...sides(), least);
+    const to = zoomed(view, factor, column, row, ...sides(), least());
     if (smooth) glideTo(to);
     else go(to);
   },
   home() {
     stopGliding();
-    glideTo(given.home);
+    home = editor?.home() ?? home;
+    glideTo(home);
   },
   swap() {
     swapped = !swapped;
@@ -92,14 +104,49 @@ const moves = {
   async link() {
     writeAddress();
     const text = location.protocol === "about:" || isSandboxed() ? viewText() : location.href;
-    if (await copy(text)) return note("Copied: the link to this view");
+    const edited = editor?.steps.past.length ? ", without the changes of the maps: export those" : "";
+    if (await copy(text)) return note(`Copied: the link to this view${edited}`);
     $("still").hidden = true;
     offer("The clipboard is refused here. Copy the text below.", text);
   },
   help() {
     $("help").showModal();
   },
+  edit() {
+    editor?.toggle();
+  },
 };
+
+/** What the editor knows of the page and makes of it. */
+const page = {
+  look: () => ({ view, sides: sides() }),
+  draw(code) {
+    picture.follow(ready(code));
+  },
+  open(to, meta) {
+    home = to;
+    const title = [meta.title, meta.name].find((each) => typeof each === "string" && each.trim());
+    named(plain(title ?? "a code without a name", 120));
+    stopGliding();
+    go(home);
+  },
+  scene(box) {
+    const [width, height] = sides(), namespace = $("maps").namespaceURI;
+    const seen = () => {
+      picture.showAgain();
+      return surface.toDataURL("image/png");
+    };
+    return { file: given.file, scene: {
+      view, width, height, box, namespace, picture: seen, camera: cameraOf(box), random: randomNumbers(1),
+    } };
+  },
+};
+
+function named(title) {
+  $("title").textContent = title;
+  document.title = title;
+  surface.setAttribute("aria-label", `The attractor of ${title}`);
+}
 
 /** The view for the Python package, which goes where a link cannot. */
 function viewText() {
@@ -144,37 +191,47 @@ function points(count) {
 function fit() {
   const [width, height] = sides(), ratio = window.devicePixelRatio || 1;
   picture?.resize(Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio)));
+  editor?.show();
+}
+
+function onKey(event) {
+  if (document.querySelector("dialog[open]")) return;
+  const types = event.target.closest?.("input, select, textarea");
+  if (types && !event.ctrlKey && !event.metaKey) return;
+  const move = editor.key(event) ? () => {} : keyMove(event);
+  if (!move) return;
+  event.preventDefault();
+  move(moves, ...sides());
 }
 
 function start() {
   $("title").textContent = given.title;
-  for (const name of ["home", "swap", "link", "save", "help"]) $(`do-${name}`).addEventListener("click", moves[name]);
+  for (const name of ["home", "edit", "swap", "link", "save", "help"]) {
+    $(`do-${name}`).addEventListener("click", moves[name]);
+  }
   const middle = (factor) => () => moves.zoom(factor, sides()[0] / 2, sides()[1] / 2, true);
   $("closer").addEventListener("click", middle(2));
   $("further").addEventListener("click", middle(1 / 2));
   for (const dialog of document.querySelectorAll("dialog")) {
-    dialog.querySelector("button").addEventListener("click", () => dialog.close());
+    dialog.querySelector("form button").addEventListener("click", () => dialog.close());
     dialog.addEventListener("close", () => surface.focus());
   }
   $("text").addEventListener("focus", () => $("text").select());
+  const code = unpacked(given.code);
   try {
-    picture = new Picture(surface, readCode(given.code), told, new URLSearchParams(location.search).get("thrower"));
+    picture = new Picture(surface, ready(code), told, new URLSearchParams(location.search).get("thrower"));
   } catch (error) {
     surface.hidden = true;
+    $("do-edit").hidden = true;
     note(`A still picture only: ${error.message}`);
     clearTimeout(noteTimer);
     return;
   }
+  editor = new Editor(code, home, surface, page);
   listenToPointers(surface, moves);
-  document.addEventListener("keydown", (event) => {
-    if (document.querySelector("dialog[open]")) return;
-    const move = keyMove(event);
-    if (!move) return;
-    event.preventDefault();
-    move(moves, ...sides());
-  });
+  document.addEventListener("keydown", onKey);
   addEventListener("hashchange", () => {
-    const to = fromFragment(location.hash, least);
+    const to = fromFragment(location.hash, least());
     if (to) stopGliding(), go(to);
   });
   dark.addEventListener("change", paint);

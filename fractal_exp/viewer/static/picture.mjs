@@ -1,7 +1,7 @@
 // A picture that draws itself: coarse while the view moves, then as fine as the package's `render`, then at rest.
 
 import { isSoftware, throwByHand } from "./hand.mjs";
-import { DRAW, POOL, Pool, shareInView, shareOut } from "./points.mjs";
+import { DRAW, POOL, Pool, placeIn, shareInView, shareOut } from "./points.mjs";
 import { randomNumbers } from "./random.mjs";
 import { Renderer } from "./renderer.mjs";
 import { windowOf } from "./view.mjs";
@@ -16,7 +16,7 @@ const FIRST_SHOWN = 1 / 16; // of the fine picture's points: from then on it is 
 const SHARPER = 1.6; // times as many points between one showing and the next
 const SOON = { coarse: 20, fine: 40 }; // ms that a batch of draws may take
 const SLOW = 60; // ms for one draw: then the processor is quicker than the GPU
-const MOST_DRAWS = 32;
+const MOST_DRAWS = 32, FOLLOWING = 4; // the latter for the first picture of another code
 const EFFORT = { coarse: { visits: 60_000, most: 128 }, fine: { visits: 600_000, most: 512 } }; // of a cut
 const CUTS = { coarse: 2, fine: 24 }; // of a picture where words are drawn by lot, if they take no longer than this:
 const CUTTING = { coarse: 30, fine: 1000 }; // ms of cutting for a picture
@@ -56,6 +56,15 @@ export class Picture {
     this.stage = null;
     this.shown = null;
     this.wake();
+  }
+
+  /** Draw another code from now on, in the same view. */
+  follow(code) {
+    this.tree = addressTree(code);
+    this.pool.follow(this.tree);
+    if (this.renderer && !this.byHand) this.renderer.setPoints(this.pool.points);
+    this.followed = true;
+    if (this.view) this.look(this.view);
   }
 
   /** Look at {x, y, zoom}. */
@@ -124,6 +133,10 @@ export class Picture {
 
   start(name) {
     const { width, height } = this.canvas;
+    if (name === "fine" && this.pool.filled < POOL) {
+      this.pool.fill();
+      if (!this.byHand) this.renderer.setPoints(this.pool.points);
+    }
     const target = (this.targets[name] ??= this.renderer.target(width, height, this.supersample(name), this.byHand));
     this.renderer.clear(target);
     const goal = PER_SUBPIXEL * width * height * target.supersample ** 2;
@@ -159,9 +172,10 @@ export class Picture {
     let draws = 0;
     if (stage.words.count > 0) {
       const missing = Math.min(stage.goal - stage.kept, stage.left) / (DRAW * Math.max(stage.share, LEAST_SHARE));
-      draws = Math.max(1, Math.min(this.draws, Math.ceil(missing)));
+      draws = Math.max(1, Math.min(this.followed ? FOLLOWING : this.draws, Math.ceil(missing)));
+      this.followed = false;
       this.slots = shareOut(stage.words, random, this.slots);
-      this.throwPoints(Array.from({ length: draws }, () => Math.floor(random() * POOL)));
+      this.throwPoints(Array.from({ length: draws }, () => placeIn(this.pool, random, DRAW)));
       stage.thrown += draws * DRAW;
       stage.kept += draws * DRAW * stage.share;
       stage.left -= draws * DRAW * stage.share;

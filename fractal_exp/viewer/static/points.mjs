@@ -5,6 +5,7 @@ import { randomNumbers } from "./random.mjs";
 export const POOL = 1 << 18; // points that are kept
 export const DRAW = 1 << 16; // points of one draw; the pool is repeated by as many at its end
 const PART = POOL / 16; // that is renewed at once
+const FIRST = 5; // parts that do for a first picture
 const ORBITS = 64; // chaos games that run side by side
 const WARM_UP = 256; // steps that lead from a fixed point to the invariant measure
 const STRIDE = 10_127; // odd, about .618 of a part: points that follow each other in an orbit lie far apart
@@ -12,16 +13,28 @@ const STRIDE = 10_127; // odd, about .618 of a part: points that follow each oth
 /** Points of the invariant measure about the tree's middle, as floats x y; `renew` replaces a part of them. */
 export class Pool {
   constructor(tree, seed = 1) {
+    this.points = new Float32Array(2 * (POOL + DRAW));
+    this.orbits = new Float64Array(2 * ORBITS);
+    this.seed = seed;
+    this.follow(tree, POOL / PART);
+  }
+
+  /** Fill the pool with points of another tree: some parts at once, and the others as they are renewed. */
+  follow(tree, parts = FIRST) {
     this.tree = tree;
-    this.random = randomNumbers(seed);
+    this.random = randomNumbers(this.seed);
     this.cumulative = Float64Array.from(tree.chances);
     for (let i = 1; i < tree.count; i++) this.cumulative[i] += this.cumulative[i - 1];
     this.cumulative[lastPossible(tree.chances)] = Infinity;
-    this.orbits = new Float64Array(2 * ORBITS);
-    this.points = new Float32Array(2 * (POOL + DRAW));
-    this.next = 0;
+    this.orbits.fill(0);
+    this.next = this.filled = 0;
     for (let step = 0; step < WARM_UP; step++) for (let j = 0; j < ORBITS; j++) this.step(j);
-    for (let part = 0; part < POOL / PART; part++) this.renew();
+    for (let part = 0; part < parts; part++) this.renew();
+  }
+
+  /** Fill what is left. */
+  fill() {
+    while (this.filled < POOL) this.renew();
   }
 
   step(j) {
@@ -44,11 +57,17 @@ export class Pool {
       points[at + 1] = orbits[2 * j + 1];
     }
     this.next = (first + PART) % POOL;
+    this.filled = Math.max(this.filled, first + PART);
     const renewed = points.subarray(2 * first, 2 * (first + PART));
     if (first >= DRAW) return [[first, renewed]];
     points.set(renewed, 2 * (POOL + first));
     return [[first, renewed], [POOL + first, renewed]];
   }
+}
+
+/** A place from which on `count` points of a pool may be taken. */
+export function placeIn(pool, random, count) {
+  return Math.floor(random() * (pool.filled === POOL ? POOL : pool.filled - count));
 }
 
 function lastPossible(chances) {
@@ -71,7 +90,7 @@ export function shareOut(words, random, into = new Uint16Array(DRAW)) {
 /** The share of the points that fall into the window of width × height pixels, by trying some of them. */
 export function shareInView(words, pool, random, width, height, tries = 16_384) {
   const slots = shareOut(words, random, new Uint16Array(tries));
-  const offset = Math.floor(random() * (POOL - tries));
+  const offset = placeIn(pool, random, tries);
   let inside = 0;
   for (let k = 0; k < tries; k++) {
     const m = 6 * slots[k], { maps } = words;

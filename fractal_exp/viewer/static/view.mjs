@@ -1,6 +1,7 @@
 // Views and what moves them. A view is {x, y, zoom}: its shorter side reaches from -1/zoom to 1/zoom about (x, y), as a
 // View of the Python package does. All of it is done in doubles.
 
+const FRAME_SIDE = 1.5; // of the canvas, the longer side of what is framed
 export const MOST_ZOOM = 1e12; // beyond, a pixel is no longer large against the rounding of a double
 
 /** The window of a view on a picture of width × height pixels: the upper left corner, and pixels to a unit. */
@@ -63,4 +64,17 @@ export function shownAddress(letters) {
     parts.push(run > 2 ? `${letters[k] + 1}${power}` : Array(run).fill(letters[k] + 1).join(" "));
   }
   return parts.join(" ");
+}
+
+/** The view in which the longer side of a box {x, y, hx, hy} spans three quarters; the canvas itself if it is that. */
+export function homeOf({ x, y, hx, hy }) {
+  const zoom = FRAME_SIDE / 2 / Math.max(hx, hy);
+  const isCanvas = Math.abs(zoom - 1) < 1e-3 && Math.max(Math.abs(x), Math.abs(y)) < 1e-3;
+  return isCanvas ? { x: 0, y: 0, zoom: 1 } : { x, y, zoom };
+}
+
+/** The canvas, or where a box does not lie in it the view of the whole. */
+export function cameraOf(box) {
+  const fits = Math.max(Math.abs(box.x) + box.hx, Math.abs(box.y) + box.hy) <= 1;
+  return fits ? { x: 0, y: 0, zoom: 1 } : homeOf(box);
 }

@@ -35,13 +35,15 @@ from .runs import Runs
 
 # The target and the method hold what `picture` and `seconds` say.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", "tracking", "threads",
-                     "checkpoint_every", "evaluation", "sweep")
+                     "checkpoint_every", "evaluation", "sweep", "task", "pretraining", "weights",
+                     "network_side")
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
                  "collage-chaotic": "the paper's method, begun with collage search",
                  "evolutionary": "evolutionary programming", "cuckoo": "cuckoo search",
-                 "learningfractals32": "Learning Fractals on 32²", "learningfractals256": "Learning Fractals on 256²"}
+                 "learningfractals32": "Learning Fractals on 32²", "learningfractals256": "Learning Fractals on 256²",
+                 "neuralregression": "neural regression", "superresolution": "super-resolution"}
 
 
 def fit(config: DictConfig) -> dict[str, float]:
@@ -51,6 +53,14 @@ def fit(config: DictConfig) -> dict[str, float]:
     """
     with ExitStack() as held:  # the lock of the fit's folder
         return _fit(config, held)
+
+
+class Fit:
+    """The task `fit`."""
+
+    def run(self, config: DictConfig) -> dict[str, float]:
+        """`fit`."""
+        return fit(config)
 
 
 def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
@@ -113,7 +123,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     print(f"  stopped    {stopped}")
     if verdict is not None:
         print(f"  verdict    {verdict}")
-    print(f"  code       {folder.path / 'code.json'}")
+    if isinstance(reconstruction, CodeReconstruction):
+        print(f"  code       {folder.path / 'code.json'}")
     print(f"  pictures   {folder.views}")
     if where := runs.where(settings):
         print(f"  dashboard  {where}")
@@ -172,7 +183,7 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
 def _hydra_main(config: DictConfig) -> dict[str, float]:
     try:
         with words.one_line("fractal-train"):
-            return fit(config)
+            return configuration.build(config.task).run(config)
     except KeyboardInterrupt:
         print("\nfractal-train: interrupted; the same command with resume=true goes on", file=sys.stderr)
         raise SystemExit(130) from None

@@ -62,7 +62,7 @@ def test_a_turned_code_has_a_turned_picture():
         pictures = draw(maps, p, np.array([5, 5]), np.array([200_000] * 2), 16, 4) > 0
         ways = [np.rot90(mirrored, k) for mirrored in (pictures[0], pictures[0].T) for k in range(4)]
         share = [float((way == pictures[1]).mean()) for way in ways]
-        assert max(share) > .97
+        assert max(share) > .97, "the picture of the turned code is a turned picture"
         seen.add(int(np.argmax(share)))
     assert seen == set(range(8)), "all eight ways are drawn"
 
@@ -143,6 +143,17 @@ def test_damaged_weights_are_refused(file, tmp_path):
         path = weights.save(tmp_path / "odd", "neural_regression", training.network().state_dict(), recipe, {})
         with pytest.raises(InputError, match=f"{message}.*; {COMMAND}"):
             NeuralRegression(weights=str(path), side=16).check(TARGET)
+
+
+def test_the_network_in_the_package_reads_more_off_an_image_than_the_mean_code():
+    """On codes of a seed that it was not trained with."""
+    network, found = NeuralRegression().loaded()
+    assert found.recipe["seed"] == 0 and found.scores["held_out"] < found.scores["mean_code"]
+    training = RegressionTraining(**{key: found.recipe[key] for key in ("side", "channels", "hidden", "residual")},
+                                  seed=1, codes=600, held_out=300)
+    with torch.no_grad():
+        scores = training.judge(network, "cpu")
+    assert scores["held_out"] < .97 * scores["mean_code"]
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -184,6 +184,7 @@ def test_the_command_trains_a_network_that_a_fit_takes(name, tmp_path, capsys, m
     assert 0 <= fitted["eval/f1"] <= 1
     folder = tmp_path / "fits" / "fit"
     assert (folder / "code.json").exists() == (name == "neural_regression") and (folder / "views/result.png").exists()
+    assert (folder / "enlarged.png").exists() == (name == "super_resolution")
     assert json.loads((folder / "finished.json").read_text())["scores"] == fitted
 
 

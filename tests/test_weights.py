@@ -24,6 +24,8 @@ def test_what_is_read_is_what_was_written(tmp_path):
     network.weight = nn.Parameter(torch.tensor([1.0, -0.1]))
     path = weights.save(tmp_path / "net.safetensors", "net", network.state_dict(), {"side": 8}, {"held_out": .5})
     found = weights.load(path, "net")
+    again = weights.save(tmp_path / "again", "net", network.state_dict(), {"side": 9}, {"held_out": .5})
+    assert weights.load(path, "net").digest == found.digest != weights.load(again, "net").digest
     assert found.recipe == {"side": 8} and found.scores == {"held_out": .5} and found.source == str(path)
     assert found.tensors["index"].tolist() == [3, 70_000], "whole numbers stay whole"
     assert torch.allclose(found.tensors["weight"], network.weight, rtol=1e-3)

@@ -21,6 +21,7 @@ from ..images.reading import write_image
 from ..inversion import Likeness
 from ..methods.base import CodeReconstruction, Method, Reconstruction, stop_reason
 from ..methods.history import History
+from ..methods.super_resolution.enlarged import Enlarged
 from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.files import write_atomically
@@ -31,6 +32,7 @@ from . import configuration, interruption, words
 from .folders import PAGE, FitFolder
 from .judging import Judgement, check_options, judge, judge_course
 from .progress import Reporter
+from .records import ENLARGED
 from .runs import Runs
 
 # The target and the method hold what `picture` and `seconds` say.
@@ -80,6 +82,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         perceptual.check(config.evaluation.resolution, "evaluation.resolution")
     identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
     identity["target_image"] = _digest(target.image.numpy().tobytes())
+    if fingerprint := method.fingerprint():
+        identity["fingerprint"] = fingerprint[:16]
 
     folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label, identity))
     held.enter_context(folder.alone())
@@ -108,6 +112,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
             run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
             _keep_page(folder, run, reconstruction.code)
+        elif isinstance(reconstruction, Enlarged):
+            run.artifact(ENLARGED, write_image(folder.path / ENLARGED, reconstruction.image))
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
         verdict = _verdict(reconstruction, target, stopped, config)
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
@@ -123,8 +129,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     print(f"  stopped    {stopped}")
     if verdict is not None:
         print(f"  verdict    {verdict}")
-    if isinstance(reconstruction, CodeReconstruction):
-        print(f"  code       {folder.path / 'code.json'}")
+    kept = "code.json" if isinstance(reconstruction, CodeReconstruction) else ENLARGED
+    print(f"  {Path(kept).stem:10} {folder.path / kept}")
     print(f"  pictures   {folder.views}")
     if where := runs.where(settings):
         print(f"  dashboard  {where}")

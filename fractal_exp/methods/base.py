@@ -104,6 +104,11 @@ class Method(ABC):
         """Raise the `InputError` that `reconstruct` would raise on this image, without any work."""
         check_target(target)
 
+    def fingerprint(self) -> str | None:
+        """What tells this method from another one with the same parameters: the digest of trained weights; None where
+        there is nothing of the kind. Raises `InputError` if the weights cannot be read."""
+        return None
+
     @abstractmethod
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> Reconstruction:

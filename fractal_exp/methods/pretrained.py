@@ -64,6 +64,9 @@ class Pretrained(Method):
         self.check_size(check_target(target))
         self.loaded()
 
+    def fingerprint(self) -> str:
+        return self.loaded()[1].digest
+
     def loaded(self) -> tuple[nn.Module, files.Weights]:
         """The network with its weights, on the device, and what they were trained with.
 

@@ -22,12 +22,13 @@ LARGEST_FILE = 2**31  # bytes
 @dataclass(frozen=True)
 class Weights:
     """The tensors of a network by name, float32 on the CPU; `recipe`: what it was trained with, and `scores`: what came
-    of it, both as plain data. source: where they are from, in words."""
+    of it, both as plain data. source: where they are from, in words; digest: SHA-256 of all of it."""
 
     tensors: Mapping[str, Tensor]
     recipe: Mapping[str, Any]
     scores: Mapping[str, float]
     source: str
+    digest: str
 
     def fill(self, network: nn.Module) -> None:
         """Put the tensors into a network. Raises `InputError` unless names and shapes
@@ -86,7 +87,7 @@ def _parse(data: bytes, network: str, source: str) -> Weights:
     if trained["network"] != network:
         raise InputError(f"{source} holds the network {trained['network']!r}, expected {network!r}")
     singles = {name: _as(torch.float32, value) for name, value in tensors.items()}
-    return Weights(singles, trained["recipe"], trained["scores"], source)
+    return Weights(singles, trained["recipe"], trained["scores"], source, notes["sha256"])
 
 
 def _as(kind: torch.dtype, tensor: Tensor) -> Tensor:

@@ -6,6 +6,7 @@ import pytest
 from hydra import compose, initialize_config_module
 
 from fractal_exp.cli import configuration
+from fractal_exp.pretraining.amortized import AmortizedTraining
 from fractal_exp.pretraining.loop import train
 from fractal_exp.pretraining.neural_regression import RegressionTraining
 from fractal_exp.pretraining.super_resolution import SuperResolutionTraining
@@ -13,9 +14,11 @@ from fractal_exp.runtime import weights
 from fractal_exp.runtime.checkpoint import Checkpoint
 
 REGRESSION = {"side": 16, "channels": [2, 4, 4], "hidden": 8, "codes": 12, "batch": 4, "epochs": 3, "held_out": 6}
-SUPER = {"width": 8, "groups": 1, "layers": 2, "heads": 2, "window": 4, "features": 2, "side": 32, "patch": 8,
+SUPER = {"width": 32, "groups": 1, "layers": 2, "heads": 2, "window": 4, "features": 2, "side": 32, "patch": 8,
          "supersample": 2, "codes": 4, "batch": 2, "steps": 9, "every": 3, "held_out": 4}
-TRAININGS = {"neural_regression": lambda **options: RegressionTraining(**(REGRESSION | options)),
+SET = {"side": 16, "channels": [4, 8], "heads": 2, "hidden": 8, "codes": 12, "batch": 4, "epochs": 3, "held_out": 6}
+TRAININGS = {"amortized": lambda **options: AmortizedTraining(**(SET | options)),
+             "neural_regression": lambda **options: RegressionTraining(**(REGRESSION | options)),
              "super_resolution": lambda **options: SuperResolutionTraining(**(SUPER | options))}
 each_training = pytest.mark.parametrize("name", TRAININGS)
 

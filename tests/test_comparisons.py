@@ -50,7 +50,8 @@ def test_so_is_that_of_a_method_with_a_network(name):
     assert (CONF / "method" / f"{name}.yaml").read_text() == hydra_config(name), (
         f"python -m fractal_exp.methods.configs {name} > conf/method/{name}.yaml")
     method = built(f"method={name}")
-    assert method.name == name and name in TABLES["comparisons"].rows and f"`{name}`" in PAGE
+    assert method.name == name and f"`{name}`" in PAGE
+    assert name in TABLES["comparisons"].rows or name == "amortized", "which is younger than the paper"
     assert method.params == type(method.params)(), "the library has the sizes of the laptop"
     for field, info in type(method.params).model_fields.items():
         assert info.description, field

@@ -13,7 +13,8 @@ from fractal_exp.methods.neural_regression.method import NeuralRegression, code_
 from fractal_exp.methods.neural_regression.network import IDENTITY, RegressionNetwork
 from fractal_exp.perceptual_training.drawing import draw
 from fractal_exp.perceptual_training.perturbations import table
-from fractal_exp.pretraining.neural_regression import RegressionTraining, sorted_rows, turned
+from fractal_exp.pretraining.epochs import turned
+from fractal_exp.pretraining.neural_regression import RegressionTraining, sorted_rows
 from fractal_exp.runtime import weights
 
 COMMAND = "`fractal-train task=pretrain method=neural_regression method.side=16` trains them"
@@ -53,7 +54,7 @@ def test_maps_are_sorted_by_their_largest_singular_value_and_repeated():
 
 def test_a_turned_code_has_a_turned_picture():
     training = RegressionTraining(**REGRESSION)
-    code, seen = training._code(0), set()
+    code, seen = training.code(0), set()
     for seed in range(40):
         again = turned(code, np.random.default_rng(seed))
         matrices = np.stack([code[:, :4], again[:, :4]]).reshape(2, -1, 2, 2)
@@ -88,9 +89,9 @@ def test_an_epoch_goes_once_through_all_codes():
 
 def test_the_mean_code_is_what_no_constant_can_beat():
     training = TRAININGS["neural_regression"](codes=200, held_out=200)
-    truth = training._held_out[1].double()
+    truth = training.held_out[1].double()
     least = float((truth - truth.mean(0)).square().mean())
-    assert least < training._mean_code_loss < 1.1 * least
+    assert least < training.mean_code_loss < 1.1 * least
 
 
 def test_the_fit_draws_the_code_that_the_network_gives(file):

@@ -149,6 +149,7 @@ def test_what_the_fit_refuses(file, tmp_path):
     for options, message in (
             ({"weights": str(tmp_path / "absent")}, "cannot read the weights .*`fractal-train task=pretrain "
                                                     "method=super_resolution` trains them"),
+            ({"weights": file, "width": 180}, "a width of 32, and 180 is asked for .*method.width=180"),
             ({"weights": file, "factor": 4}, "was trained with a factor of 8, and 4 is asked for .*method.factor=4"),
             ({"weights": str(saved(tmp_path / "other", "neural_regression"))}, "expected 'super_resolution'")):
         with pytest.raises(InputError, match=message):
@@ -159,6 +160,17 @@ def test_what_the_fit_refuses(file, tmp_path):
                              ({"tiles": 64}, "did you mean 'tile'")):
         with pytest.raises(InputError, match=message):
             SuperResolution(**options)
+
+
+def test_the_network_in_the_package_is_nearer_than_bicubic_interpolation():
+    """On codes of a seed that it was not trained with."""
+    network, found = SuperResolution().loaded()
+    assert found.recipe["seed"] == 0 and found.scores["held_out"] < found.scores["bicubic"]
+    sizes = {key: found.recipe[key] for key in ("side", "patch", "supersample")}
+    training = SuperResolutionTraining(**sizes, seed=1)
+    with torch.no_grad():
+        scores = training.judge(network, "cpu")
+    assert scores["held_out"] < .97 * scores["bicubic"]
 
 
 def test_without_torchvision_it_says_what_to_install(monkeypatch):

@@ -19,7 +19,7 @@ from ..errors import InputError, did_you_mean
 from ..runtime.params import ParamError, Params
 
 PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights", "weights.neural_regression",
-             "weights.super_resolution", "method.weights")
+             "weights.super_resolution", "weights.amortized", "method.weights")
 TIMES = ("method.seconds", "method.init.seconds")  # 60 and 60.0 are one limit
 
 
@@ -63,6 +63,7 @@ class TrainConfig:
     budgets: dict[str, int] = field(default_factory=dict)
     weights: dict[str, str | None] = field(default_factory=dict)
     network_side: int = 64
+    network_width: int = 32
     scouting: int = 100
     anneal_every: int = 250
     anneal_sharpness: float = 10.0

@@ -38,14 +38,16 @@ from .runs import Runs
 # The target and the method hold what `picture` and `seconds` say.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", "tracking", "threads",
                      "checkpoint_every", "evaluation", "sweep", "task", "pretraining", "weights",
-                     "network_side")
+                     "network_side", "network_width")
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
                  "collage-chaotic": "the paper's method, begun with collage search",
                  "evolutionary": "evolutionary programming", "cuckoo": "cuckoo search",
                  "learningfractals32": "Learning Fractals on 32²", "learningfractals256": "Learning Fractals on 256²",
-                 "neuralregression": "neural regression", "superresolution": "super-resolution"}
+                 "neuralregression": "neural regression", "superresolution": "super-resolution",
+                 "amortized": "amortised set prediction",
+                 "amortized-chaotic": "the paper's method, begun with amortised set prediction"}
 
 
 def fit(config: DictConfig) -> dict[str, float]:

@@ -25,6 +25,7 @@ METHODS = {  # name -> module.function that builds the method with sensible size
     "learning_fractals_32": "learning_fractals.method.laptop_32",
     "learning_fractals_256": "learning_fractals.method.laptop_256",
     "neural_regression": "neural_regression.method.laptop",
+    "amortized": "amortized.method.laptop",
 }
 WITHOUT_CODE = {"super_resolution": "draws the image larger"}  # methods that find no code, and what they do instead
 

@@ -15,8 +15,8 @@ from ..ifs.code import IFS, View
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.params import Params
 
-SHOWN = {"loss": "↓", "error": "↓", "held_out": "↓", "mean_code": "", "bicubic": "", "temperature": "",
-         "maps": ""}  # scalars; an arrow says which way is better
+SHOWN = {"loss": "↓", "error": "↓", "held_out": "↓", "mean_code": "", "bicubic": "", "other_pictures": "",
+         "temperature": "", "maps": ""}  # scalars; an arrow says which way is better
 ALL_DONE = "all stages done"
 LATE = 0.95  # of a time limit: a method that ends after it, and does not say why, has skipped what was left
 

@@ -26,8 +26,10 @@ FILES = {  # name -> module, class, and what stands above its parameters
 NETWORKS = {  # the same of those that ask a trained network, and the parameters that a scale sets
     "neural_regression": ("neural_regression.method", "NeuralRegression",
                           "Neural regression (Graham and Demers 2021).", {"side": "${network_side}"}),
+    "amortized": ("amortized.method", "Amortized", "Amortised set prediction (Yamaguti 2026).",
+                  {"side": "${network_side}"}),
     "super_resolution": ("super_resolution.method", "SuperResolution", "Super-resolution (SwinIR, Liang et al. 2021).",
-                         {}),
+                         {"width": "${network_width}"}),
 }
 
 

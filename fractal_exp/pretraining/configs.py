@@ -17,7 +17,9 @@ from .loop import Training
 FILES = {  # name of the method -> module, class, and the settings that stand elsewhere
     "neural_regression": ("neural_regression", "RegressionTraining", {
         "maps": "${method.maps}", "side": "${method.side}", "as_released": "${method.as_released}"}),
-    "super_resolution": ("super_resolution", "SuperResolutionTraining", {"factor": "${method.factor}"}),
+    "amortized": ("amortized", "AmortizedTraining", {"maps": "${method.maps}", "side": "${method.side}"}),
+    "super_resolution": ("super_resolution", "SuperResolutionTraining", {
+        "factor": "${method.factor}", "width": "${method.width}"}),
 }
 
 

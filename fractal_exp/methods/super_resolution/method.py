@@ -30,6 +30,8 @@ class SuperResolutionParams(PretrainedParams):
     factor: Annotated[int, Field(ge=2, le=16)] = 8
     """How many times the image is enlarged, and the largest zoom of a view; weights know one factor (8 in the paper's
     comparison)."""
+    width: Annotated[int, Field(ge=1)] = 32
+    """Channels of the network's features; weights know one width (180 by Liang et al.)."""
     tile: Annotated[int, Field(ge=16, le=4096, multiple_of=8)] = 64
     """Pixels a side of the pieces that the network enlarges one after another,"""
     margin: Annotated[int, Field(ge=0, le=256, multiple_of=8)] = 16
@@ -40,7 +42,7 @@ class SuperResolution(Pretrained):
     """The image enlarged by a network, an `Enlarged`, which refuses views from closer by than that."""
 
     name = "super_resolution"
-    asked = {"factor": "a factor of"}
+    asked = {"factor": "a factor of", "width": "a width of"}
     Params = SuperResolutionParams
     params: SuperResolutionParams
 

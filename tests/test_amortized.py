@@ -99,6 +99,16 @@ def test_the_papers_optimiser_refines_what_it_finds(file):
     assert len(found.code) == len(alone.reconstruct(TARGET).code)
 
 
+def test_the_network_in_the_package_looks_at_its_picture():
+    """On codes of a seed that it was not trained with."""
+    network, found = Amortized().loaded()
+    assert found.recipe["seed"] == 0 and found.scores["held_out"] < found.scores["other_pictures"]
+    training = TRAININGS["amortized"](side=found.recipe["side"], seed=1, held_out=200)
+    with torch.no_grad():
+        scores = training.judge(network, "cpu")
+    assert scores["held_out"] < .95 * scores["other_pictures"]
+
+
 def test_what_the_fit_refuses(file, tmp_path):
     command = "`fractal-train task=pretrain method=amortized method.side=16` trains them"
     for options, message in (

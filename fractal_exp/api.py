@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from .errors import InputError, did_you_mean
-from .methods import METHODS, check_options, load
+from .methods import METHODS, WITHOUT_CODE, check_options, load
 from .methods.base import CodeReconstruction, Method, OnStep, Progress, stop_reason
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     tensor may hold counts or densities of any scale. For "chaotic" they are the
     arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800). The methods that
     the paper compares with ("evolutionary", "cuckoo", "learning_fractals_32", "learning_fractals_256") take the fields
-    of their own parameters (docs/comparisons.md).
+    of their own parameters (docs/comparisons.md), and so does "neural_regression", whose network is trained beforehand.
 
     Returns an `Inversion`: the code, its likeness to the picture, a verdict, how it was found and why the method
     stopped. Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before
@@ -123,6 +123,9 @@ def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
 
 def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:
     """What builds the method, or `InputError` if it is unknown or an argument is not of its type."""
+    if method in WITHOUT_CODE:
+        raise InputError(f"the method {method!r} finds no code: it {WITHOUT_CODE[method]}; fractal-train "
+                         f"method={method} does that, or choose one of {', '.join(METHODS)}")
     if method not in METHODS:
         raise InputError(f"there is no method {method!r}{did_you_mean(str(method), METHODS) or ';'} choose one of "
                          f"{', '.join(METHODS)}")

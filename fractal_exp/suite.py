@@ -19,6 +19,7 @@ TARGET_SUPERSAMPLE = 16
 THRESHOLD = 0.25  # of a binary target
 SUITE_SEED = 2025  # the published suite; any other seed makes another suite of the same distribution
 SUITE_COUNT = 100
+FIRST_TRAINING_SEED = 2**62  # seeds from here on are for the training of networks: no suite has them
 
 
 def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
@@ -28,12 +29,15 @@ def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
     values share a budget sum_i (s1_i + 2 s2_i) ~ U((5+N)/2, (6+N)/2). Orthonormal factors have a uniform angle and may
     reflect. Offsets are uniform in [-1,1]². Nothing is rejected. `attractor.normalize` brings a code to the canvas. A
     shorter suite is the beginning of a longer one of the same seed. Raises `InputError` unless `count` is at least 1
-    and `seed` at least 0.
+    and `seed` at least 0 and below 2^62: higher ones are for the training of networks, which must not meet a suite.
     """
     if count < 1:
         raise InputError(f"a suite has at least 1 fractal, got count={count}")
     if seed < 0:
         raise InputError(f"a suite's seed must be at least 0, got {seed}")
+    if seed >= FIRST_TRAINING_SEED:
+        raise InputError("a suite's seed must be below 2^62, as networks are trained on codes of higher ones, got "
+                         f"{seed}")
     rng = np.random.Generator(np.random.PCG64(seed))
     return [draw_code(rng, {"name": f"random-{seed}-{index:03d}", "suite_seed": seed, "suite_index": index})
             for index in range(count)]

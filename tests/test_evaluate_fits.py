@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import torch
 from hydra import compose, initialize_config_module
+from networks_helpers import saved
 from PIL import Image
 
 from fractal_exp import IFS, InputError, codes, tracking
@@ -113,6 +114,33 @@ def test_unfinished_fits_are_named(folder, capsys):
         (folder / "outputs" / "fits" / name / "config.yaml").write_text("seed: 0")
     app.main(["outputs/fits", "--resolution", "32"])
     assert "not judged, since unfinished: begun, fern2; the same command with resume=true" in capsys.readouterr().out
+
+
+def test_fits_that_found_no_code_are_named(folder, capsys):
+    file = saved(folder / "weights", "super_resolution")
+    words = ["tracking=none", "target=suite", "evaluation.resolution=32", "evaluation.points_in_view=20000"]
+    train("method=super_resolution", f"weights.super_resolution={file}", "name=larger", *words)
+    with pytest.raises(SystemExit):
+        app.main(["outputs/fits"])
+    assert "holds no code, but images that were enlarged" in capsys.readouterr().err
+    train("method=neural_regression", f"weights.neural_regression={saved(folder / 'other', 'neural_regression')}",
+          "network_side=16", "name=regressed", *words)
+    capsys.readouterr()
+    app.main(["outputs/fits", "--resolution", "32"])
+    printed = capsys.readouterr().out
+    assert "not judged, since they found no code: larger; fractal-train has judged them" in printed
+    assert set(pd.read_csv(folder / "evaluation" / "codes.csv")["fractal"]) == {"regressed"}
+
+
+def test_a_fit_with_other_weights_is_another_fit(folder):
+    words = ["method=neural_regression", "network_side=16", "name=fit", "tracking=none", "target=suite",
+             "evaluation.resolution=32", "evaluation.points_in_view=20000", "weights.neural_regression=weights"]
+    saved(folder / "weights", "neural_regression")
+    scores = train(*words)
+    assert train(*words, "resume=true") == scores
+    saved(folder / "weights", "neural_regression", seed=1)
+    with pytest.raises(InputError, match="holds a fit of another configuration: fingerprint: "):
+        train(*words, "resume=true")
 
 
 def test_only_pictures_and_older_ones(folder, capsys):

@@ -21,6 +21,7 @@ FLOORS = [  # from the ground up; what is named alone is a file or a folder of t
     {"evaluation"},
     {"methods"},
     {"perceptual_training", "studies", "verdict"},
+    {"pretraining"},
     {"inversion"},
     {"api"},
     {"cli"},

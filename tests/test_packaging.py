@@ -23,6 +23,8 @@ def test_the_wheel_holds_every_module_and_what_is_read_beside_them(built):
     modules = {str(path.relative_to(ROOT)) for path in (ROOT / "fractal_exp").rglob("*.py")}
     assert modules - built == set()
     assert {"fractal_exp/py.typed", "fractal_exp/data/fractal_features.safetensors", "fractal_exp/conf/train.yaml",
+            "fractal_exp/data/neural_regression.safetensors",
+            "fractal_exp/conf/pretraining/neural_regression_laptop.yaml",
             "fractal_exp/sweeps/ablations.yaml"} <= built
     page = {str(path.relative_to(ROOT)) for path in (ROOT / "fractal_exp/viewer/static").iterdir()}
     assert len(page) > 10 and page - built == set()

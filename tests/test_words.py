@@ -41,7 +41,7 @@ def said(program, arguments: list[str], monkeypatch, capsys) -> str:
     (["sedd=3"], "there is no setting sedd; did you mean seed?"),
     (["optimizer.annealing.spred=3"], "did you mean optimizer.annealing.spread"),
     (["maps=3"], "there is no setting maps; did you mean"),
-    (["method.maps=3"], "method.maps is a setting of method=collage or method=cuckoo or"),
+    (["method.maps=3"], "method.maps is a setting of method=amortized or method=collage or"),
     (["metod=collage"], "there is no setting metod; did you mean method?"),
     (["foo/bar=3"], "there is no setting foo/bar"),
     (["target@foo=known"], "target"),

@@ -50,6 +50,18 @@ def unfinished(sources: list[str]) -> list[str]:
             for record in sorted(folder.glob(pattern)) if not (record.parent / records.FINISHED).exists()]
 
 
+def without_code(sources: list[str]) -> list[str]:
+    """The names of the finished fits in the folders among `sources` whose method finds no code."""
+    folders = [Path(source).absolute() for source in sources if not source.startswith("run:")]
+    return [record.parent.name for folder in folders for pattern in (records.ENLARGED, f"*/{records.ENLARGED}")
+            for record in sorted(folder.glob(pattern)) if _finished_without_code(record.parent)]
+
+
+def _finished_without_code(folder: Path) -> bool:
+    return all((folder / name).exists() == there for name, there in (
+        (records.FINISHED, True), (records.ENLARGED, True), (records.CODE, False)))
+
+
 def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[Submission]:
     if source.startswith("run:"):
         run_id = source.removeprefix("run:")
@@ -61,7 +73,11 @@ def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[
         return
     finished = [path] if (path / records.FINISHED).exists() else sorted(
         record.parent for record in path.glob(f"*/{records.FINISHED}"))
-    for folder in finished:
+    coded = [folder for folder in finished if not _finished_without_code(folder)]
+    if finished and not coded:
+        raise InputError(f"{path} holds no code, but images that were enlarged; fractal-train has judged them, see "
+                         "per_view.csv beside them")
+    for folder in coded:
         yield _fit(folder.name, str(folder), _folder_reader(folder), truth)
     files = [] if finished else sorted(path.glob("*.json"))
     if not finished and not files:

@@ -18,7 +18,8 @@ from omegaconf.errors import OmegaConfBaseException
 from ..errors import InputError, did_you_mean
 from ..runtime.params import ParamError, Params
 
-PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights")
+PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights", "weights.neural_regression",
+             "weights.super_resolution", "weights.amortized", "method.weights")
 TIMES = ("method.seconds", "method.init.seconds")  # 60 and 60.0 are one limit
 
 
@@ -28,8 +29,10 @@ class TrainConfig:
 
     picture: str | None = None
     seconds: float | None = None
+    task: Any = MISSING
     target: Any = MISSING
     method: Any = MISSING
+    pretraining: Any = None
     model: Any = MISSING
     loss: Any = MISSING
     optimizer: Any = MISSING
@@ -58,6 +61,9 @@ class TrainConfig:
     image_moves: int = 60
     init: Any = None
     budgets: dict[str, int] = field(default_factory=dict)
+    weights: dict[str, str | None] = field(default_factory=dict)
+    network_side: int = 64
+    network_width: int = 32
     scouting: int = 100
     anneal_every: int = 250
     anneal_sharpness: float = 10.0

@@ -28,7 +28,7 @@ from ..runtime import threads
 from ..runtime.checks import check_count
 from ..runtime.files import write_atomically
 from . import records
-from .candidates import Submission, gather, unfinished
+from .candidates import Submission, gather, unfinished, without_code
 from .commands import command, command_parser, make_folder
 from .judging import against_input, f1_in_words
 
@@ -120,6 +120,9 @@ def evaluate_codes(options: argparse.Namespace) -> None:
             parts.append(_write_inputs(_judge_pictures(pictured, options, distance, strips, run), folder, run))
         if lost:
             parts.append(f"not judged, since fitted to pictures that are not kept: {', '.join(lost)}")
+        if enlarged := without_code(options.codes):
+            parts.append(f"not judged, since they found no code: {', '.join(enlarged)}; fractal-train has judged them, "
+                         "see per_view.csv beside them")
         if begun:
             parts.append(f"not judged, since unfinished: {', '.join(begun)}; the same command with resume=true goes on "
                          "with a fit")

@@ -21,7 +21,6 @@ from ..runtime.files import alone_in, check_scores, read_record, write_atomicall
 from ..tracking.addresses import shown
 from . import configuration, parent
 from .runs import Runs
-from .train import fit
 
 FINISHED, FAILED = "finished", "failed"
 LONGEST_NAME = 120
@@ -95,7 +94,7 @@ def run_job(config: DictConfig) -> str:
         try:
             if config.sweep.lost:
                 raise JobLost(config.sweep.lost)
-            scores = fit(config)
+            scores = configuration.build(config.task).run(config)
             outcome = Outcome(FINISHED, row, sample, time.perf_counter() - start, scores, again)
         except Exception as error:
             told = shown(traceback.format_exc())

@@ -35,7 +35,8 @@ class Judgement:
     per_view: one row a view; scores: their means as eval/…, time/fit_seconds, and time/evaluations where the method
     counts them; trivial: the means of an all white and an all black image, as trivial/white_… and trivial/black_…, and
     where it was asked for those of the truth drawn with other random numbers, as trivial/truth_…; counts: views/judged,
-    the views that the scores are means of, and views/empty, those that are left out because nothing is on them;
+    the views that the scores are means of, views/empty, those that are left out because nothing is on them, and
+    views/left_out, those that the reconstruction cannot show, if there are any;
     pictures by name: the input as `target`, its reconstruction as `result`, `comparison` (target | result | difference
     of every view), and where the truth is known `zoomed_target` and `zoomed`, the view beyond 2x that shows most.
     """
@@ -55,6 +56,8 @@ class Judgement:
         judged, empty = self.counts["views/judged"], self.counts["views/empty"]
         views = f"mean of {judged} views, {whole}" if len(self.per_view) > 1 else "against the input"
         views += f", {empty} more are empty in both" if empty else ""
+        if left_out := self.counts.get("views/left_out"):
+            views += f", {left_out} more are left out, as they are closer by than it can show"
         return f"{'  '.join(shown)}  ({views}; fitted in {self.scores['time/fit_seconds']:.0f} s)"
 
 
@@ -96,6 +99,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
         scores["time/evaluations"] = float(reconstruction.evaluations)
     judged = len(without_empty(per_view))
     counts = {"views/judged": judged, "views/empty": len(per_view) - judged}
+    if left_out := per_view.attrs.get("left_out"):
+        counts["views/left_out"] = len(left_out)
     captions = [f"{row.view}, {f1_in_words(row.f1)}" for row in per_view.itertuples()]
     pictures = {"target": target.image, "result": drawn, "comparison": comparison_strip(images, truth, captions)}
     if len(per_view) > 1:
@@ -106,7 +111,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     trivial = _trivial(truth)
     if ceiling and target.truth is not None:
         again = score(target.truth, target.truth, **options, perceptual=perceptual).frame
-        trivial |= {f"trivial/truth_{name}": float(value) for name, value in again[measured].mean().dropna().items()}
+        means = again[again["view"].isin(per_view["view"])][measured].mean().dropna()
+        trivial |= {f"trivial/truth_{name}": float(value) for name, value in means.items()}
     return Judgement(per_view, scores, trivial, counts, pictures)
 
 

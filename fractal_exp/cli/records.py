@@ -21,6 +21,7 @@ from ..targets import KnownCode, SuiteFractal
 
 FINISHED, CONFIG = "finished.json", "config.yaml"
 CODE, TRUTH, PICTURE, EIGHT_BITS = "code.json", "truth.json", "target.png", "views/target.png"
+ENLARGED = "enlarged.png"  # in place of a code, where the method found none
 LARGEST_SIDE = 8192       # pixels, of a picture that a fit left
 LARGEST_PICTURE = 2**28   # bytes of its file, which 16-bit noise of that size just about needs
 LARGEST_INDEX = 99_999    # of a fractal of a suite that a record names

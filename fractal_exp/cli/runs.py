@@ -22,8 +22,8 @@ from .configuration import method_name
 from .folders import FitFolder
 
 SWEEP = "sweep"  # the tag `kind` of a parent run
-GENERAL = ("target", "target_image", "resolution", "scale", "variant", "perceptual", "perceptual_weights", "seed",
-           "device", "backend")  # settings that every method has
+GENERAL = ("target", "target_image", "fingerprint", "resolution", "scale", "variant", "perceptual",
+           "perceptual_weights", "seed", "device", "backend")  # settings that every method has
 
 
 class Runs(ABC):

@@ -21,6 +21,7 @@ from ..images.reading import write_image
 from ..inversion import Likeness
 from ..methods.base import CodeReconstruction, Method, Reconstruction, stop_reason
 from ..methods.history import History
+from ..methods.super_resolution.enlarged import Enlarged
 from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.files import write_atomically
@@ -31,17 +32,22 @@ from . import configuration, interruption, words
 from .folders import PAGE, FitFolder
 from .judging import Judgement, check_options, judge, judge_course
 from .progress import Reporter
+from .records import ENLARGED
 from .runs import Runs
 
 # The target and the method hold what `picture` and `seconds` say.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", "tracking", "threads",
-                     "checkpoint_every", "evaluation", "sweep")
+                     "checkpoint_every", "evaluation", "sweep", "task", "pretraining", "weights",
+                     "network_side", "network_width")
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
                  "collage-chaotic": "the paper's method, begun with collage search",
                  "evolutionary": "evolutionary programming", "cuckoo": "cuckoo search",
-                 "learningfractals32": "Learning Fractals on 32²", "learningfractals256": "Learning Fractals on 256²"}
+                 "learningfractals32": "Learning Fractals on 32²", "learningfractals256": "Learning Fractals on 256²",
+                 "neuralregression": "neural regression", "superresolution": "super-resolution",
+                 "amortized": "amortised set prediction",
+                 "amortized-chaotic": "the paper's method, begun with amortised set prediction"}
 
 
 def fit(config: DictConfig) -> dict[str, float]:
@@ -51,6 +57,14 @@ def fit(config: DictConfig) -> dict[str, float]:
     """
     with ExitStack() as held:  # the lock of the fit's folder
         return _fit(config, held)
+
+
+class Fit:
+    """The task `fit`."""
+
+    def run(self, config: DictConfig) -> dict[str, float]:
+        """`fit`."""
+        return fit(config)
 
 
 def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
@@ -70,6 +84,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         perceptual.check(config.evaluation.resolution, "evaluation.resolution")
     identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
     identity["target_image"] = _digest(target.image.numpy().tobytes())
+    if fingerprint := method.fingerprint():
+        identity["fingerprint"] = fingerprint[:16]
 
     folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label, identity))
     held.enter_context(folder.alone())
@@ -98,6 +114,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
             run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
             _keep_page(folder, run, reconstruction.code)
+        elif isinstance(reconstruction, Enlarged):
+            run.artifact(ENLARGED, write_image(folder.path / ENLARGED, reconstruction.image))
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
         verdict = _verdict(reconstruction, target, stopped, config)
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
@@ -121,7 +139,8 @@ def _conclude(judgement: Judgement, stopped: str, verdict: Verdict | None, folde
     print(f"  stopped    {stopped}")
     if verdict is not None:
         print(f"  verdict    {verdict}")
-    print(f"  code       {folder.path / 'code.json'}")
+    kept = "code.json" if isinstance(reconstruction, CodeReconstruction) else ENLARGED
+    print(f"  {Path(kept).stem:10} {folder.path / kept}")
     print(f"  pictures   {folder.views}")
     if where:
         print(f"  dashboard  {where}")
@@ -179,7 +198,7 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
 def _hydra_main(config: DictConfig) -> dict[str, float]:
     try:
         with words.one_line("fractal-train"):
-            return fit(config)
+            return configuration.build(config.task).run(config)
     except KeyboardInterrupt:
         print("\nfractal-train: interrupted; the same command with resume=true goes on", file=sys.stderr)
         raise SystemExit(130) from None

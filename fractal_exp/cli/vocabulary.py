@@ -81,7 +81,7 @@ class Vocabulary:
         files = {"sweep": ("train", "sweep")}.get(self.config, (self.config,))
         loaded = [OmegaConf.to_container(OmegaConf.load(self.folder / f"{name}.yaml")) for name in files]
         defaults = [entry for data in loaded for entry in data["defaults"] if isinstance(entry, dict)]
-        names = [str(key) for entry in defaults for key in entry]
+        names = [str(key).removeprefix("optional ") for entry in defaults for key in entry]
         return [name for name in dict.fromkeys(names) if (self.folder / name).is_dir()]
 
     def _of(self, path: Path, group: str) -> Iterator[str]:
@@ -91,6 +91,8 @@ class Vocabulary:
             yield from (key for key in data if key not in ("hydra", *self._groups))
             return
         for entry in defaults:
+            if entry == "_self_":
+                continue
             yield from self._of(self.folder / group / f"{entry}.yaml", group)
         yield from (f"{group}.{key}" for key in _paths(data))
 

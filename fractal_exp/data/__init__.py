@@ -1,1 +1,2 @@
-"""Data that travels with the package: the weights of the perceptual distance `fractal` (docs/perceptual.md)."""
+"""Data that travels with the package: the weights of the perceptual distance `fractal` (docs/perceptual.md), and those
+of methods with a network (docs/comparisons.md)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -111,12 +112,14 @@ class Perceptual:
 
 @dataclass(frozen=True)
 class Scored:
-    """A reconstruction and its truth, rendered at the same views: images (V,R,R) each, and the distance to measure."""
+    """A reconstruction and its truth, rendered at the same views: images (V,R,R) each, and the distance to measure.
+    left_out: the names of views that the reconstruction cannot show."""
 
     views: dict[str, View]
     images: Tensor
     truth: Tensor
     perceptual: Perceptual
+    left_out: tuple[str, ...] = ()
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -136,7 +139,8 @@ class Scored:
             "lpips": torch.nan,
         })
         table[self.perceptual.column] = distance.masked_fill(empty, torch.nan).double().numpy()
-        table.attrs = {"perceptual": self.perceptual.name, "perceptual_absent": self.perceptual.absent}
+        table.attrs = {"perceptual": self.perceptual.name, "perceptual_absent": self.perceptual.absent,
+                       "left_out": list(self.left_out)}
         return table
 
 
@@ -149,7 +153,10 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     if align not in ALIGNMENTS:
         raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
     check_resolution(resolution)
-    chosen = evaluation_views(truth, views, seed=seed)
+    every, largest = evaluation_views(truth, views, seed=seed), getattr(reconstruction, "largest_zoom", math.inf)
+    chosen = {name: view for name, view in every.items() if view.zoom <= largest}
+    if not chosen:
+        raise InputError(f"there is no view to judge by: the reconstruction shows zooms up to {largest:g} alone")
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}
     if isinstance(perceptual, str):
@@ -157,7 +164,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     perceptual.check(resolution)
     images = _draw(_aligned(reconstruction, align), chosen, RESULT_STREAM, size, ImageCache(None, device))
     truths = _draw(_aligned(truth, "bbox"), chosen, TRUTH_STREAM, size, ImageCache(cache, device))
-    return Scored(chosen, images, truths, perceptual)
+    return Scored(chosen, images, truths, perceptual, tuple(name for name in every if name not in chosen))
 
 
 def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resolution: int = 1024,
@@ -168,8 +175,10 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
 
     The columns are view (its name), zoom, center_x, center_y, empty, and then f1, iou, psnr (dB), ssim and lpips of the
     inner 75% (see `metrics`). A pair of images that are both black there says nothing: `empty` is True and all its
-    scores are NaN, so that means leave it out. The distance "fractal" is not LPIPS; its column is fractal_distance. The
-    `attrs` of the table name the perceptual distance, or say why there is none and its column is NaN.
+    scores are NaN, so that means leave it out. Views from closer by than a reconstruction's `largest_zoom`, if it has
+    one, are left out altogether; `attrs["left_out"]` names them. The distance "fractal" is not LPIPS; its column is
+    fractal_distance. The `attrs` of the table name the perceptual distance, or say why there is none and its column is
+    NaN.
 
     - resolution, points_in_view, supersample, device: as in `render`.
     - views: "attractor", "released" or "uniform", see `evaluation_views`. Only "released" is comparable with published

@@ -24,7 +24,10 @@ METHODS = {  # name -> module.function that builds the method with sensible size
     "cuckoo": "population.cuckoo.laptop",
     "learning_fractals_32": "learning_fractals.method.laptop_32",
     "learning_fractals_256": "learning_fractals.method.laptop_256",
+    "neural_regression": "neural_regression.method.laptop",
+    "amortized": "amortized.method.laptop",
 }
+WITHOUT_CODE = {"super_resolution": "draws the image larger"}  # methods that find no code, and what they do instead
 
 
 def load(name: str) -> Callable[..., Method]:

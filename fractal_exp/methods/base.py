@@ -15,7 +15,8 @@ from ..ifs.code import IFS, View
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.params import Params
 
-SHOWN = {"loss": "↓", "error": "↓", "temperature": "", "maps": ""}  # scalars; an arrow says which way is better
+SHOWN = {"loss": "↓", "error": "↓", "held_out": "↓", "mean_code": "", "bicubic": "", "other_pictures": "",
+         "temperature": "", "maps": ""}  # scalars; an arrow says which way is better
 ALL_DONE = "all stages done"
 LATE = 0.95  # of a time limit: a method that ends after it, and does not say why, has skipped what was left
 
@@ -34,7 +35,8 @@ class Progress:
 
     def describe(self) -> str:
         """The stage and what is being improved, in words; ↓ stands after what is better when lower."""
-        told = [f"{name} {self.scalars[name]:.3g}{arrow}" for name, arrow in SHOWN.items() if name in self.scalars]
+        told = [f"{name.replace('_', ' ')} {self.scalars[name]:.3g}{arrow}" for name, arrow in SHOWN.items()
+                if name in self.scalars]
         return ", ".join([*([self.stage] if self.stage else []), *told])
 
 
@@ -101,6 +103,11 @@ class Method(ABC):
     def check(self, target: Tensor) -> None:
         """Raise the `InputError` that `reconstruct` would raise on this image, without any work."""
         check_target(target)
+
+    def fingerprint(self) -> str | None:
+        """What tells this method from another one with the same parameters: the digest of trained weights; None where
+        there is nothing of the kind. Raises `InputError` if the weights cannot be read."""
+        return None
 
     @abstractmethod
     def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,

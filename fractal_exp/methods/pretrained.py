@@ -1,0 +1,127 @@
+"""Methods whose network is trained beforehand: where its weights come from, and what they must have been made for."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError
+from ..runtime import weights as files
+from ..runtime.params import Params
+from .base import Method, check_device, check_target
+
+
+class PretrainedParams(Params):
+    """The parameters that every such method has."""
+
+    weights: str | None = None
+    """File of the network's weights, as `fractal-train task=pretrain` writes them; null: those in the package, if it
+    has any."""
+
+
+class Pretrained(Method):
+    """A method that asks a trained network. Weights are read when they are first needed, and refused unless they were
+    trained for what the parameters ask for.
+
+    seconds: a limit, which a network never reaches. device: where it works. options: the parameters of `Params`.
+    Raises `InputError` on values out of range.
+    """
+
+    name: ClassVar[str]  # of the network, in files and commands
+    asked: ClassVar[Mapping[str, str]]  # settings that weights must have been trained with: name -> in words
+    Params: ClassVar[type[PretrainedParams]]
+
+    def __init__(self, *, seconds: float | None = None, device: str = "cpu", **options: Any):
+        if seconds is not None and not seconds > 0:
+            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        self.params = self.Params().updated(**options)
+        self.seconds, self.device = seconds, check_device(device)
+        self._loaded: tuple[nn.Module, files.Weights] | None = None
+
+    @classmethod
+    @abstractmethod
+    def build(cls, recipe: Mapping[str, Any]) -> nn.Module:
+        """The network that a recipe describes, with first weights from torch's global generator."""
+
+    @classmethod
+    def built(cls, recipe: Mapping[str, Any], seed: int = 0) -> nn.Module:
+        """The network with first weights from this seed; torch's global generator stays as it is."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            return cls.build(recipe)
+
+    @abstractmethod
+    def check_size(self, target: Tensor) -> None:
+        """Raise `InputError` unless the network can take a checked image (R,R)."""
+
+    def check(self, target: Tensor) -> None:
+        self.check_size(check_target(target))
+        self.loaded()
+
+    def fingerprint(self) -> str:
+        return self.loaded()[1].digest
+
+    def loaded(self) -> tuple[nn.Module, files.Weights]:
+        """The network with its weights, on the device, and what they were trained with.
+
+        Raises `InputError` if there are none, or they are damaged or of another network, size or number of maps. The
+        message names the command that trains them.
+        """
+        if self._loaded is None:
+            try:
+                found = self._read()
+                self._compare(found)
+                network = self._described(found)
+                found.fill(network)
+            except InputError as error:
+                raise InputError(f"{error}; {self.remedy()}") from error
+            self._loaded = network.eval().to(self.device), found
+        return self._loaded
+
+    def command(self) -> str:
+        """What trains this network, as far as it depends on the parameters."""
+        shown = (f" method.{name}={str(value).lower()}" for name in self.asked
+                 if (value := getattr(self.params, name)) != type(self.params).model_fields[name].default)
+        return f"fractal-train task=pretrain method={self.name}{''.join(shown)}"
+
+    def remedy(self) -> str:
+        """What to do without good weights."""
+        return (f"`{self.command()}` trains them, and `fractal-train method={self.name} weights.{self.name}=FILE` "
+                "takes the file that it writes")
+
+    def _read(self) -> files.Weights:
+        if self.params.weights is not None:
+            return files.load(self.params.weights, self.name)
+        shipped = resources.files("fractal_exp.data") / f"{self.name}.safetensors"
+        if not shipped.is_file():
+            raise InputError(f"{self.name} has no weights: none are given, and the package has none")
+        with resources.as_file(shipped) as path:
+            return files.load(Path(path), self.name)
+
+    def _described(self, found: files.Weights) -> nn.Module:
+        try:
+            return self.built(found.recipe)
+        except (KeyError, TypeError, RuntimeError, ZeroDivisionError) as error:
+            raise InputError(f"the recipe in {found.source} describes no network of {self.name}: {error!r}") from error
+
+    def _compare(self, found: files.Weights) -> None:
+        for name, words in self.asked.items():
+            wanted, trained = getattr(self.params, name), found.recipe.get(name)
+            if wanted != trained:
+                raise InputError(f"{found.source} was trained with {words} {trained}, and {wanted} is asked for "
+                                 f"({name})")
+
+
+def resized_input(image: Tensor, side: int, what: str) -> Tensor:
+    """The image (R,R) as a network of this input sees it, (side, side), each pixel the mean of what it covers. Raises
+    `InputError` if it has fewer pixels than that."""
+    if len(image) < side:
+        raise InputError(f"{what} sees {side}² pixels, and the target has {len(image)}²; raise resolution to {side} or "
+                         "more")
+    return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]

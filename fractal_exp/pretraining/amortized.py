@@ -1,0 +1,93 @@
+"""The training of amortised set prediction: each map of a random code is to be found by one of the network's answers.
+
+Source: Yamaguti 2026; the matching is that of Carion et al., "End-to-End Object Detection with Transformers" (2020).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import torch
+import torch.nn.functional as F
+from pydantic import Field, model_validator
+from scipy.optimize import linear_sum_assignment
+from torch import Tensor, nn
+
+from ..errors import InputError
+from ..methods.amortized.method import Amortized
+from ..perceptual_training.perturbations import Maps
+from ..runtime.params import Amount, Positive
+from .epochs import EpochRecipe, EpochTraining
+from .loop import Batch
+
+
+class AmortizedRecipe(EpochRecipe):
+    """How the network of amortised set prediction is trained."""
+
+    codes: Positive = 200_000
+    """Codes to learn from; an epoch goes through all of them, with new pictures."""
+    rate: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5e-4
+    """Learning rate of Adam at first."""
+    channels: tuple[Annotated[int, Field(ge=4, multiple_of=4)], ...] = (32, 64, 128, 256)
+    """Channels of the residual blocks, each of which halves the side."""
+    heads: Positive = 4
+    """Heads of the attention that pools pixels into maps."""
+    hidden: Positive = 256
+    """Numbers of the perceptron that reads a map."""
+    presence: Amount = 0.1
+    """Weight of the cross-entropy of whether a map is there, beside the squared error of its numbers."""
+
+    @model_validator(mode="after")
+    def _heads_fit(self) -> AmortizedRecipe:
+        if self.channels[-1] % self.heads:
+            raise InputError(f"the last of channels must be a multiple of heads, got {self.channels[-1]} and "
+                             f"{self.heads}")
+        return self
+
+
+class AmortizedTraining(EpochTraining):
+    """The training of amortised set prediction. What it must beat are its own answers to other codes' pictures: a set
+    that is the same for all pictures gets no less."""
+
+    method = Amortized
+    Params = AmortizedRecipe
+    params: AmortizedRecipe
+
+    def loss(self, network: nn.Module, batch: Batch) -> Tensor:
+        images, numbers = batch
+        return self.set_loss(network(images), numbers).mean()
+
+    def set_loss(self, found: tuple[Tensor, Tensor], numbers: Tensor) -> Tensor:
+        """Of each code (B,): the mean squared error of the matched maps, and the weighted cross-entropy."""
+        maps, logits = found
+        there = torch.zeros_like(logits)
+        errors = []
+        for row, truth in enumerate(numbers):
+            truth = truth[truth.isfinite().all(1)]
+            slots, order = match(maps[row], truth)
+            errors.append((maps[row, slots] - truth[order]).square().mean())
+            there[row, slots] = 1
+        presence = F.binary_cross_entropy_with_logits(logits, there, reduction="none").mean(1)
+        return torch.stack(errors) + self.params.presence * presence
+
+    def judge(self, network: nn.Module, device: str) -> dict[str, float]:
+        images, numbers = (part.to(device) for part in self.held_out)
+        found = [network(some) for some in images.split(self.params.batch)]
+        maps, logits = (torch.cat(parts) for parts in zip(*found, strict=True))
+        other = maps.roll(1, 0), logits.roll(1, 0)
+        return {name: float(self.set_loss(answers, numbers).detach().double().mean())
+                for name, answers in (("held_out", (maps, logits)), ("other_pictures", other))}
+
+    def numbers(self, code: Maps) -> Tensor:
+        """(N,6), NaN where the code has fewer maps."""
+        rows = torch.full((self.params.maps, 6), torch.nan)
+        rows[:len(code)] = torch.from_numpy(code).float()
+        return rows
+
+
+def match(maps: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
+    """Which of the maps (M,6) stands for which one of the truth (n,6), n <= M, so that the sum of the squared errors of
+    matrices and offsets is least (the Hungarian method): numbers (n,) of the maps and of the truth."""
+    cost = torch.cdist(maps.detach().double(), truth.double()).square().cpu().numpy()
+    slots, order = linear_sum_assignment(cost)
+    return torch.from_numpy(slots).to(maps.device), torch.from_numpy(order).to(maps.device)

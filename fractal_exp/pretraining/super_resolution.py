@@ -1,0 +1,159 @@
+"""The training of super-resolution: pieces of pictures of random fractals, and the same eight times as fine.
+
+Source: Liang et al. 2021 (SwinIR, section 4.1). "Learning Image Fractals" (Eurographics 2025, section 5.1) trained it
+on 10 000 fractals.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import Annotated
+
+import numpy as np
+import torch
+from pydantic import Field, model_validator
+from torch import Tensor, nn
+
+from ..errors import InputError
+from ..ifs.code import IFS
+from ..methods.super_resolution.method import SuperResolution
+from ..perceptual_training import drawing
+from ..perceptual_training.perturbations import Maps, orbits_of_one_address, similar, table
+from ..rendering.still import points_per_view
+from ..runtime.params import Positive
+from ..runtime.seeds import derive
+from ..suite import TARGET_SUPERSAMPLE
+from . import pictures
+from .loop import Batch, Recipe, Training
+
+HALVED = (0.5, 0.8, 0.9, 0.95)  # shares of the steps at which the rate is halved (Liang et al. 2021)
+
+
+class SuperResolutionRecipe(Recipe):
+    """How the network of super-resolution is trained."""
+
+    width: Positive = 180
+    """Channels of the deep features (180 by Liang et al.)."""
+    groups: Positive = 6
+    """Residual groups (6 by Liang et al.),"""
+    layers: Positive = 6
+    """each of so many Swin blocks (6 by Liang et al.)."""
+    heads: Positive = 6
+    """Heads of the attention (6 by Liang et al.)."""
+    window: Annotated[int, Field(ge=2)] = 8
+    """Pixels a side within which pixels attend to each other (8 by Liang et al.)."""
+    features: Positive = 64
+    """Channels of the upsampling (64 by Liang et al.)."""
+    factor: Annotated[int, Field(ge=2, le=16)] = 8
+    """How many times pictures are enlarged, a power of 2 (8 in the paper's comparison)."""
+    side: Annotated[int, Field(ge=16, le=4096)] = 1000
+    """Pixels a side of the whole pictures that pieces are taken from (1000 in the paper's comparison),"""
+    patch: Annotated[int, Field(ge=8)] = 48
+    """and of a piece before it is enlarged (48 by Liang et al.)."""
+    supersample: Annotated[int, Field(ge=1, le=16)] = 4
+    """Subpixels a side of a pixel of the fine pieces; points are fewer in the same measure, so that grey levels are
+    those of a target (16)."""
+    codes: Positive = 10_000
+    """Codes to learn from (10 000 in the paper's comparison); they come back with other pieces."""
+    steps: Positive = 500_000
+    """Steps (500 000 by Liang et al.)."""
+    every: Positive = 5000
+    """Steps from one look at the held-out pieces to the next."""
+    rate: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 2e-4
+    """Learning rate of Adam at first (0.0002 by Liang et al.); halved after 50, 80, 90 and 95% of the steps."""
+    held_out: Positive = 64
+    """Codes that are held out, a piece of each."""
+
+    @model_validator(mode="after")
+    def _sizes_fit(self) -> SuperResolutionRecipe:
+        if self.factor & (self.factor - 1):
+            raise InputError(f"factor must be a power of 2, got {self.factor}")
+        if self.width % self.heads:
+            raise InputError(f"width must be a multiple of the number of heads, got {self.width} and {self.heads}")
+        if self.patch > self.side:
+            raise InputError(f"patch must be at most side, as it is a piece of the picture, got {self.patch} of "
+                             f"{self.side}")
+        return self
+
+
+class SuperResolutionTraining(Training):
+    """The training of super-resolution. The loss is the mean absolute error; bicubic interpolation is what it must
+    beat."""
+
+    method = SuperResolution
+    Params = SuperResolutionRecipe
+    params: SuperResolutionRecipe
+
+    @property
+    def steps(self) -> int:
+        return self.params.steps
+
+    @property
+    def every(self) -> int:
+        return self.params.every
+
+    def network(self) -> nn.Module:
+        return self.method.built(self.recipe(), self._seed("initial"))
+
+    def rate(self, step: int) -> float:
+        return self.params.rate * 0.5 ** sum(step >= share * self.steps for share in HALVED)
+
+    def batch(self, step: int) -> Batch:
+        rng = np.random.Generator(np.random.PCG64(self._seed(pictures.TRAINING, "batch", step)))
+        numbers = rng.integers(self.params.codes, size=self.params.batch)
+        return self._pieces([self._code(int(number)) for number in numbers], rng)
+
+    def loss(self, network: nn.Module, batch: Batch) -> Tensor:
+        coarse, fine = batch
+        return (network(coarse) - fine).abs().mean()
+
+    def judge(self, network: nn.Module, device: str) -> dict[str, float]:
+        errors = [(network(coarse.to(device)).cpu() - fine).abs().mean((1, 2)) for coarse, fine in
+                  zip(*(part.split(self.params.batch) for part in self._held_out), strict=True)]
+        return {"held_out": float(torch.cat(errors).double().mean()), "bicubic": self._bicubic_loss}
+
+    @cached_property
+    def _held_out(self) -> Batch:
+        rng = np.random.Generator(np.random.PCG64(self._seed(pictures.HELD_OUT, "batch")))
+        return self._pieces([self._made(pictures.HELD_OUT, number) for number in range(self.params.held_out)], rng)
+
+    @cached_property
+    def _bicubic_loss(self) -> float:
+        coarse, fine = self._held_out
+        enlarged = torch.nn.functional.interpolate(coarse[:, None], scale_factor=self.params.factor, mode="bicubic")
+        return float((enlarged[:, 0].clamp(0, 1) - fine).abs().double().mean())
+
+    def _pieces(self, codes: list[Maps], rng: np.random.Generator) -> Batch:
+        """A piece (S,S) of each code's picture about a random point of the attractor, and the same (fS,fS)."""
+        side, patch, zoom = self.params.side, self.params.patch, self.params.side / self.params.patch
+        views = []
+        for code in codes:
+            points = orbits_of_one_address(code, [], int(rng.integers(2**31)))[0]
+            corner = np.round((points[int(rng.integers(len(points)))] + 1) * side / 2 - patch / 2)  # whole pixels
+            center = (np.clip(corner, 0, side - patch) + patch / 2) * 2 / side - 1
+            views.append(similar(code, zoom, -zoom * center))
+        factor, parts = self.params.factor, self.params.supersample
+        coarse = self._draw(views, patch, points_per_view(side), TARGET_SUPERSAMPLE, rng)
+        fewer = (parts / TARGET_SUPERSAMPLE) ** 2
+        fine = self._draw(views, factor * patch, round(points_per_view(factor * side) * fewer), parts, rng)
+        return coarse, fine
+
+    @staticmethod
+    def _draw(views: list[Maps], side: int, points: int, parts: int, rng: np.random.Generator) -> Tensor:
+        """Images (B,S,S) of so many points on the whole attractor, most of them out of sight."""
+        maps, p = table(views)
+        counts, seeds = np.full(len(views), max(1, points)), rng.integers(2**62, size=len(views))
+        return torch.from_numpy(drawing.draw(maps, p, seeds, counts, side, parts))
+
+    @lru_cache(None)  # noqa: B019 — lives as long as the training
+    def _code(self, number: int) -> Maps:
+        return self._made(pictures.TRAINING, number)
+
+    def _made(self, stream: str, number: int) -> Maps:
+        return pictures.rows(self._ifs(stream, number))
+
+    def _ifs(self, stream: str, number: int) -> IFS:
+        return pictures.training_code(pictures.code_seed(self.seed, self.method.name, stream, number))
+
+    def _seed(self, *path: int | str) -> int:
+        return derive(self.seed, "pretraining", self.method.name, *path)

@@ -1,0 +1,103 @@
+"""Files of trained networks: tensors, and what they were trained on, in one safetensors file with a checksum."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import InputError
+from .files import parse_json, read_file, write_atomically
+
+FORMAT = "fractal-exp/weights/1"
+LARGEST_FILE = 2**31  # bytes
+
+
+@dataclass(frozen=True)
+class Weights:
+    """The tensors of a network by name, float32 on the CPU; `recipe`: what it was trained with, and `scores`: what came
+    of it, both as plain data. source: where they are from, in words; digest: SHA-256 of all of it."""
+
+    tensors: Mapping[str, Tensor]
+    recipe: Mapping[str, Any]
+    scores: Mapping[str, float]
+    source: str
+    digest: str
+
+    def fill(self, network: nn.Module) -> None:
+        """Put the tensors into a network. Raises `InputError` unless names and shapes
+        agree and all values are finite."""
+        expected = {name: tuple(value.shape) for name, value in network.state_dict().items()}
+        if odd := sorted(set(self.tensors) ^ set(expected)):
+            raise InputError(f"{self.source} does not hold this network: {odd[0]} is "
+                             f"{'missing' if odd[0] in expected else 'unknown'}")
+        for name, value in self.tensors.items():
+            if tuple(value.shape) != expected[name]:
+                raise InputError(f"{self.source} does not hold this network: {name} has shape {tuple(value.shape)}, "
+                                 f"expected {expected[name]}")
+            if not bool(torch.isfinite(value).all()):
+                raise InputError(f"{self.source} has NaN or infinite values in {name}")
+        network.load_state_dict(dict(self.tensors), assign=True)
+
+
+def save(path: str | Path, network: str, tensors: Mapping[str, Tensor], recipe: Mapping[str, Any],
+         scores: Mapping[str, float]) -> Path:
+    """Write a file of the network of this name, its fractions as float16, and return its absolute path."""
+    from safetensors.torch import save as to_bytes
+
+    halves = {name: _as(torch.float16, value.detach().cpu()).contiguous().clone() for name, value in tensors.items()}
+    told = json.dumps({"network": network, "recipe": dict(recipe), "scores": dict(scores)})
+    path = Path(path).absolute()
+    write_atomically(path, to_bytes(halves, metadata={"format": FORMAT, "trained": told,
+                                                      "sha256": _digest(halves, told)}))
+    return path
+
+
+def load(path: str | Path, network: str) -> Weights:
+    """The weights in a file that `save` wrote for the network of this name.
+
+    Raises `InputError` on a file that is missing, damaged, of another format or of another network.
+    """
+    path = Path(path).expanduser().absolute()
+    return _parse(read_file(path, "the weights", LARGEST_FILE), network, str(path))
+
+
+def _parse(data: bytes, network: str, source: str) -> Weights:
+    from safetensors import SafetensorError
+    from safetensors.torch import load as from_bytes
+
+    try:
+        tensors = from_bytes(data)
+    except (SafetensorError, ValueError, KeyError) as error:
+        raise InputError(f"{source} is damaged, or no safetensors file: {error}") from error
+    header = parse_json(data[8:8 + int.from_bytes(data[:8], "little")], f"{source} is damaged: its header")
+    notes = header.get("__metadata__") or {}
+    if notes.get("format") != FORMAT:
+        raise InputError(f"{source} must be of the format {FORMAT!r}, got {notes.get('format')!r}")
+    told = notes.get("trained", "")
+    if _digest(tensors, told) != notes.get("sha256"):
+        raise InputError(f"{source} is damaged: its content does not give its checksum")
+    trained = parse_json(told.encode(), f"{source} is damaged: its notes")
+    if trained["network"] != network:
+        raise InputError(f"{source} holds the network {trained['network']!r}, expected {network!r}")
+    singles = {name: _as(torch.float32, value) for name, value in tensors.items()}
+    return Weights(singles, trained["recipe"], trained["scores"], source, notes["sha256"])
+
+
+def _as(kind: torch.dtype, tensor: Tensor) -> Tensor:
+    """Fractions of this kind; whole numbers as they are."""
+    return tensor.to(kind) if tensor.is_floating_point() else tensor
+
+
+def _digest(tensors: Mapping[str, Tensor], told: str) -> str:
+    digest = hashlib.sha256(told.encode())
+    for name in sorted(tensors):
+        digest.update(f"{name} {tensors[name].dtype} {tuple(tensors[name].shape)}".encode())
+        digest.update(tensors[name].contiguous().view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,181 @@
+"""Super-resolution: its network, its views up to eightfold, how it is judged, and what it refuses."""
+
+import dataclasses
+
+import pytest
+import torch
+from networks_helpers import SUPER, TRAININGS, saved
+from rivals_helpers import TARGET
+
+from fractal_exp import InputError, codes, evaluation, invert
+from fractal_exp.cli.judging import judge
+from fractal_exp.evaluation import Perceptual, score
+from fractal_exp.ifs.code import View
+from fractal_exp.methods.base import CodeReconstruction, Reconstruction
+from fractal_exp.methods.super_resolution.enlarged import Enlarged
+from fractal_exp.methods.super_resolution.method import SuperResolution, rounded
+from fractal_exp.methods.super_resolution.network import SwinIR
+from fractal_exp.pretraining.super_resolution import SuperResolutionRecipe, SuperResolutionTraining
+from fractal_exp.targets import Target
+
+TRUTH = codes.known("sierpinski_triangle")
+OPTIONS = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
+           "device": "cpu"}
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return str(saved(tmp_path_factory.mktemp("weights") / "net.safetensors", "super_resolution"))
+
+
+def random_image(side: int):
+    return torch.rand(side, side, generator=torch.Generator().manual_seed(1))
+
+
+def test_the_network_of_the_paper_is_that_of_swinir():
+    recipe = SuperResolutionRecipe()
+    network = SwinIR(recipe.width, recipe.groups, recipe.layers, recipe.heads, recipe.window, recipe.features, 8)
+    blocks = [block for group in network.deep for block in group.blocks]
+    assert len(blocks) == 36 and [block.attn.shift_size for block in blocks[:3]] == [[0, 0], [4, 4], [0, 0]]
+    assert blocks[0].attn.qkv.weight.shape == (540, 180) and blocks[0].mlp[0].weight.shape == (360, 180)
+    assert 11e6 < sum(value.numel() for value in network.parameters()) < 13e6, "11.9 million in Liang et al."
+
+
+@pytest.mark.parametrize("factor", [2, 8])
+def test_an_image_is_enlarged_whatever_its_size(factor):
+    network = SwinIR(8, 1, 2, 2, 4, 2, factor)
+    assert network(torch.rand(2, 9, 13)).shape == (2, 9 * factor, 13 * factor)
+
+
+def test_the_whole_view_of_an_enlarged_image_is_its_mean():
+    image = random_image(64)
+    whole = Enlarged(image, 8.0).render(View(), resolution=8)
+    assert torch.allclose(whole, image.view(8, 8, 8, 8).mean((1, 3)), atol=1e-6)
+    assert torch.equal(Enlarged(image, 8.0).render(View(), resolution=64), image)
+
+
+def test_a_view_is_the_part_that_it_shows():
+    image = random_image(64)
+    # The window [0, .5] x [.25, .75] is columns 32 to 48 and rows 8 to 24.
+    part = Enlarged(image, 8.0).render(View((.25, .5), 4.0), resolution=16)
+    assert torch.allclose(part, image[8:24, 32:48], atol=1e-6)
+    finer = Enlarged(image, 8.0).render(View((.25, .5), 4.0), resolution=32)
+    assert torch.allclose(finer[::2, 1::2], image[8:24, 32:48], atol=1e-6)
+
+
+def test_beyond_the_canvas_all_is_black():
+    found = Enlarged(torch.ones(16, 16), 8.0).render(View((1.0, 0.0), 2.0), resolution=8)
+    assert (found[:, :4] == 1).all() and (found[:, 4:] == 0).all()
+    assert (Enlarged(torch.ones(16, 16), 8.0).render(View((5.0, 0.0), 2.0), resolution=8) == 0).all()
+
+
+def test_edges_between_pixels_count_by_their_share():
+    image = torch.zeros(4, 4)
+    image[:, 2] = 1
+    assert torch.allclose(Enlarged(image, 2.0).render(View(), resolution=3)[0], torch.tensor([0, .5, .25]) * 1.0,
+                          atol=1e-6)
+
+
+def test_views_from_closer_by_are_refused():
+    enlarged = Enlarged(TARGET, 8.0)
+    assert enlarged.render(View((0, 0), 8.0), resolution=4).shape == (4, 4)
+    with pytest.raises(InputError, match="at most 8x enlarged, and the view has zoom 8.01; only a code"):
+        enlarged.render(View((0, 0), 8.01), resolution=4)
+    with pytest.raises(InputError, match="resolution"):
+        enlarged.render(View(), resolution=0)
+
+
+def test_pieces_make_the_image_that_one_pass_makes(file):
+    image = random_image(40)
+    whole = SuperResolution(weights=file, tile=40, margin=0).reconstruct(image).image
+    pieces = SuperResolution(weights=file, tile=16, margin=32)
+    steps = []
+    found = pieces.reconstruct(image, on_step=steps.append).image
+    assert found.shape == (320, 320) and torch.allclose(found, whole, atol=2 / 255)
+    assert [step.step for step in steps] == list(range(1, 10)) and steps[-1].fraction == 1
+    assert steps[-1].preview is not None
+
+
+def test_nearly_black_is_black():
+    grey = rounded(torch.tensor([-.3, .0015, .0025, .5, 1.2]))
+    assert grey.tolist() == pytest.approx([0, 0, 1 / 255, 128 / 255, 1])
+
+
+def test_the_fit_has_no_code(file):
+    found = SuperResolution(weights=file).reconstruct(TARGET)
+    assert isinstance(found, Enlarged) and isinstance(found, Reconstruction)
+    assert not isinstance(found, CodeReconstruction) and found.largest_zoom == 8
+    with pytest.raises(InputError, match="the method 'super_resolution' finds no code: it draws the image larger; "
+                                         "fractal-train method=super_resolution"):
+        invert(TARGET, method="super_resolution")
+
+
+def test_pieces_to_learn_from_are_the_same_place_fine_and_coarse():
+    training = SuperResolutionTraining(**SUPER | {"supersample": 8, "batch": 8, "codes": 8})
+    coarse, fine = training.batch(0)
+    assert coarse.shape == (8, 8, 8) and fine.shape == (8, 64, 64)
+    assert 0 <= float(fine.min()) and float(fine.max()) <= 1
+    mean = fine.view(8, 8, 8, 8, 8).mean((2, 4))
+    for k in range(8):
+        together = torch.corrcoef(torch.stack([coarse[k].flatten(), mean[k].flatten()]))[0, 1]
+        assert together > .8, "the means of the fine piece are about the coarse one"
+        assert float((mean[k].mean() - coarse[k].mean()).abs()) < .15
+
+
+def test_the_rate_is_halved_as_published():
+    training = TRAININGS["super_resolution"](steps=1000, rate=1.0)
+    assert [training.rate(step) for step in (0, 499, 500, 800, 900, 950, 999)] == [1, 1, .5, .25, .125, .0625, .0625]
+
+
+def test_views_that_it_cannot_show_are_left_out_and_counted():
+    fourfold, whole = Enlarged(TARGET, 4.0), CodeReconstruction(TRUTH)
+    target, none = Target(TARGET, TRUTH), Perceptual.load()
+    judged = judge(fourfold, target, OPTIONS, none, 1.0, ceiling=True)
+    assert judged.counts["views/left_out"] == 2 and len(judged.per_view) == 5
+    assert judged.per_view["zoom"].max() <= 4 and "2 more are left out, as they are closer by" in judged.describe()
+    every = judge(whole, target, OPTIONS, none, 1.0, ceiling=True)
+    assert "views/left_out" not in every.counts and "left out" not in every.describe() and len(every.per_view) == 7
+    again = score(TRUTH, TRUTH, **OPTIONS).frame
+    assert judged.trivial["trivial/truth_f1"] == pytest.approx(again["f1"][again["zoom"] <= 4].mean())
+    table = evaluation.evaluate(fourfold, TRUTH, **OPTIONS)
+    assert table.attrs["left_out"] == ["4-8x-a", "4-8x-b"]
+    eightfold = dataclasses.replace(fourfold, largest_zoom=8.0)
+    assert evaluation.evaluate(eightfold, TRUTH, **OPTIONS).attrs["left_out"] == []
+    with pytest.raises(InputError, match="no view to judge by: the reconstruction shows zooms up to 0.5"):
+        score(dataclasses.replace(fourfold, largest_zoom=.5), TRUTH, **OPTIONS)
+
+
+def test_what_the_fit_refuses(file, tmp_path):
+    for options, message in (
+            ({"weights": str(tmp_path / "absent")}, "cannot read the weights .*`fractal-train task=pretrain "
+                                                    "method=super_resolution` trains them"),
+            ({"weights": file, "width": 180}, "a width of 32, and 180 is asked for .*method.width=180"),
+            ({"weights": file, "factor": 4}, "was trained with a factor of 8, and 4 is asked for .*method.factor=4"),
+            ({"weights": str(saved(tmp_path / "other", "neural_regression"))}, "expected 'super_resolution'")):
+        with pytest.raises(InputError, match=message):
+            SuperResolution(**options).check(TARGET)
+    with pytest.raises(InputError, match="sees 16² pixels at least, and the target has 8²; raise resolution to 16"):
+        SuperResolution(weights=file).check(random_image(8))
+    for options, message in (({"seconds": 0}, "seconds must be above 0"), ({"tile": 0}, "tile must be at least 16"),
+                             ({"tiles": 64}, "did you mean 'tile'")):
+        with pytest.raises(InputError, match=message):
+            SuperResolution(**options)
+
+
+def test_the_network_in_the_package_is_nearer_than_bicubic_interpolation():
+    """On codes of a seed that it was not trained with."""
+    network, found = SuperResolution().loaded()
+    assert found.recipe["seed"] == 0 and found.scores["held_out"] < found.scores["bicubic"]
+    sizes = {key: found.recipe[key] for key in ("side", "patch", "supersample")}
+    training = SuperResolutionTraining(**sizes, seed=1)
+    with torch.no_grad():
+        scores = training.judge(network, "cpu")
+    assert scores["held_out"] < .97 * scores["bicubic"]
+
+
+def test_without_torchvision_it_says_what_to_install(monkeypatch):
+    from fractal_exp.runtime import extras
+
+    monkeypatch.setattr(extras, "find_spec", lambda library: None)
+    with pytest.raises(InputError, match=r"torchvision is not installed; pip install 'fractal-exp\[perceptual\]'"):
+        TRAININGS["super_resolution"]().network()

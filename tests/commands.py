@@ -20,4 +20,6 @@ def run_here(program: ModuleType, *words: str) -> tuple[int, str]:
         patch.setattr("fractal_exp.cli.interruption.listen", lambda: None)  # the signals are pytest's
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         program.main()
-    return end.value.code or 0, printed.getvalue()
+    status = end.value.code or 0
+    assert isinstance(status, int), status
+    return status, printed.getvalue()

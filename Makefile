@@ -9,8 +9,8 @@ PORT ?= 5000
 SCALE ?= laptop
 COUNT ?= 4
 WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
-# Whole files go to one process, which makes what their tests share once, in the order of their names: the longest, with
-# few tests each, are not left for the end. More than eight processes would wait for the longest.
+# Whole files go to one process, which makes what their tests share once, in the order of tests/conftest.py: the longest,
+# with few tests each, are not left for the end. More than eight processes would wait for the longest.
 PYTEST := -m pytest -n $(WORKERS) --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm

@@ -2,13 +2,25 @@
 
 import os
 
+# Before numpy is loaded, and for all processes that tests start: where each core has a test process already, OpenBLAS
+# spends more on waking its threads, even for a system of six equations, than they save.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import shutil
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
 import pytest
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.runtime import threads
+from fractal_exp.tracking import building
 
 LEFT_OUT = pytest.StashKey[int]()
+MAKES = building._make
+LONGEST = "test_cuda.py", "test_collage.py", "test_sweeps.py", "test_notebooks.py", "test_train.py", "test_params.py"
 
 
 @pytest.fixture(scope="session")
@@ -18,11 +30,44 @@ def triangle():
     return code, suite.target(code, 128)
 
 
+@pytest.fixture(scope="session")
+def empty_store(tmp_path_factory):
+    """A new store, made once for each test process: MLflow takes a second of a core for its tables."""
+    made = []
+
+    def store() -> Path:
+        if not made:
+            database = tmp_path_factory.mktemp("store") / "mlflow.db"
+            MAKES(database)
+            made.append(database)
+        return made[0]
+    return store
+
+
+@pytest.fixture(scope="module", autouse=True)
+def stores_are_copied(empty_store):
+    """Stores are copies of one, but in the tests of tracking, where each is made for itself."""
+    def copy(database: Path) -> None:
+        shutil.copy(empty_store(), database)
+        with closing(sqlite3.connect(database)) as connection, connection:
+            connection.execute("UPDATE experiments SET artifact_location = ?",
+                               [f"{building.artifacts(database).as_uri()}/0"])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(building, "_make", copy)
+        yield
+
+
 @pytest.fixture(autouse=True)
 def fair_share_of_cores():
     """Test processes that run side by side divide the cores, whatever the test before has set."""
     processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", 1))
     threads.use(max(1, threads.available() // processes))
+
+
+def pytest_collection_modifyitems(items):
+    """The files that take longest come first, so that processes side by side end together."""
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
 
 
 def pytest_deselected(items):

@@ -24,18 +24,18 @@ def assert_close(got: Tensor, expected: Tensor, name: str, factor: float = 1.0) 
     assert error <= factor * TOLERANCE[got.dtype], f"{name}: relative error {error:.2e}"
 
 
-def tiling_problem(size: int = 32, levels: int = 3, maps: int = 3) -> tuple[BinnedMeasure, Tensor, Tensor]:
-    """A measure of 500 samples, and maps (4,maps,6) and weights (4,maps) to tile it with; the second set has one less.
-    """
+def tiling_problem(size: int = 32, levels: int = 3, maps: int = 3, samples: int = 500
+                   ) -> tuple[BinnedMeasure, Tensor, Tensor]:
+    """A measure of samples, and maps (4,maps,6) and weights (4,maps) to tile it with; the second set has one less."""
     g = torch.Generator().manual_seed(0)
-    mass = torch.rand(500, 1, generator=g)
-    samples = torch.cat([torch.rand(500, 2, generator=g) - 0.5, mass / mass.sum()], 1)
+    mass = torch.rand(samples, 1, generator=g)
+    thrown = torch.cat([torch.rand(samples, 2, generator=g) - 0.5, mass / mass.sum()], 1)
     whole = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]])
-    bins = pushforward(whole, torch.ones(1, 1), samples, size)[0]
+    bins = pushforward(whole, torch.ones(1, 1), thrown, size)[0]
     sets, weights = torch.randn(4, maps, 6, generator=g) * 0.3, torch.rand(4, maps, generator=g)
     if maps > 1:
         weights[1, -1] = 0
-    return BinnedMeasure(samples, bins, levels), sets, weights / weights.sum(1, keepdim=True)
+    return BinnedMeasure(thrown, bins, levels), sets, weights / weights.sum(1, keepdim=True)
 
 
 def check_pushforward(backend: str, device: str = "cpu", **problem: int) -> None:

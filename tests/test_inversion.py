@@ -72,6 +72,10 @@ def known(monkeypatch):
     return invert_knowing
 
 
+def test_collage_search_is_taken_unless_another_method_is_named(found):
+    assert found.method == "collage" and len(found.code) >= 2
+
+
 def test_its_history_is_what_the_method_told(found, told):
     ends = [step for step in told if step.code is not None]
     assert len(found.history) == len(ends) >= 4

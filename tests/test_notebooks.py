@@ -1,14 +1,18 @@
 """The notebooks run from top to bottom, with quick values in place of those of their first code cell."""
 
 import ast
-import subprocess
-import sys
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import nbformat
 import pytest
 from collage_helpers import FEW_PENS
+from commands import run_here
+from jupyter_client import KernelManager
 from nbclient import NotebookClient
+
+from fractal_exp.cli import sweep
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 SEARCH = {"rounds": 1, "search": {"restarts": 1, "moves": 3, "detail_moves": 1}, "moves": {"count": 1},
@@ -34,15 +38,22 @@ def output(tmp_path_factory):
     folder = tmp_path_factory.mktemp("outputs")
     words = ["ablations", "scale=smoke", "resolution=32", "evaluation.points_in_view=20000", "iterations=6",
              "sweep.count=1", "ablation=no_mip,none", f"output={folder}"]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        subprocess.run([sys.executable, "-m", "fractal_exp.cli.sweep", *words], check=True)
+    status, printed = run_here(sweep, *words)
+    assert status == 0, printed
     return folder
 
 
+@pytest.fixture(scope="module")
+def kernel() -> Iterator[KernelManager]:
+    """One for all notebooks, which imports what they need once; each begins with no name defined."""
+    manager = KernelManager(kernel_name="python3")
+    manager.start_kernel(env={name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"})
+    yield manager
+    manager.shutdown_kernel(now=True)
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs(path, request, tmp_path, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_a_notebook_runs(path, request, tmp_path, kernel):
     notebook = nbformat.read(path, as_version=4)
     quick = dict(QUICK[path.stem])
     if "output = " in parameters(notebook).source:
@@ -52,7 +63,8 @@ def test_a_notebook_runs(path, request, tmp_path, monkeypatch):
     assert set(quick) <= named, "a quick value of a parameter that the notebook does not have"
     values = nbformat.v4.new_code_cell("\n".join(f"{name} = {value!r}" for name, value in quick.items()))
     notebook.cells.insert(notebook.cells.index(parameters(notebook)) + 1, values)
-    NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(f"%reset -f\n%cd -q {tmp_path}"))
+    NotebookClient(notebook, km=kernel, timeout=300).execute()
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -1,6 +1,7 @@
 """The training of the network behind the distance `fractal`, and what it is judged by."""
 
 import json
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -146,6 +147,12 @@ def composed(*overrides):
         return compose("perceptual", list(overrides))
 
 
+@pytest.fixture(scope="module")
+def trained():
+    """What a small training gives, for tests of what is done with it."""
+    return train(TINY)
+
+
 def test_every_size_of_training_composes():
     for choice in ("smoke", "small", "full"):
         assert composed(f"training={choice}").scale == choice
@@ -175,11 +182,11 @@ def test_a_training_is_a_run_with_its_weights_and_scores(tmp_path, monkeypatch):
     assert len(tracking.read_series(uri, run["run_id"], "train/loss")) == 9
 
 
-def test_a_training_on_a_gpu_is_a_run_too(tmp_path, monkeypatch):
+def test_a_training_on_a_gpu_is_a_run_too(trained, tmp_path, monkeypatch):
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.setattr(app, "check_device", lambda device: device)
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda _: "a GPU")
-    monkeypatch.setattr(app, "train", lambda recipe, device, **_: train(recipe))
+    monkeypatch.setattr(app, "train", lambda recipe, device, **_: trained)
     path = app.train_distance(composed("training=smoke", f"output={tmp_path}", "tracking=mlflow", "device=cuda"))
     run = tracking.runs_frame(tracking.prepare_store(tmp_path), "perceptual").iloc[0]
     assert run["status"] == "FINISHED" and run["tags.device_name"] == "a GPU"
@@ -187,11 +194,11 @@ def test_a_training_on_a_gpu_is_a_run_too(tmp_path, monkeypatch):
     assert fractal_features.load(path).recipe["device"] == "cuda"
 
 
-def test_a_training_that_is_not_finite_does_not_count_as_finished(tmp_path, monkeypatch):
+def test_a_training_that_is_not_finite_does_not_count_as_finished(trained, tmp_path, monkeypatch):
     def diverge(recipe, **_):
-        trained = train(recipe)
-        trained.channel_weights[2][0] = float("nan")
-        return trained
+        diverged = deepcopy(trained)
+        diverged.channel_weights[2][0] = float("nan")
+        return diverged
 
     words = ["training=smoke", f"output={tmp_path}", "tracking=mlflow"]
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
@@ -200,12 +207,13 @@ def test_a_training_that_is_not_finite_does_not_count_as_finished(tmp_path, monk
         app.train_distance(composed(*words))
     assert not list(tmp_path.rglob("finished.json"))
     assert tracking.runs_frame(tracking.prepare_store(tmp_path), "perceptual")["status"].tolist() == ["FAILED"]
-    monkeypatch.setattr(app, "train", train)
+    monkeypatch.setattr(app, "train", lambda recipe, **_: trained)
     fractal_features.load(app.train_distance(composed(*words, "resume=true")))
 
 
-def test_training_anew_takes_the_old_weights_away_first(tmp_path, monkeypatch):
+def test_training_anew_takes_the_old_weights_away_first(trained, tmp_path, monkeypatch):
     words = ["training=smoke", f"output={tmp_path}", "tracking=none"]
+    monkeypatch.setattr(app, "train", lambda recipe, **_: trained)
     path = app.train_distance(composed(*words))
     seen = []
 

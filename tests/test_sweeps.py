@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
+from commands import run_here
 from hydra import compose, initialize_config_module
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -102,9 +103,7 @@ def start(output: Path, *words: str, **environment: str) -> subprocess.Popen:
 
 
 def run(output: Path, *words: str) -> tuple[int, str]:
-    process = start(output, *words)
-    printed, _ = process.communicate(timeout=300)
-    return process.returncode, printed
+    return run_here(command, words[0], *TINY, f"output={output}", *words[1:])
 
 
 def stored(output: Path, study: str) -> tuple[report.Sweep, pd.DataFrame]:

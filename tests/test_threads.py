@@ -35,7 +35,8 @@ print(os.environ["OMP_WAIT_POLICY"], os.environ["GOMP_SPINCOUNT"], team and (tea
 
 @pytest.mark.skipif(threads.available() < 2 or sys.platform != "linux", reason="GNU's OpenMP on two cores or more")
 @pytest.mark.parametrize(("imports", "team"), [
-    ("import fractal_exp", "None"), ("import torch, fractal_exp", "(True, True)"),
+    ("import fractal_exp", "None"),
+    pytest.param("import torch, fractal_exp", "(True, True)", marks=pytest.mark.slow),
     ("import torch; torch.set_num_threads(2); import fractal_exp", "(True, True)")])
 def test_idle_threads_are_told_to_sleep_whatever_is_imported_first(imports, team):
     """By the environment, and where OpenMP has read that already by a second team. What it brings is measured by

@@ -1,12 +1,12 @@
 """What a wrong word on the command line is answered with, and what picture= and seconds= come to."""
 
 import errno
-import subprocess
 import sys
 
 import numpy as np
 import pytest
 import torch
+from commands import run_here
 from hydra import compose, initialize_config_module
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -160,10 +160,9 @@ def test_a_study_of_the_suite_takes_a_picture_instead(tmp_path):
     image = np.full((64, 64), 255, np.uint8)
     image[10:54, 28:36] = image[28:36, 10:54] = 0
     Image.fromarray(image).save(path)
-    done = subprocess.run([sys.executable, "-m", "fractal_exp.cli.sweep", "seeds", f"picture={path}", "scale=smoke",
-                           "seed=0,1", "iterations=2", "resolution=32", "tracking=none", f"output={tmp_path / 'out'}",
-                           "threads=1"], capture_output=True, text=True)
-    assert done.returncode == 0 and "2 of 2 jobs finished" in done.stdout, done.stdout + done.stderr
+    status, printed = run_here(sweep, "seeds", f"picture={path}", "scale=smoke", "seed=0,1", "iterations=2",
+                               "resolution=32", "tracking=none", f"output={tmp_path / 'out'}", "threads=1")
+    assert status == 0 and "2 of 2 jobs finished" in printed, printed
     assert {each.parent.name for each in (tmp_path / "out").rglob("code.json")} == {"seed=0", "seed=1"}
 
 

@@ -8,6 +8,11 @@ from fractal_exp import tracking
 from fractal_exp.tracking import outbox, store
 
 
+@pytest.fixture(scope="module", autouse=True)
+def stores_are_copied():
+    """Here they are not: how a store is made is what is tested."""
+
+
 @pytest.fixture(autouse=True)
 def no_server(monkeypatch):
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)

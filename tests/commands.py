@@ -1,0 +1,25 @@
+"""A command run in the test's own process: what it prints and its exit status, without the seconds in which a new
+process imports torch and MLflow. What only a process of its own can show starts one."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from types import ModuleType
+
+import pytest
+
+
+def run_here(program: ModuleType, *words: str) -> tuple[int, str]:
+    """The status of a module of fractal_exp.cli with these words, and all that it prints, errors too."""
+    printed = io.StringIO()
+    with (pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed),
+          contextlib.redirect_stderr(printed), pytest.raises(SystemExit) as end):
+        patch.setattr(sys, "argv", [program.__name__, *words])
+        patch.setattr("fractal_exp.cli.interruption.listen", lambda: None)  # the signals are pytest's
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        program.main()
+    status = end.value.code or 0
+    assert isinstance(status, int), status
+    return status, printed.getvalue()

@@ -120,3 +120,14 @@ def test_the_command_draws_what_it_names(tmp_path):
                           read_target(SETS["textbook"].picture("gasket-4-black"), 64).image)
     with pytest.raises(SystemExit, match="no picture"):
         command.main(["textbook", "--names", "nothing", "--draw", str(tmp_path)])
+
+
+def test_codes_that_are_there_are_judged_again(tmp_path):
+    first = line("gasket-4-black")
+    fitting.archive.append_line(tmp_path / fitting.FILE, first | {"iou": 0.0, "recovered": None, "maps": 3})
+    fitting.archive.append_line(tmp_path / fitting.FILE, {"set": "textbook", "picture": "gasket-6-green", "limit": 0.2,
+                                                  "clock": "wall", "options": {}, "error": "it was killed"})
+    fitting.judge("textbook", tmp_path)
+    again, failed = fitting.read(tmp_path)
+    assert again["iou"] == pytest.approx(first["iou"]) and again["recovered"] == first["recovered"]
+    assert failed["error"] == "it was killed"

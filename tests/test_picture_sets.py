@@ -123,6 +123,15 @@ def test_a_code_is_exact_equivalent_or_neither():
     assert judging.against_truth(moved, Truth((truth,)))["missed"] == 1
 
 
+@pytest.mark.parametrize(("shift_px", "equivalent"), [(0.4, True), (3.0, False)])
+def test_another_code_of_a_thin_figure_is_equivalent_if_it_is_within_a_pixel(shift_px, equivalent):
+    third = torch.eye(2).expand(2, 2, 2) / 3
+    truth = IFS(third, torch.tensor([[-0.5, 0.0], [0.5, 0]]))            # Cantor's set, on a line
+    turned = IFS(third * torch.tensor([-1.0, 1]), truth.offset + torch.tensor([0.0, shift_px / 128]))
+    found = judging.against_truth(turned, Truth((truth,)))
+    assert found["missed"] == 2 and found["equivalent"] == found["recovered"] == equivalent
+
+
 def test_half_a_pixel_costs_a_thin_figure_much_but_not_the_best_shift():
     truth = attractor.normalize(replace(codes.known("koch_curve"), probabilities=None))
     scores = judging.against_truth(truth.similar(1, (1 / 256, 0)), Truth((truth,)))

@@ -5,6 +5,7 @@
     python -m benchmarks.pictures shapes --set maps=32 --set moves.root=0  options of `invert`, values as JSON
     python -m benchmarks.pictures density --density-maps FILE.npz          the published maps as well
     python -m benchmarks.pictures binary --report                          only the tables and sheets of what is there
+    python -m benchmarks.pictures textbook --judge                         the codes that are there, scored again
     python -m benchmarks.pictures textbook --draw FOLDER                   only the pictures themselves
     python -m benchmarks.pictures samples --help                           retina, snowflake and fern by both methods
 
@@ -47,7 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             write_image(args.draw / f"{name}.png", chosen.picture(name))
         return
     folder = args.output or Path(f"benchmarks/results/pictures_{args.set}")
-    if not args.report:
+    if args.judge:
+        fitting.judge(args.set, folder)
+    elif not args.report:
         setting = fitting.Setting(args.seconds or None, args.clock, _options(args.options))
         fitting.run(args.set, names, setting, folder, args.workers)
     print(report.write(args.set, folder))
@@ -69,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
                         help="an option of invert; a.b=1 for one of a component")
     parser.add_argument("--density-maps", type=Path, metavar="PATH", help=f"or {density_maps.VARIABLE}")
     parser.add_argument("--output", type=Path, help="folder (default: benchmarks/results/pictures_SET)")
+    parser.add_argument("--judge", action="store_true", help="only score the codes that are there again")
     parser.add_argument("--report", action="store_true", help="only write the tables and the sheets")
     parser.add_argument("--draw", type=Path, metavar="FOLDER", help="only draw the pictures")
     return parser

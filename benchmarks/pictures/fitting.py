@@ -16,9 +16,11 @@ from tqdm import tqdm
 
 from fractal_exp import invert
 from fractal_exp.ifs.code import IFS
+from fractal_exp.images.reading import ReadImage, read_target
 from fractal_exp.methods.base import Progress
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.runtime import threads
+from fractal_exp.runtime.files import write_atomically
 
 from .. import archive
 from ..ablation import CoreTime
@@ -26,6 +28,8 @@ from ..record import machine
 from .sets import SETS
 
 FILE = "fits.jsonl"
+RESOLUTION = 256                                                # of `invert`, unless told otherwise
+READING = "resolution", "frame", "invert", "threshold", "clean"  # its options that say how a picture is read
 CLOCKS = {"core": CoreTime.deadline, "wall": Collage.deadline}  # what the limit counts, in collage search
 
 
@@ -59,7 +63,7 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
         took = {"core_seconds": round(time.process_time() - core, 2),
                 "wall_seconds": round(time.perf_counter() - wall, 2),
                 "first_code_seconds": round(first[0], 2) if first else None}
-        scores = {key: _rounded(value) for key, value in chosen.score(name, found.code, found.target).items()}
+        scores = _scores(kind, name, found.code, found.target)
     except Exception as error:  # a set goes on without one of its pictures
         return line | {"error": f"{type(error).__name__}: {error}"}
     return line | {"maps": len(found.code), **scores, **took, "stopped": found.stopped,
@@ -78,6 +82,24 @@ def run(kind: str, names: Iterable[str], setting: Setting, folder: Path, workers
         for job in tqdm(as_completed(jobs), "fitting", len(jobs), unit="picture"):
             archive.append_line(folder / FILE, job.result())
     return len(wanted)
+
+
+def judge(kind: str, folder: Path) -> None:
+    """Score the codes of a folder again, and write its lines anew."""
+    lines = read(folder)
+    for line in tqdm([line for line in lines if "error" not in line], "judging", unit="code"):
+        line |= _scores(kind, line["picture"], code_of(line), _target(kind, line))
+    write_atomically(folder / FILE, "".join(f"{json.dumps(line)}\n" for line in lines))
+
+
+def _scores(kind: str, name: str, code: IFS, read: ReadImage) -> dict[str, Any]:
+    return {key: _rounded(value) for key, value in SETS[kind].score(name, code, read).items()}
+
+
+def _target(kind: str, line: Mapping[str, Any]) -> ReadImage:
+    """The picture of a line as `invert` read it."""
+    options = {"resolution": RESOLUTION, **SETS[kind].options, **line["options"]}
+    return read_target(SETS[kind].picture(line["picture"]), **{key: options[key] for key in READING if key in options})
 
 
 def _begin(clock: str) -> None:

@@ -17,7 +17,7 @@ from .figures import Truth
 RESOLUTION = 256
 SHAPE_LEVEL = 0.1          # of the highest level of a picture: what lies above it is its shape
 FOUND_PX = 1.0             # a true map is found if one of the code moves the attractor's points no farther from it
-EQUIVALENT_IOU = 0.98      # of the drawings of two codes of one attractor
+EQUIVALENT_F1 = 0.995      # within a pixel, of the drawings of two codes of one attractor
 SUPERSAMPLE = 8            # subpixels along a pixel, of polygons
 WITHIN_PX = 2.0            # of a density map: a point of the truth is covered by one of the code that is no farther
 COMPARED_POINTS = 2048
@@ -104,27 +104,27 @@ def against_truth(code: IFS, truth: Truth, resolution: int = RESOLUTION) -> dict
     """
     fine = drawing(code, 2 * resolution), true_drawing(truth, 2 * resolution)
     found, true = (_halved(each) for each in fine)
-    best = iou_within_a_pixel(*fine)
+    likeness = f1_within_a_pixel(found, true)
     maps = dict.fromkeys(("missed", "exact", "equivalent", "recovered")) if truth.code is None else against_code(
-        code, truth.code, best, resolution)
-    return {"iou": iou(thickened(found), thickened(true)), "iou_1px": best,
-            "f1_truth": f1_within_a_pixel(found, true),
+        code, truth.code, likeness, resolution)
+    return {"iou": iou(thickened(found), thickened(true)), "iou_1px": iou_within_a_pixel(*fine), "f1_truth": likeness,
             "true_maps": None if truth.code is None else len(truth.code), **maps}
 
 
-def against_code(code: IFS, truth: IFS, overlap: float, resolution: int = RESOLUTION) -> dict[str, bool | int]:
-    """Whether a code is the true one, both on one canvas; overlap: of their drawings, as IoU.
+def against_code(code: IFS, truth: IFS, likeness: float, resolution: int = RESOLUTION) -> dict[str, bool | int]:
+    """Whether a code is the true one, both on one canvas; likeness: F1 within a pixel of their drawings.
 
     missed: true maps without a map of the code that moves the true attractor's points within 1 px on average, by the
     assignment that finds most. exact: none missed, and no map too many. equivalent: not exact, but no more maps than
-    the truth and an IoU of at least .98: another code of the attractor. recovered: one of both.
+    the truth, and a likeness of at least .995: another code of the same attractor, as far as a pixel tells. recovered:
+    one of both.
     """
     from scipy.optimize import linear_sum_assignment
 
     near = (displacements(code, truth, resolution) <= FOUND_PX).numpy()
     missed = len(truth) - int(near[linear_sum_assignment(near, maximize=True)].sum())
     exact = missed == 0 and len(code) == len(truth)
-    equivalent = not exact and len(code) <= len(truth) and overlap >= EQUIVALENT_IOU
+    equivalent = not exact and len(code) <= len(truth) and likeness >= EQUIVALENT_F1
     return {"missed": missed, "exact": exact, "equivalent": equivalent, "recovered": exact or equivalent}
 
 

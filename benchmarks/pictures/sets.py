@@ -46,7 +46,7 @@ def _score_density(name: str, code: IFS, read: ReadImage) -> Scores:
     truth, rng = density_maps.true_code(params), np.random.default_rng(0)
     found = code.similar(density_maps.HALF_SIDE, (0.0, 0.0))
     framed = truth.similar(1 / density_maps.HALF_SIDE, (0.0, 0.0))
-    overlap = judging.iou_within_a_pixel(*(judging.drawing(each, 2 * density_maps.BINS) for each in (code, framed)))
+    likeness = judging.f1_within_a_pixel(*(judging.drawing(each, density_maps.BINS) for each in (code, framed)))
     true_points = density_maps.points(truth, rng)
     scores: Scores = {"published": name.startswith("published")}
     for prefix, each in (("", found), ("floor_", truth)):
@@ -54,7 +54,7 @@ def _score_density(name: str, code: IFS, read: ReadImage) -> Scores:
         distances = judging.point_distances(points, true_points, density_maps.PIXEL, rng)
         error = float(np.square(density_maps.density(points) - given).sum())
         scores |= {prefix + key: value for key, value in {"sse": error, **distances}.items()}
-    return scores | judging.against_code(code, framed, overlap, density_maps.BINS)
+    return scores | judging.against_code(code, framed, likeness, density_maps.BINS)
 
 
 def _densities(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

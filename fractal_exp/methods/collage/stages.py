@@ -10,6 +10,7 @@ from .canonical.params import CanonicalParams
 from .canonical.rounding import Rounding
 from .canonical.symmetry import simplest, symmetries
 from .growth.stage import Growth
+from .image.camera import sharpened
 from .image.gauss_newton import fitted_into_frame, polished
 from .image.likeness import without_unseen
 from .image.objective import Rendered
@@ -17,6 +18,7 @@ from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
 from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart
+from .measure.tones import camera_of
 from .problem import SearchProblem
 from .stage import Stage
 from .state import Candidate, State
@@ -176,7 +178,7 @@ class LastDigits(Stage):
             return found
         last = self._rounded(self.objective.judge(found.maps, found.weights))
         weights = None if last.weights is None else last.probabilities
-        return Candidate(last.maps, weights, last.error, last.error, found.camera)
+        return Candidate(last.maps, weights, last.error, last.error, camera_of(self.objective.levels))
 
     def _rounded(self, start: Rendered) -> Rendered:
         return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
@@ -224,8 +226,8 @@ class DrawnMoves(ImageMoves):
         return self.search.judged(found)
 
     def _finished(self, found: Candidate) -> Candidate:
-        search = self.search  # another one is opened to see the code anew
-        return search.finish(self._seen_anew(self._without_doubles(found)))
+        found = self._seen_anew(self._without_doubles(found))
+        return self.search.finish(found)
 
     def _judged_again(self, before: Candidate) -> Candidate:
         return before  # by its own camera
@@ -248,7 +250,9 @@ class DrawnLastDigits(LastDigits):
         return self.params.canonical.of_drawn()
 
     def _rounded(self, start: Rendered) -> Rendered:
-        last = super()._rounded(self._simplest(start))
+        simple = self._simplest(start)
+        self.objective, simple = sharpened(self.objective, simple, self.problem.deadline)
+        last = super()._rounded(simple)
         return pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
                       deadline=self.problem.deadline)
 

@@ -44,11 +44,11 @@ class CanonicalParams(Params):
     """Grey level above which a pixel belongs to the shape whose symmetries are looked for."""
     symmetric_likeness: Share = 0.93
     """F1 within 1 px of a shape with its image under a symmetry."""
-    drawn_near_px: Amount = 0.5
+    drawn_near_px: Amount = 0.25
     """The same displacement in a picture that others drew,"""
     drawn_worse: Amount = 1.5
     """the factor on the error there,"""
-    drawn_denominators: Annotated[tuple[Positive, ...], Some] = tuple(range(1, 13))
+    drawn_denominators: Annotated[tuple[Positive, ...], Some] = tuple(range(1, 7))
     """and the denominators."""
     least_side: Positive = 256
     """Side of an image, pixels, below which the pixel of this size counts instead."""

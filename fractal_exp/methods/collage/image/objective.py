@@ -55,6 +55,12 @@ class ImageObjective:
         other.frame = frame
         return other
 
+    def seen_with(self, levels: Levels) -> ImageObjective:
+        """The same, with a camera of the same kind."""
+        other = copy.copy(self)
+        other.levels = levels
+        return other
+
     def own_frame(self) -> Frame | None:
         """The frame that the image fills, if it fills one; neither a picture that others drew nor the density of points
         tells of one."""

@@ -48,6 +48,10 @@ class Levels(ABC):
     def shrunk(self, image: Tensor, size: int) -> Tensor:
         """The image (S,S) as it would have been rendered at this size, were the shape smooth."""
 
+    def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        """Those of the camera's values that say what is drawn of a code, not how."""
+        return ()
+
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         """The image (R,R) of a code. independent: each point is used once, which costs twice the time."""
         return self.occupied(code, resolution, self.supersample, self.points(resolution), seed, independent)

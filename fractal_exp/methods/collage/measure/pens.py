@@ -33,17 +33,17 @@ class Drawn(Coverage):
             drawn = tiled(self.image, code, size, resolution, self.fine)
         else:
             distance = self._distance(code, resolution, seed, independent)
-            drawn = _inked(distance, radius * resolution / 2, self.fine)
+            drawn = inked(distance, radius * resolution / 2, self.fine)
         return blurred(drawn, sigma * resolution / 2)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
         """Values of the camera, each with the rendering (R,R) of the code that it makes."""
         camera, pixel = self.camera, 2 / resolution
-        blurs = _given(camera.blur_px, camera.blurs_px)
+        blurs = given(camera.blur_px, camera.blurs_px)
         distance = self._distance(code, resolution, seed, False)
-        for radius in _given(camera.pen_px, camera.pens_px):
-            inked = _inked(distance, radius, self.fine)
-            yield from (((0.0, radius * pixel, sigma * pixel), blurred(inked, sigma)) for sigma in blurs)
+        for radius in given(camera.pen_px, camera.pens_px):
+            drawn = inked(distance, radius, self.fine)
+            yield from (((0.0, radius * pixel, sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
         for size in camera.tiles_px if camera.pen_px is None else ():
             drawn = tiled(self.image, code, size * pixel, resolution, self.fine)
             yield from (((size * pixel, 0.0, sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
@@ -55,9 +55,13 @@ class Drawn(Coverage):
 
     def _distance(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
         """From each subpixel to the nearest one that the attractor lights, (R·fine, R·fine), pixels."""
+        return self.distance_to(self.occupied(code, resolution * self.fine, 1, self.points(resolution), seed,
+                                              independent))
+
+    def distance_to(self, lit: Tensor) -> Tensor:
+        """From each subpixel to the nearest one that is lit (R·fine, R·fine), pixels."""
         from scipy.ndimage import distance_transform_edt
 
-        lit = self.occupied(code, resolution * self.fine, 1, self.points(resolution), seed, independent)
         if not bool(lit.any()):
             return torch.full_like(lit, torch.inf)
         return torch.from_numpy(distance_transform_edt(lit.numpy() == 0) / self.fine).float()
@@ -82,9 +86,9 @@ class Dots(Density):
         """Values of the camera, each with the rendering (R,R) of the code that it makes."""
         camera, pixel = self.camera, 2 / resolution
         density = self._density(code, resolution, seed, False)
-        for sigma in _given(camera.blur_px, camera.blurs_px):
+        for sigma in given(camera.blur_px, camera.blurs_px):
             spread = blurred(density, sigma * self.fine)
-            for gain in _given(camera.gain, camera.gains):
+            for gain in given(camera.gain, camera.gains):
                 yield (gain, sigma * pixel), self._toned(spread, gain)
 
     @property
@@ -99,10 +103,11 @@ class Dots(Density):
         return avg_pool2d((1 - (-gain * density).exp())[None], self.fine)[0]
 
 
-def _inked(distance: Tensor, radius: float, fine: int) -> Tensor:
+def inked(distance: Tensor, radius: float, fine: int) -> Tensor:
     """The share (R,R) of pixels within a radius, from distances (R·fine, R·fine); both pixels."""
     return avg_pool2d(((radius - distance) * fine + 0.5).clamp(0, 1)[None], fine)[0]
 
 
-def _given(value: float | None, others: Sequence[float]) -> Sequence[float]:
+def given(value: float | None, others: Sequence[float]) -> Sequence[float]:
+    """A value of the camera that the user gave, or those that are tried."""
     return others if value is None else (value,)

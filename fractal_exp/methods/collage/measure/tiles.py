@@ -33,7 +33,7 @@ def words(maps: Tensor, size: float) -> Tensor:
         left = left[~small]
         if sum(map(len, done)) + len(left) * len(maps) > MOST_WORDS:
             break
-        left = _composed(left, maps)
+        left = composed(left, maps)
     return torch.cat(done).float()
 
 
@@ -67,7 +67,7 @@ def _initiator(image: Tensor, found: Tensor, cells: int) -> tuple[Tensor, Tensor
     return places, (areas / areas.sum()) @ levels
 
 
-def _composed(first: Tensor, then: Tensor) -> Tensor:
+def composed(first: Tensor, then: Tensor) -> Tensor:
     """All words (nm,6) of maps (n,6) after maps (m,6)."""
     a, b = first[:, None, :4].unflatten(-1, (2, 2)), then[None, :, :4].unflatten(-1, (2, 2))
     offset = (a @ then[None, :, 4:, None])[..., 0] + first[:, None, 4:]

@@ -10,9 +10,10 @@ from .levels import Binary, Density, Levels
 from .linear import Linear
 from .params import CameraParams
 from .pens import Dots, Drawn
+from .strokes import Strokes
 
 LEVELS: dict[str, type[Levels]] = {"density": Density, "linear": Linear, "dots": Dots, "coverage": Drawn,
-                                 "binary": Binary}
+                                 "strokes": Strokes, "binary": Binary}
 Camera = tuple[str | float, ...]   # the name of the levels and their values; empty: as the levels are given
 
 

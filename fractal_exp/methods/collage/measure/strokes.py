@@ -1,0 +1,125 @@
+"""Drawings of a recursion that ended: a stroke, and smaller copies of it under every word of some maps.
+
+Programs draw trees so: a trunk, then each branch as a smaller tree, down to some depth. The trunk is what a map makes
+of the whole shape when it flattens it to a segment. The last twigs end before the attractor does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import product
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from ....ifs.code import IFS
+from .. import maps as affine
+from .bins import attractor_points
+from .blur import blurred
+from .pens import Drawn, given, inked
+from .tiles import composed
+
+MOST_STROKES = 40_000
+MOST_PLACES = 2000         # on a stroke
+POINTS = 4000              # of the attractor, which tell where a stroke ends
+
+
+class Strokes(Drawn):
+    """Segments with a round pen. A map whose image is no wider than `camera.stroke_px` draws a stroke, all others copy
+    what is there. values: how many maps, at most, copy a stroke; 1 if the pen shrinks with the copies, else 0; the
+    pen's radius, and the standard deviation of the blur, canvas units."""
+
+    numbers, lengths = ("depth", "thinning"), ("pen_px", "blur_px")
+
+    def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        """The depth, and whether the pen shrinks."""
+        return values[:2]
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        if not self.values:
+            return super().render(code, resolution, seed, independent=independent)
+        depth, thinning, radius, sigma = self.values
+        levels = self._levels(code, resolution, int(depth))
+        widths = self._widths(levels, bool(thinning), radius * resolution / 2)
+        same = {}  # levels of one width are drawn together
+        for level, width in zip(levels, widths, strict=True):
+            same.setdefault(width, []).append(level.places)
+        lit = [(self._distance_of(torch.cat(places), resolution), width) for width, places in same.items()]
+        return blurred(self._inked(lit, resolution), sigma * resolution / 2)
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
+        """Values of the camera, each with the rendering (R,R) of the code that it makes; none for a code without
+        strokes."""
+        camera, pixel = self.camera, 2 / resolution
+        levels = self._levels(code, resolution, camera.deepest)
+        distances = [self._distance_of(level.places, resolution) for level in levels]
+        for depth in [k for k, level in enumerate(levels) if level.length * resolution / 2 <= camera.twigs_px[1]]:
+            for thinning, radius in product((False, True), given(camera.pen_px, camera.pens_px)):
+                widths = self._widths(levels[:depth + 1], thinning, radius)
+                drawn = self._inked(list(zip(distances, widths, strict=False)), resolution)
+                yield from (((float(depth), float(thinning), radius * pixel, sigma * pixel), blurred(drawn, sigma))
+                            for sigma in given(camera.blur_px, camera.blurs_px))
+
+    def _levels(self, code: IFS, resolution: int, depth: int) -> list[_Level]:
+        """The strokes that no map copies, one, and so on, to this depth or until they are too short to be seen."""
+        segments, copies = self._parts(code, resolution)
+        found: list[_Level] = []
+        words = copies.new_tensor([[1.0, 0, 0, 1, 0, 0]])
+        while len(segments) and len(words) * len(segments) <= MOST_STROKES:
+            ends = segments @ words[:, None, :4].unflatten(-1, (2, 2)).transpose(-1, -2) + words[:, None, None, 4:]
+            places, length = _along(ends.flatten(0, 1), 2 / (resolution * self.fine))
+            found.append(_Level(places, float(affine.largest_singular(words).mean()), length))
+            if len(found) > depth or not len(copies) or length * resolution / 2 < self.camera.twigs_px[0]:
+                break
+            words = composed(words, copies)
+        return found
+
+    def _parts(self, code: IFS, resolution: int) -> tuple[Tensor, Tensor]:
+        """The segments (S,2,2) that flat maps draw, by their ends, and the maps (N,6) that are not flat."""
+        maps = affine.from_code(code)
+        points = attractor_points(maps, code.sampling_probabilities(), POINTS, 0)
+        linear, centre = maps[:, :4].unflatten(1, (2, 2)), points.mean(0)
+        images = (points - centre) @ linear.transpose(1, 2)
+        axes = torch.linalg.svd(linear)[0][:, :, 0]
+        along = (images * axes[:, None]).sum(-1)
+        across = (images - along[..., None] * axes[:, None]).norm(dim=-1)
+        flat = across.amax(1) <= self.camera.stroke_px / resolution
+        middle = (linear @ centre) + maps[:, 4:]
+        ends = torch.stack([along.amin(1), along.amax(1)], 1)
+        return (middle[:, None] + ends[..., None] * axes[:, None])[flat], maps[~flat]
+
+    def _widths(self, levels: list[_Level], thinning: bool, radius: float) -> list[float]:
+        """The pen's radius in each level, in the unit of that given."""
+        return [max(self.camera.pens_px[0], radius * level.scale) if thinning else radius for level in levels]
+
+    def _distance_of(self, places: Tensor, resolution: int) -> Tensor:
+        """From each subpixel to the nearest of points (P,2), (R·fine, R·fine), pixels."""
+        side = resolution * self.fine
+        lit = torch.zeros(side * side)
+        column, row = ((places * places.new_tensor([1, -1]) + 1) * (side / 2)).floor().long().unbind(1)
+        inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
+        lit[row[inside] * side + column[inside]] = 1
+        return self.distance_to(lit.view(side, side))
+
+    def _inked(self, drawn: list[tuple[Tensor, float]], resolution: int) -> Tensor:
+        """The share (R,R) of pixels within a radius of each of some distances; pixels."""
+        if not drawn:
+            return torch.zeros(resolution, resolution)
+        return inked(torch.stack([distance - radius for distance, radius in drawn]).amin(0), 0.0, self.fine)
+
+
+class _Level(NamedTuple):
+    """The strokes that as many maps copy: points (P,2) on them, how much smaller they are, and the longest."""
+
+    places: Tensor
+    scale: float
+    length: float
+
+
+def _along(ends: Tensor, step: float) -> tuple[Tensor, float]:
+    """Points (P,2) on segments (S,2,2), no further apart than a step, and the greatest length."""
+    length = float((ends[:, 1] - ends[:, 0]).norm(dim=-1).max())
+    part = torch.linspace(0, 1, min(MOST_PLACES, math.ceil(length / step) + 1))[None, :, None]
+    return (ends[:, :1] * (1 - part) + ends[:, 1:] * part).flatten(0, 1), length

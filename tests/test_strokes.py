@@ -1,0 +1,125 @@
+"""Drawings of a recursion that ended: their depth and pen are found, and the code behind them."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image, ImageDraw
+
+from fractal_exp import IFS, codes
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.image.camera import nearest, sharpened
+from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.measure.pens import Dots
+from fractal_exp.methods.collage.measure.strokes import Strokes
+from fractal_exp.methods.collage.measure.tones import camera_of, described, levels_of, seen_with, taken_with
+from fractal_exp.methods.collage.params import CollageParams
+
+PARAMS, SIDE, RATIO, DEPTH = CollageParams(), 128, 0.6, 6
+CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
+FOOT, TOP = (0.0, -0.7), (0.0, -0.1)
+
+
+def tree(ratio=RATIO):
+    """A trunk and two branches, 30 degrees to each side: a tree that a recursion draws."""
+    maps = [[0, 0, 0, .3, 0, .7 * FOOT[1]]]
+    for sign in (1, -1):
+        cos, sin = ratio * math.cos(math.pi / 6), sign * ratio * math.sin(math.pi / 6)
+        maps.append([cos, -sin, sin, cos, TOP[0] + sin * FOOT[1], TOP[1] - cos * FOOT[1]])
+    found = torch.tensor(maps)
+    for _ in range(20):  # until the whole tree, flattened, is the trunk
+        height = float(attractor.visible_box(affine.to_code(found))[3]) - FOOT[1]
+        found[0, 3] = (TOP[1] - FOOT[1]) / height
+        found[0, 5] = FOOT[1] * (1 - found[0, 3])
+    return affine.to_code(found)
+
+
+def drawing(depth=DEPTH, width_px=1.6, thinning=False, fine=8):
+    """The recursion drawn by Pillow, white on black (SIDE, SIDE)."""
+    picture = Image.new("L", (fine * SIDE,) * 2)
+    pen = ImageDraw.Draw(picture)
+
+    def grow(foot, direction, left, width):
+        top = foot + direction
+        ends = [((x + 1) * fine * SIDE / 2, (1 - y) * fine * SIDE / 2) for x, y in (foot, top)]
+        pen.line(ends, fill=255, width=round(width * fine))
+        for sign in (1, -1) if left else ():
+            cos, sin = RATIO * math.cos(math.pi / 6), sign * RATIO * math.sin(math.pi / 6)
+            turned = np.array([cos * direction[0] - sin * direction[1], sin * direction[0] + cos * direction[1]])
+            grow(top, turned, left - 1, width * (RATIO if thinning else 1))
+
+    grow(np.array(FOOT), np.array(TOP) - np.array(FOOT), depth, width_px)
+    shares = np.asarray(picture, np.float32).reshape(SIDE, fine, SIDE, fine).mean((1, 3)) / 255
+    return torch.from_numpy(shares)
+
+
+def judged(image, kind, camera):
+    return ImageObjective(image, seen_with(levels_of(image, kind, CAMERA), camera), PARAMS)
+
+
+@pytest.mark.parametrize(("depth", "width", "thinning"), [(4, 1.6, False), (6, 1.6, False), (6, 4.0, True)])
+def test_depth_and_pen_of_a_drawn_tree_are_found(depth, width, thinning):
+    image = drawing(depth, width, thinning)
+    levels = levels_of(image, "coverage", CAMERA)
+    (angle, camera), *_ = nearest(image, levels, tree(), PARAMS, 0, "strokes")
+    (whole, _), *_ = nearest(image, levels, tree(), PARAMS, 0, "coverage")
+    assert camera[:3] == ("strokes", depth, thinning)
+    assert camera[3] == pytest.approx(width / 2 * PIXEL, abs=0.3 * PIXEL)
+    assert angle < 0.6 * whole, "than of a pen that draws the whole attractor"
+
+
+def test_a_code_that_draws_no_strokes_has_no_such_camera():
+    gasket = attractor.normalize(codes.known("sierpinski_triangle"))
+    image = drawing()
+    assert nearest(image, levels_of(image, "coverage", CAMERA), gasket, PARAMS, 0, "strokes") == []
+
+
+def test_a_code_is_polished_as_strokes_until_it_explains_the_drawing():
+    image, true = drawing(), affine.from_code(tree())
+    start = true.clone()
+    start[1:, :4] *= 0.985   # the twigs end before the attractor does: a pen asks for smaller branches
+    objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    other, found = sharpened(objective, objective.judge(start))
+    assert camera_of(other.levels)[:3] == ("strokes", DEPTH, 0)
+    assert found.error < 0.3 * objective.judge(start).error
+    assert found.error < 1.2 * other.judge(true).error, "as near to the image as the true code"
+
+
+def test_dots_are_sharpened_as_dots():
+    fern = attractor.normalize(codes.known("fern"))
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.5 * PIXEL)).render(fern, SIDE, 1)
+    maps = affine.from_code(fern)
+    maps[0, 4:] += 0.5 * PIXEL
+    objective = judged(image, "dots", ("dots", 0.08, 0.5 * PIXEL))
+    start = objective.judge(maps, fern.probabilities)
+    other, found = sharpened(objective, start)
+    assert camera_of(other.levels)[0] == "dots" and found.error < 0.7 * start.error
+
+
+def test_a_code_of_many_maps_and_exact_levels_stay_as_they_are():
+    image = drawing()
+    objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    many = objective.judge(affine.from_code(tree()).repeat(5, 1))
+    assert len(many.maps) > CAMERA.sharpened_maps and sharpened(objective, many) == (objective, many)
+    exact = ImageObjective(image, levels_of(image, "density", CAMERA), PARAMS)
+    shown = exact.judge(affine.from_code(tree()))
+    assert sharpened(exact, shown) == (exact, shown)
+
+
+def test_strokes_are_described_in_pixels_and_taken_up_again():
+    image = drawing()
+    levels = seen_with(levels_of(image, "coverage", CAMERA), ("strokes", 6.0, 0.0, 0.75 * PIXEL, 0.35 * PIXEL))
+    told = described(levels)
+    assert told == pytest.approx({"levels": "strokes", "depth": 6, "thinning": 0, "pen_px": 0.75, "blur_px": 0.35})
+    again = taken_with(image, told, CAMERA)
+    assert torch.equal(again.render(tree(), SIDE, 0), levels.render(tree(), SIDE, 0))
+
+
+def test_strokes_beside_the_canvas_and_codes_without_copies_are_drawn():
+    strokes = Strokes(CAMERA, drawing(), (3.0, 0.0, PIXEL, 0.0))
+    flat = IFS(torch.tensor([[[0.0, 0], [0, 0.5]]]), torch.tensor([[0.0, 0.0]]))
+    assert bool(strokes.render(flat, SIDE, 0).isfinite().all())
+    away = affine.to_code(affine.from_code(tree()) + torch.tensor([0, 0, 0, 0, 3.0, 0]))
+    assert bool(strokes.render(away, SIDE, 0).isfinite().all())

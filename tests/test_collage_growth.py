@@ -82,9 +82,18 @@ def test_a_paving_covers_the_shape_the_better_the_more_maps_it_has(image):
 def test_a_shape_of_fewer_pixels_than_maps_is_paved_too():
     mask = torch.zeros(32, 32, dtype=torch.bool)
     mask[10, 10] = mask[20, 12] = mask[20, 13] = True
-    found = paving(Silhouette(mask), 5)
+    found = paving(Silhouette(mask), 5, largest=0.9)
     assert found.shape == (5, 6) and bool(found.isfinite().all())
     assert float(affine.largest_singular(found).max()) < 1
+
+
+def test_a_knob_at_the_end_of_a_line_is_paved_by_maps_that_contract():
+    mask = torch.zeros(64, 64, dtype=torch.bool)
+    mask[32, 4:60] = True
+    mask[28:37, 54:63] = True                             # its shorter axis is longer than that of the whole
+    found = paving(Silhouette(mask), 3, largest=0.9)
+    assert float(affine.largest_singular(found).max()) == pytest.approx(0.9, abs=1e-5)
+    assert len(grower(mask.float()).grown(3).maps) == 3
 
 
 def test_areas_are_those_of_the_images_in_pixels():

@@ -111,11 +111,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
             reconstruction = method.reconstruct(target.image, on_step=history,
                                                 checkpoint=replace(checkpoint, first=run.secure))
             seconds = history.seconds()
-        if isinstance(reconstruction, CodeReconstruction):  # before anything else can go wrong
-            run.artifact("code.json", reconstruction.code.save(folder.path / "code.json"))
-            _keep_page(folder, run, reconstruction.code)
-        elif isinstance(reconstruction, Enlarged):
-            run.artifact(ENLARGED, write_image(folder.path / ENLARGED, reconstruction.image))
+        found = _keep_found(folder, run, reconstruction)  # before anything else can go wrong
         stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
         verdict = _verdict(reconstruction, target, stopped, config)
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
@@ -128,22 +124,35 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
             run.artifact("course.json", folder.keep_course(points, seconds, float(judgement.per_view["f1"].iloc[0])))
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
-    _conclude(judgement, stopped, verdict, folder, runs.where(settings))
+    _conclude(judgement, stopped, verdict, found, folder, runs.where(settings))
     return judgement.scores
 
 
-def _conclude(judgement: Judgement, stopped: str, verdict: Verdict | None, folder: FitFolder,
+def _conclude(judgement: Judgement, stopped: str, verdict: Verdict | None, found: Path | None, folder: FitFolder,
               where: str | None) -> None:
     """Print the scores, and where everything lies."""
     print(f"  {judgement.describe()}")
     print(f"  stopped    {stopped}")
     if verdict is not None:
         print(f"  verdict    {verdict}")
-    kept = "code.json" if isinstance(reconstruction, CodeReconstruction) else ENLARGED
-    print(f"  {Path(kept).stem:10} {folder.path / kept}")
+    if found is not None:
+        print(f"  {found.stem:10} {found}")
     print(f"  pictures   {folder.views}")
     if where:
         print(f"  dashboard  {where}")
+
+
+def _keep_found(folder: FitFolder, run: Tracker, reconstruction: Reconstruction) -> Path | None:
+    """Put the code, or the enlarged picture, into the folder and into the run; its path."""
+    if isinstance(reconstruction, CodeReconstruction):
+        kept = reconstruction.code.save(folder.path / "code.json")
+        _keep_page(folder, run, reconstruction.code)
+    elif isinstance(reconstruction, Enlarged):
+        kept = write_image(folder.path / ENLARGED, reconstruction.image)
+    else:
+        return None
+    run.artifact(kept.name, kept)
+    return kept
 
 
 def _keep_page(folder: FitFolder, run: Tracker, code: IFS) -> None:

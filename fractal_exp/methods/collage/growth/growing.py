@@ -40,7 +40,8 @@ class Grower:
 
     def plain(self, count: int) -> Grown:
         """A plain paving by so many maps."""
-        return self.drawn(paving(self.shape, count, derive(self.seed, "growth", count)))
+        return self.drawn(paving(self.shape, count, derive(self.seed, "growth", count),
+                                 largest=self.params.largest))
 
     def drawn(self, maps: Tensor) -> Grown:
         """The set of maps (N,6), its probabilities in proportion to what the images of the shape cover, so that all of
@@ -61,4 +62,5 @@ class Grower:
         """New maps (count,6) that pave what is not drawn; the whole shape where there is too little of that."""
         missing = self.shape.mask & (widened(self.drawing(before) > 0) == 0)
         enough = int(missing.sum()) >= self.params.least_cell * count
-        return paving(self.shape, count, derive(self.seed, "born", count), missing if enough else None)
+        return paving(self.shape, count, derive(self.seed, "born", count), missing if enough else None,
+                      largest=self.params.largest)

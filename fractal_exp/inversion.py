@@ -73,7 +73,7 @@ class Likeness:
         masks = [(each > least).float()[None] for each in (rendering, image)]
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not taken.is_exact:
-            f1_1px = min(f1_1px, likeness_of_attractor(code, image, taken))
+            f1_1px = min(f1_1px, likeness_of_attractor(code, image, taken)) if taken.is_whole else f1_1px
         return cls(f1, iou, objective.error(rendering) / objective.noise(code), f1_1px)
 
     def __str__(self) -> str:
@@ -128,7 +128,8 @@ class Inversion:
 
     def redrawn(self, *, seed: int = 0) -> Tensor:
         """The code's rendering (R,R) as the picture was drawn: with its pen, dots, blur and tone, as far as found."""
-        image, params = self.target.image, CollageParams()
+        image = self.target.image
+        params = CollageParams().updated(camera=dict(self.options.get("camera") or {}))
         taken = taken_with(image, self.camera, params.camera) if self.camera else levels_of(image, "auto",
                                                                                            params.camera)
         return taken.render(self.code, image.shape[-1], seed)

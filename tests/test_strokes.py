@@ -11,11 +11,13 @@ from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
+from fractal_exp.methods.collage.image.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.pens import Dots
 from fractal_exp.methods.collage.measure.strokes import Strokes
 from fractal_exp.methods.collage.measure.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.runtime.deadline import Deadline
 
 PARAMS, SIDE, RATIO, DEPTH = CollageParams(), 128, 0.6, 6
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
@@ -63,9 +65,10 @@ def judged(image, kind, camera):
 def test_depth_and_pen_of_a_drawn_tree_are_found(depth, width, thinning):
     image = drawing(depth, width, thinning)
     levels = levels_of(image, "coverage", CAMERA)
-    (angle, camera), *_ = nearest(image, levels, tree(), PARAMS, 0, "strokes")
-    (whole, _), *_ = nearest(image, levels, tree(), PARAMS, 0, "coverage")
-    assert camera[:3] == ("strokes", depth, thinning)
+    (angle, camera), *_ = nearest(image, Strokes.of(image, CAMERA), tree(), PARAMS, 0)
+    (whole, _), *_ = nearest(image, levels, tree(), PARAMS, 0)
+    assert camera[0] == "strokes" and bool(camera[2]) == thinning
+    assert depth - thinning <= camera[1] <= depth, "the last twigs of a pen that shrinks are faint"
     assert camera[3] == pytest.approx(width / 2 * PIXEL, abs=0.3 * PIXEL)
     assert angle < 0.6 * whole, "than of a pen that draws the whole attractor"
 
@@ -73,7 +76,7 @@ def test_depth_and_pen_of_a_drawn_tree_are_found(depth, width, thinning):
 def test_a_code_that_draws_no_strokes_has_no_such_camera():
     gasket = attractor.normalize(codes.known("sierpinski_triangle"))
     image = drawing()
-    assert nearest(image, levels_of(image, "coverage", CAMERA), gasket, PARAMS, 0, "strokes") == []
+    assert nearest(image, Strokes.of(image, CAMERA), gasket, PARAMS, 0) == []
 
 
 def test_a_code_is_polished_as_strokes_until_it_explains_the_drawing():
@@ -119,7 +122,35 @@ def test_strokes_are_described_in_pixels_and_taken_up_again():
 
 def test_strokes_beside_the_canvas_and_codes_without_copies_are_drawn():
     strokes = Strokes(CAMERA, drawing(), (3.0, 0.0, PIXEL, 0.0))
-    flat = IFS(torch.tensor([[[0.0, 0], [0, 0.5]]]), torch.tensor([[0.0, 0.0]]))
-    assert bool(strokes.render(flat, SIDE, 0).isfinite().all())
+    flat = IFS(torch.tensor([[[0.0, 0], [0, 0.5]], [[0.0, 0], [0, 0.5]]]), torch.tensor([[0.0, 0.1], [0.0, -0.1]]))
+    assert float(strokes.render(flat, SIDE, 0).max()) > 0.9
     away = affine.to_code(affine.from_code(tree()) + torch.tensor([0, 0, 0, 0, 3.0, 0]))
-    assert bool(strokes.render(away, SIDE, 0).isfinite().all())
+    assert float(strokes.render(away, SIDE, 0).max()) == 0
+
+
+@pytest.mark.parametrize("side", [64, 256, 512])
+def test_strokes_cover_as_much_of_the_canvas_at_any_resolution(side):
+    strokes = Strokes(CAMERA, drawing(), (6.0, 0.0, PIXEL, 0.0))
+    wide = affine.from_code(tree())
+    wide[0, 0] = 0.03                                      # a trunk of some width
+    shares = [float(strokes.render(affine.to_code(wide), each, 0).mean()) for each in (SIDE, side)]
+    assert shares[1] == pytest.approx(shares[0], rel=0.1) and shares[0] > 0.01
+
+
+def test_a_deadline_that_has_passed_leaves_all_as_it_is():
+    image = drawing()
+    objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    shown = objective.judge(affine.from_code(tree()))
+    assert sharpened(objective, shown, Deadline(0.0)) == (objective, shown)
+
+
+def test_a_tree_is_like_its_drawing_though_its_attractor_goes_on():
+    image = drawing(depth=3)
+    strokes = judged(image, "coverage", ("strokes", 3.0, 0.0, 0.8 * PIXEL, 0.0))
+    twig = RATIO**3 * (TOP[1] - FOOT[1])
+    assert strokes.levels.smallest_part(tree(), SIDE) == pytest.approx(twig, rel=0.02)
+    maps = affine.from_code(tree())
+    assert likeness_of(strokes.judge(maps), strokes) > 0.95
+    assert likeness_of_attractor(tree(), image, strokes.levels) < 0.7
+    bare = strokes.judge(maps[1:])    # no trunk, and so no strokes
+    assert likeness_of(bare, strokes) < 0.5

@@ -81,3 +81,22 @@ def test_a_file_says_what_it_was_trained_on(tmp_path):
     trained = json.loads(notes["trained"])
     assert trained["network"] == "neural_regression" and trained["recipe"]["codes"] == 12
     assert trained["recipe"]["seed"] == 0 and trained["scores"] == {"held_out": 1.0}
+
+
+@pytest.mark.parametrize("notes", ["[1]", "{}", '{"network": "net", "recipe": [1], "scores": {}}'])
+def test_notes_of_another_form_are_refused(tmp_path, notes):
+    tensors = {"a": torch.zeros(2)}
+    metadata = {"format": weights.FORMAT, "trained": notes, "sha256": weights._digest(tensors, notes)}
+    (tmp_path / "odd").write_bytes(to_bytes(tensors, metadata=metadata))
+    with pytest.raises(InputError, match="odd is damaged: its notes must name"):
+        weights.load(tmp_path / "odd", "net")
+
+
+def test_numbers_of_another_type_and_single_numbers(tmp_path):
+    path = weights.save(tmp_path / "whole", "net", {"weight": torch.tensor(3), "bias": torch.zeros(2)}, {}, {})
+    found = weights.load(path, "net")
+    assert int(found.tensors["weight"]) == 3
+    network = nn.Module()
+    network.weight, network.bias = nn.Parameter(torch.tensor(1.0)), nn.Parameter(torch.zeros(2))
+    with pytest.raises(InputError, match="weight is torch.int64, expected torch.float32"):
+        found.fill(network)

@@ -48,6 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             write_image(args.draw / f"{name}.png", chosen.picture(name))
         return
     folder = args.output or Path(f"benchmarks/results/pictures_{args.set}")
+    if args.judge and (args.names or args.role or args.options):
+        raise SystemExit("--judge scores all codes of a folder; leave out --names, --tuning, --reporting and --set")
     if args.judge:
         fitting.judge(args.set, folder)
     elif not args.report:

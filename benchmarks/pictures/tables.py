@@ -7,9 +7,9 @@ from collections.abc import Callable
 import pandas as pd
 
 from .density_maps import PUBLISHED
+from .judging import EQUIVALENT_F1
 
 GOOD_IOU = 0.95
-GOOD_F1 = 0.995            # of the attractors, within a pixel
 LEAST_DEPTH = 4
 BYTES_A_MAP = 12           # six numbers of 16 bits
 
@@ -48,7 +48,7 @@ def _textbook_row(rows: pd.DataFrame) -> dict[str, object]:
             f"IoU >= {GOOD_IOU}": _mean(rows["iou"].fillna(0) >= GOOD_IOU),
             f"best IoU >= {GOOD_IOU}": _mean(rows["iou_1px"].fillna(0) >= GOOD_IOU),
             "F1 within 1 px": _mean(rows["f1_truth"]),
-            f"F1 >= {GOOD_F1}": _mean(rows["f1_truth"].fillna(0) >= GOOD_F1),
+            f"F1 >= {EQUIVALENT_F1}": _mean(rows["f1_truth"].fillna(0) >= EQUIVALENT_F1),
             "recovered": _mean(with_code["recovered"]),
             "exact": _mean(with_code["exact"]), "F1 on the input": _mean(rows["f1_input"]),
             "maps": _mean(rows["maps"], 1), "true maps": _mean(rows["true_maps"], 1), "core s": _core(rows)}

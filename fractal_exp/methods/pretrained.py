@@ -107,8 +107,10 @@ class Pretrained(Method):
     def _described(self, found: files.Weights) -> nn.Module:
         try:
             return self.built(found.recipe)
-        except (KeyError, TypeError, RuntimeError, ZeroDivisionError) as error:
-            raise InputError(f"the recipe in {found.source} describes no network of {self.name}: {error!r}") from error
+        except Exception as error:  # whatever a stranger's recipe makes a constructor raise
+            first = (str(error).splitlines() or [""])[0]
+            raise InputError(f"the recipe in {found.source} describes no network of {self.name}: "
+                             f"{type(error).__name__}: {first}") from error
 
     def _compare(self, found: files.Weights) -> None:
         for name, words in self.asked.items():

@@ -33,7 +33,8 @@ class Weights:
     def fill(self, network: nn.Module) -> None:
         """Put the tensors into a network. Raises `InputError` unless names and shapes
         agree and all values are finite."""
-        expected = {name: tuple(value.shape) for name, value in network.state_dict().items()}
+        state = network.state_dict()
+        expected = {name: tuple(value.shape) for name, value in state.items()}
         if odd := sorted(set(self.tensors) ^ set(expected)):
             raise InputError(f"{self.source} does not hold this network: {odd[0]} is "
                              f"{'missing' if odd[0] in expected else 'unknown'}")
@@ -41,6 +42,9 @@ class Weights:
             if tuple(value.shape) != expected[name]:
                 raise InputError(f"{self.source} does not hold this network: {name} has shape {tuple(value.shape)}, "
                                  f"expected {expected[name]}")
+            if value.dtype != state[name].dtype:
+                raise InputError(f"{self.source} does not hold this network: {name} is {value.dtype}, expected "
+                                 f"{state[name].dtype}")
             if not bool(torch.isfinite(value).all()):
                 raise InputError(f"{self.source} has NaN or infinite values in {name}")
         network.load_state_dict(dict(self.tensors), assign=True)
@@ -84,6 +88,9 @@ def _parse(data: bytes, network: str, source: str) -> Weights:
     if _digest(tensors, told) != notes.get("sha256"):
         raise InputError(f"{source} is damaged: its content does not give its checksum")
     trained = parse_json(told.encode(), f"{source} is damaged: its notes")
+    if not (isinstance(trained, dict) and isinstance(trained.get("network"), str)
+            and all(isinstance(trained.get(name), dict) for name in ("recipe", "scores"))):
+        raise InputError(f"{source} is damaged: its notes must name a network, a recipe and scores")
     if trained["network"] != network:
         raise InputError(f"{source} holds the network {trained['network']!r}, expected {network!r}")
     singles = {name: _as(torch.float32, value) for name, value in tensors.items()}
@@ -99,5 +106,5 @@ def _digest(tensors: Mapping[str, Tensor], told: str) -> str:
     digest = hashlib.sha256(told.encode())
     for name in sorted(tensors):
         digest.update(f"{name} {tensors[name].dtype} {tuple(tensors[name].shape)}".encode())
-        digest.update(tensors[name].contiguous().view(torch.uint8).numpy().tobytes())
+        digest.update(tensors[name].contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
     return digest.hexdigest()

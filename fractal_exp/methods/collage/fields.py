@@ -10,7 +10,8 @@ from ...ops.collage.reference import MAX_STEPS
 from ...runtime.params import NAME, Amount, Interval, ParamError, Params
 
 
-def _ascending(values: Interval) -> Interval:
+def ascending(values: Interval) -> Interval:
+    """The two values, if they ascend; raises `ParamError` if not."""
     if values[0] > values[1]:
         raise ParamError("", f"{NAME} must be a lower and an upper end, got {list(values)}")
     return values
@@ -31,7 +32,7 @@ def odd(value: int) -> int:
 
 
 SingularValue = Annotated[float, Field(gt=0, lt=1)]
-Sizes = Annotated[tuple[SingularValue, SingularValue], AfterValidator(_ascending)]
+Sizes = Annotated[tuple[SingularValue, SingularValue], AfterValidator(ascending)]
 PositiveShare = Annotated[float, Field(gt=0, le=1)]
 Factor = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(power_of_two)]

@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
 from .maps import WeightedMaps
 
-VERSION = 7   # of the stages and their scores, which checkpoints name
+VERSION = 8   # of the stages and their scores, which checkpoints name
 CANDIDATES = "current", "best", "before"   # of `State`
 
 Key = tuple[int, int, int]   # a stage: its round, its order in the round, and which restart it is

@@ -25,21 +25,20 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
     """
     if levels.is_exact:
         return ()
-    found = [nearest(image, levels, code, params, seed, name)[0]
+    found = [nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0]
              for name in (DRAWN if params.levels == "auto" else (params.levels,))]
     (likely, camera), *others = found
     return next((other for angle, other in others if angle < levels.camera.dotted * likely), camera)
 
 
-def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int, name: str
-            ) -> list[tuple[float, Camera]]:
-    """The cameras of one kind with which a code comes nearest to the image (R,R), one for each of what they draw (see
-    `Levels.drawn`), each with its angle of error, the least first."""
-    kind = LEVELS[name].of(image, levels.camera)
-    judge, found = ImageObjective(image, kind, params), {}
-    for values, rendering in kind.candidates(code, len(image), derive(seed, "camera")):
-        tried = (judge.angle(judge.error(rendering)), (name, *values))
-        key = kind.drawn(values)
+def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> list[tuple[float, Camera]]:
+    """The cameras of the kind of these levels with which a code comes nearest to the image (R,R), one for each of what
+    they draw (see `Levels.drawn`), each with its angle of error, the least first; none if the code shows nothing by
+    this kind of camera."""
+    judge, found = ImageObjective(image, levels, params), {}
+    for values, rendering in levels.candidates(code, len(image), derive(seed, "camera")):
+        tried = judge.angle(judge.error(rendering)), camera_of(levels, values)
+        key = levels.drawn(values)
         found[key] = min(tried, found.get(key, tried))
     return sorted(found.values())
 
@@ -47,10 +46,11 @@ def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, see
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE
               ) -> tuple[ImageObjective, Rendered]:
     """The code polished by its renderings and the camera estimated anew, in turns while both bring it nearer to the
-    image; with the objective that has the last camera. Where strokes may explain lines better than a pen that draws the
-    whole attractor, with either. A code of many maps stays as it is: it would take too long."""
-    camera = objective.params.camera
-    if objective.levels.is_exact or len(found.maps) > camera.sharpened_maps:
+    image; with the objective that has the last camera. Strokes are tried where a pen drew lines. A code of many maps or
+    in a large image stays as it is: it would take too long."""
+    camera, levels = objective.params.camera, objective.levels
+    if (levels.is_exact or not levels.values or deadline.passed or len(found.maps) > camera.sharpened_maps
+            or len(objective.image) > camera.sharpened_side):
         return objective, found
     strokes = _as_strokes(objective, found, deadline) if isinstance(objective.levels, Drawn) else []
     least = min((shown.error for _, shown in strokes), default=found.error)
@@ -66,10 +66,10 @@ def _in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) ->
         if deadline.passed:
             break
         found = polished(objective, found, params.camera.sharpened_steps, deadline=deadline, jacobian=FromRenderings)
-        levels = objective.levels
-        (_, camera), *_ = nearest(objective.image, levels, found.code, params, objective.seed,
-                                  str(camera_of(levels)[0]))
-        other = objective.seen_with(seen_with(levels, camera))
+        tried = nearest(objective.image, objective.levels, found.code, params, objective.seed)
+        if not tried:
+            break
+        other = objective.seen_with(seen_with(objective.levels, tried[0][1]))
         again = other.judge(found.maps, found.weights)
         if again.error >= found.error:
             break
@@ -81,8 +81,8 @@ def _as_strokes(objective: ImageObjective, found: Rendered, deadline: Deadline
                 ) -> list[tuple[ImageObjective, Rendered]]:
     """The code polished as strokes of a recursion that ended, at each of the likeliest depths."""
     params, levels, tried = objective.params, objective.levels, []
-    for _, camera in nearest(objective.image, levels, found.code, params, objective.seed, "strokes"
-                             )[:params.camera.depths]:
+    strokes = LEVELS["strokes"].of(objective.image, params.camera)
+    for _, camera in nearest(objective.image, strokes, found.code, params, objective.seed)[:params.camera.depths]:
         other = objective.seen_with(seen_with(levels, camera))
         tried.append((other, polished(other, other.judge(found.maps, found.weights), params.camera.sharpened_steps,
                                       deadline=deadline)))

@@ -13,9 +13,12 @@ from .objective import ImageObjective, Rendered, error_of
 
 
 def likeness_of(shown: Rendered, objective: ImageObjective) -> float:
-    """The smaller of two likenesses: of a code's drawing (F1 within a pixel) and of its attractor."""
-    return min(objective.likeness(shown.image),
-               likeness_of_attractor(shown.code, objective.image, objective.levels))
+    """The smaller of two likenesses: of a code's drawing (F1 within a pixel) and of its attractor, if the image shows
+    all of it."""
+    drawing = objective.likeness(shown.image)
+    if not objective.levels.is_whole:
+        return drawing
+    return min(drawing, likeness_of_attractor(shown.code, objective.image, objective.levels))
 
 
 def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadline: Deadline = NO_DEADLINE
@@ -41,7 +44,7 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
     """How well a code's attractor agrees with the shape in an image (R,R): F1 of a precision and a recall.
 
     Precision is the share of the attractor within a pixel of the shape. Recall is the share of the shape within a pixel
-    of what the camera's pen draws around the attractor, or within half a tile of it, if the camera draws tiles.
+    of what the camera's pen draws around the attractor, or within half a tile or twig of it, if the camera draws those.
 
     Precision allows for half a tile too, at most for half of `CameraParams.small_tile_px`: the attractor of a tree
     fills what a drawing of few steps shows as a lattice. Large tiles look like the picture itself, and with all of
@@ -54,8 +57,7 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
     shape = (image > levels.camera.threshold).cpu().numpy()
     if not attractor.any() or not shape.any():
         return 0.0
-    lengths = {name: value * side / 2 for name, value in zip(levels.lengths, levels.values, strict=False)}
-    pen, tile = lengths.get("pen_px", 0.0), lengths.get("tile_px", 0.0)
+    pen, tile = levels.pen * side / 2, levels.smallest_part(code, side) * side / 2
     near, inside = max(1.5 + pen, tile / 2), max(1.5, min(tile, levels.camera.small_tile_px) / 2)
     off, away = (np.asarray(distance_transform_edt(~mask), np.float32) for mask in (shape, attractor))
     precision, recall = float((off[attractor] < inside).mean()), float((away[shape] < near).mean())

@@ -56,7 +56,7 @@ class ImageObjective:
         return other
 
     def seen_with(self, levels: Levels) -> ImageObjective:
-        """The same, with a camera of the same kind."""
+        """The same, with other levels of as many subpixels."""
         other = copy.copy(self)
         other.levels = levels
         return other

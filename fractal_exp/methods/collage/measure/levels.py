@@ -16,14 +16,16 @@ from .params import CameraParams
 class Levels(ABC):
     """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel shows a line thinner
     than itself; is_density: whether a pixel tells how often it is hit; is_linear: whether grey levels are in proportion
-    to that, so that they tell the probabilities of the maps. is_exact: whether an image differs from a rendering of its
-    true code by chance alone; if not, `values` holds what was estimated of the camera, and is empty before. image: the
-    picture itself (R,R). numbers, lengths: the names of the values, those without a unit first."""
+    to that, so that they tell the probabilities of the maps. is_whole: whether an image shows the whole attractor.
+    is_exact: whether an image differs from a rendering of its true code by chance alone; if not, `values` holds what
+    was estimated of the camera, and is empty before. image: the picture itself (R,R). numbers, lengths: the names of
+    the values, those without a unit first."""
 
     is_graded = True
     is_density = False
     is_linear = False
     is_exact = True
+    is_whole = True
     lengths: tuple[str, ...] = ()
     numbers: tuple[str, ...] = ()
     supersample: int
@@ -47,6 +49,16 @@ class Levels(ABC):
     @abstractmethod
     def shrunk(self, image: Tensor, size: int) -> Tensor:
         """The image (S,S) as it would have been rendered at this size, were the shape smooth."""
+
+    @property
+    def pen(self) -> float:
+        """The radius of the pen, canvas units."""
+        return 0.0
+
+    def smallest_part(self, code: IFS, resolution: int) -> float:
+        """The size, canvas units, of the smallest parts of a construction that ended early, 0 if the attractor itself
+        is drawn."""
+        return 0.0
 
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """Those of the camera's values that say what is drawn of a code, not how."""

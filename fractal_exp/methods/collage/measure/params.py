@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from ....runtime.params import Amount, Count, Params, Positive, Share
-from ..fields import DescentSteps, Factor, Grid, PositiveShare, Sizes, Some, descent, odd
+from ..fields import DescentSteps, Factor, Grid, PositiveShare, Sizes, Some, ascending, descent, odd
 
 
 class DescentParams(Params):
@@ -258,9 +258,9 @@ class CameraParams(Params):
     """Sizes of the smallest parts of a construction that are tried; none: only the attractor is."""
     small_tile_px: Amount = 8.0
     """Size of such parts by half of which, at most, a code's attractor may lie off the shape in the picture."""
-    stroke_px: Amount = 8.0
-    """A map draws a stroke if its image is no wider."""
-    twigs_px: tuple[Factor, Factor] = (0.4, 24.0)
+    stroke: Amount = 0.06
+    """A map draws a stroke if its image is no wider, canvas units."""
+    twigs_px: Annotated[tuple[Factor, Factor], AfterValidator(ascending)] = (0.4, 24.0)
     """Lengths of the last strokes of a recursion that are tried, the least and the greatest,"""
     deepest: Positive = 24
     """and how many maps copy a stroke at most."""
@@ -277,7 +277,9 @@ class CameraParams(Params):
     sharpened_steps: Positive = 8
     """with so many Gauss-Newton steps each time,"""
     sharpened_maps: Count = 12
-    """if the code has no more maps."""
+    """if the code has no more maps,"""
+    sharpened_side: Positive = 512
+    """and the image no more pixels a side."""
     gain: Factor | None = None
     """How fast dots cover the paper, for a density relative to a uniform one on the canvas; none: estimated."""
     pens_px: Annotated[tuple[Amount, ...], Some] = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)

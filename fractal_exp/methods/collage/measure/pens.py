@@ -25,6 +25,13 @@ class Drawn(Coverage):
     is_exact = False
     lengths = "tile_px", "pen_px", "blur_px"
 
+    @property
+    def pen(self) -> float:
+        return self.values[-2] if self.values else 0.0
+
+    def smallest_part(self, code: IFS, resolution: int) -> float:
+        return self.values[0] if self.values else 0.0
+
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         if not self.values:
             return super().render(code, resolution, seed, independent=independent)

@@ -11,27 +11,32 @@ from collections.abc import Iterator
 from itertools import product
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from ....ifs import attractor
 from ....ifs.code import IFS
 from .. import maps as affine
-from .bins import attractor_points
 from .blur import blurred
 from .pens import Drawn, given, inked
 from .tiles import composed
 
 MOST_STROKES = 40_000
-MOST_PLACES = 2000         # on a stroke
-POINTS = 4000              # of the attractor, which tell where a stroke ends
+MOST_PLACES = 2_000_000    # on the strokes of one level
 
 
 class Strokes(Drawn):
-    """Segments with a round pen. A map whose image is no wider than `camera.stroke_px` draws a stroke, all others copy
+    """Segments with a round pen. A map whose image is no wider than `camera.stroke` draws a stroke, all others copy
     what is there. values: how many maps, at most, copy a stroke; 1 if the pen shrinks with the copies, else 0; the
     pen's radius, and the standard deviation of the blur, canvas units."""
 
+    is_whole = False
     numbers, lengths = ("depth", "thinning"), ("pen_px", "blur_px")
+
+    def smallest_part(self, code: IFS, resolution: int) -> float:
+        levels = self._levels(code, resolution, int(self.values[0])) if self.values else []
+        return levels[-1].length if levels else 0.0
 
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The depth, and whether the pen shrinks."""
@@ -53,10 +58,12 @@ class Strokes(Drawn):
         """Values of the camera, each with the rendering (R,R) of the code that it makes; none for a code without
         strokes."""
         camera, pixel = self.camera, 2 / resolution
-        levels = self._levels(code, resolution, camera.deepest)
+        levels = self._levels(code, resolution, int(self.values[0]) if self.values else camera.deepest)
         distances = [self._distance_of(level.places, resolution) for level in levels]
-        for depth in [k for k, level in enumerate(levels) if level.length * resolution / 2 <= camera.twigs_px[1]]:
-            for thinning, radius in product((False, True), given(camera.pen_px, camera.pens_px)):
+        depths = [k for k, level in enumerate(levels) if level.length * resolution / 2 <= camera.twigs_px[1]]
+        pens = given(camera.pen_px, camera.pens_px)
+        for depth in depths[-1:] if self.values else depths:  # what is drawn is known if the values are
+            for thinning, radius in product((bool(self.values[1]),) if self.values else (False, True), pens):
                 widths = self._widths(levels[:depth + 1], thinning, radius)
                 drawn = self._inked(list(zip(distances, widths, strict=False)), resolution)
                 yield from (((float(depth), float(thinning), radius * pixel, sigma * pixel), blurred(drawn, sigma))
@@ -64,7 +71,7 @@ class Strokes(Drawn):
 
     def _levels(self, code: IFS, resolution: int, depth: int) -> list[_Level]:
         """The strokes that no map copies, one, and so on, to this depth or until they are too short to be seen."""
-        segments, copies = self._parts(code, resolution)
+        segments, copies = self._parts(code)
         found: list[_Level] = []
         words = copies.new_tensor([[1.0, 0, 0, 1, 0, 0]])
         while len(segments) and len(words) * len(segments) <= MOST_STROKES:
@@ -76,23 +83,24 @@ class Strokes(Drawn):
             words = composed(words, copies)
         return found
 
-    def _parts(self, code: IFS, resolution: int) -> tuple[Tensor, Tensor]:
+    def _parts(self, code: IFS) -> tuple[Tensor, Tensor]:
         """The segments (S,2,2) that flat maps draw, by their ends, and the maps (N,6) that are not flat."""
-        maps = affine.from_code(code)
-        points = attractor_points(maps, code.sampling_probabilities(), POINTS, 0)
-        linear, centre = maps[:, :4].unflatten(1, (2, 2)), points.mean(0)
-        images = (points - centre) @ linear.transpose(1, 2)
-        axes = torch.linalg.svd(linear)[0][:, :, 0]
-        along = (images * axes[:, None]).sum(-1)
-        across = (images - along[..., None] * axes[:, None]).norm(dim=-1)
-        flat = across.amax(1) <= self.camera.stroke_px / resolution
-        middle = (linear @ centre) + maps[:, 4:]
-        ends = torch.stack([along.amin(1), along.amax(1)], 1)
-        return (middle[:, None] + ends[..., None] * axes[:, None])[flat], maps[~flat]
+        code = code.to("cpu")
+        maps, reach = affine.from_code(code), attractor.support_function(code)
+        axes, sizes, sources = torch.linalg.svd(code.linear)
+        segments, flat = [], []
+        for offset, (along, across), size, (first, second) in zip(code.offset, axes.transpose(1, 2), sizes, sources,
+                                                                  strict=True):
+            low, high = _extent(reach, second)
+            flat.append(bool(size[1] * (high - low) <= self.camera.stroke))
+            middle = offset + across * size[1] * (low + high) / 2
+            segments.append(torch.stack([middle + along * size[0] * end for end in _extent(reach, first)]))
+        return torch.stack(segments)[flat], maps[~torch.tensor(flat)]
 
     def _widths(self, levels: list[_Level], thinning: bool, radius: float) -> list[float]:
         """The pen's radius in each level, in the unit of that given."""
-        return [max(self.camera.pens_px[0], radius * level.scale) if thinning else radius for level in levels]
+        least = min(radius, *self.camera.pens_px)
+        return [max(least, radius * level.scale) if thinning else radius for level in levels]
 
     def _distance_of(self, places: Tensor, resolution: int) -> Tensor:
         """From each subpixel to the nearest of points (P,2), (R·fine, R·fine), pixels."""
@@ -111,15 +119,25 @@ class Strokes(Drawn):
 
 
 class _Level(NamedTuple):
-    """The strokes that as many maps copy: points (P,2) on them, how much smaller they are, and the longest."""
+    """The strokes that as many maps copy: points (P,2) on them, how much smaller they are than those that none copies,
+    and the length of the longest, canvas units."""
 
     places: Tensor
     scale: float
     length: float
 
 
+def _extent(reach: np.ndarray, direction: Tensor) -> tuple[float, float]:
+    """The least and the greatest of u·x over an attractor, of a unit vector u (2,), from its support function (K,)."""
+    x, y = direction.tolist()
+    turn = math.atan2(y, x) / (2 * math.pi) * len(reach)
+    low, high = np.interp([turn + len(reach) / 2, turn], np.arange(len(reach)), reach, period=len(reach))
+    return -float(low), float(high)
+
+
 def _along(ends: Tensor, step: float) -> tuple[Tensor, float]:
     """Points (P,2) on segments (S,2,2), no further apart than a step, and the greatest length."""
     length = float((ends[:, 1] - ends[:, 0]).norm(dim=-1).max())
-    part = torch.linspace(0, 1, min(MOST_PLACES, math.ceil(length / step) + 1))[None, :, None]
+    count = min(max(2, MOST_PLACES // len(ends)), math.ceil(length / step) + 1)
+    part = torch.linspace(0, 1, count)[None, :, None]
     return (ends[:, :1] * (1 - part) + ends[:, 1:] * part).flatten(0, 1), length

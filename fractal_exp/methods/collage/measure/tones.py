@@ -30,9 +30,10 @@ def seen_with(levels: Levels, camera: Camera) -> Levels:
     return LEVELS[name](levels.camera, levels.image, tuple(values))
 
 
-def camera_of(levels: Levels) -> Camera:
-    """That with which the levels were estimated."""
-    return (_name(levels), *levels.values) if levels.values else ()
+def camera_of(levels: Levels, values: tuple[float, ...] | None = None) -> Camera:
+    """The camera of these levels, with their own values or others; empty if there are none."""
+    values = levels.values if values is None else values
+    return (_name(levels), *values) if values else ()
 
 
 def described(levels: Levels) -> dict[str, str | float]:

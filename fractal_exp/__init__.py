@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["IFS", "InputError", "Inversion", "View", "invert", "perceptual_distance", "render"]
 __version__ = "0.1.0"
 
-# What brings numba or more is imported at its first use.
+# Modules that import numba or more are imported at their first use.
 _LATER = {
     "Inversion": ".inversion",
     "invert": ".api",

@@ -19,39 +19,41 @@ if TYPE_CHECKING:
     from .images.reading import ReadImage
     from .inversion import Inversion
     from .methods.history import History
+    from .runtime.checkpoint import Checkpoint
 
 INTERRUPTED = "interrupted"
-LAST_CODES = 4  # of an interrupted search that are compared
+LAST_CODES = 4  # how many codes of an interrupted search are compared
 OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "seed", "seconds", "progress", "on_step",
-       "keep_interrupted")  # of `invert`, whatever the method
+       "keep_interrupted", "checkpoint")  # arguments of `invert` itself, whatever the method
 
 
 def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str = "collage", resolution: int = 256,
            frame: Literal["fit", "keep"] = "fit", invert: bool | Literal["auto"] = "auto",
            threshold: float | None = None, clean: bool = True, seed: int = 0, seconds: float | None = None,
-           progress: bool = False, on_step: OnStep | None = None, keep_interrupted: bool = False, **options: Any
-           ) -> Inversion:
-    """Recover the code of the self-similar shape on a picture.
+           progress: bool = False, on_step: OnStep | None = None, keep_interrupted: bool = False,
+           checkpoint: Checkpoint | None = None, **options: Any) -> Inversion:
+    """Recover the code of the self-similar shape in a picture.
 
-    image: a path, or an array or tensor as `fractal_exp.images.read_target` takes them; the shape is found, turned
-    white on black, centred and padded, and brought to (resolution, resolution). The code is in the frame of that
-    image: the shape's longer side spans [-0.75, 0.75]; the result's `placement` takes it back to the picture's pixels.
-    What `read_target` returned is taken as it is. frame: "keep" takes a square picture as it is framed, as one that
-    `render` or `suite.target` drew; fitting it again would resample its grey levels. invert, threshold, clean: see
-    `read_target`. seconds: a limit after which the best code so far is returned. progress: show a bar. on_step is told
-    a `Progress` after every step. keep_interrupted: let an interruption (Ctrl-C) return the best code so far, if there
-    is one, instead of raising KeyboardInterrupt.
+    image: a path, or an array or tensor that `fractal_exp.images.read_target` accepts. The shape is found, turned white
+    on black, centred, padded, and resized to (resolution, resolution). The code is in the frame of that image: the
+    shape's longer side spans [-0.75, 0.75]. The result's `placement` maps it back to the picture's pixels. A
+    `ReadImage` from `read_target` is used as it is. frame: "keep" keeps the frame of a square picture, such as one from
+    `render` or `suite.target`; fitting it again would resample its grey levels. invert, threshold, clean: see
+    `read_target`. seconds: a time limit, after which the best code so far is returned. progress: show a bar. on_step:
+    called with a `Progress` after every step. keep_interrupted: an interruption (Ctrl-C) returns the best code so far,
+    if there is one, instead of raising KeyboardInterrupt. checkpoint: where the work is saved, also at an interruption,
+    and where it goes on from if that says so; `seconds` count from now.
 
-    options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`, those of a
-    component as a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear" an array or
-    tensor may hold counts or densities of any scale. For "chaotic" they are the
-    arguments of `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800). The methods that
-    the paper compares with ("evolutionary", "cuckoo", "learning_fractals_32", "learning_fractals_256") take the fields
-    of their own parameters (docs/comparisons.md), and so does "neural_regression", whose network is trained beforehand.
+    options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`; a component
+    takes a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear", an array or tensor
+    may hold counts or densities of any scale. For "chaotic" they are the arguments of `methods.chaotic.method.laptop`,
+    such as maps (10), starts (10) and iterations (800). The methods that the paper compares with ("evolutionary",
+    "cuckoo", "learning_fractals_32", "learning_fractals_256") and "neural_regression", whose network is trained
+    beforehand, take the fields of their own parameters (docs/comparisons.md).
 
     Returns an `Inversion`: the code, its likeness to the picture, a verdict, how it was found and why the method
-    stopped. Raises `InputError` on an unusable image, an unknown method or option, or values out of range, all before
-    any work.
+    stopped. Raises `InputError`, before any work, if the image is unusable, the method or an option is unknown, or a
+    value is out of range.
     """
     from .images.reading import ReadImage, read_target
     from .methods.history import History
@@ -62,21 +64,21 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
         target, reading = image, {}
     else:
         if options.get("levels") == "linear" and not isinstance(image, str | Path):
-            image, reading["clean"] = _scaled(image), False  # its levels are numbers, and no paper is to be seen
+            image, reading["clean"] = _scaled(image), False  # its levels are numbers; there is no paper to clean
         target = read_target(image, resolution, **reading)
     built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
     codes: list[IFS] = []
     with _Bar(progress) as bar:
         history = History([each for each in (on_step, bar, partial(_note, codes)) if each is not None])
         try:
-            found = built.reconstruct(target.image, on_step=history)
+            found = built.reconstruct(target.image, on_step=history, checkpoint=checkpoint)
         except KeyboardInterrupt:
             if not (keep_interrupted and codes):
                 raise
             found = CodeReconstruction(_most_alike(codes, target.image, options, seed), INTERRUPTED)
         took = history.seconds()
     if not isinstance(found, CodeReconstruction):
-        raise TypeError(f"the method {method!r} reconstructs a {type(found).__name__}, which is no code")
+        raise TypeError(f"the method {method!r} returned a {type(found).__name__}, which is not a code")
     used = {"seed": seed, "seconds": seconds, **{key: value for key, value in reading.items() if value is not None},
             **options}
     return _concluded(found, target, history, method, used, stop_reason(found, seconds, took), took)
@@ -88,7 +90,7 @@ def _note(codes: list[IFS], progress: Progress) -> None:
 
 
 def _most_alike(codes: list[IFS], image: Tensor, options: Mapping[str, Any], seed: int) -> IFS:
-    """Of the codes that ended the last stages, that which draws the image best: a round may begin with a worse one."""
+    """The best of the codes at the ends of the last stages. The latest may not be the best: a round may start worse."""
     from .inversion import Likeness
 
     levels = options.get("levels", "auto")
@@ -97,7 +99,7 @@ def _most_alike(codes: list[IFS], image: Tensor, options: Mapping[str, Any], see
 
 def _concluded(found: CodeReconstruction, target: ReadImage, history: History, method: str, options: dict[str, Any],
                stopped: str, seconds: float) -> Inversion:
-    """The result, judged."""
+    """The result with its likeness and verdict."""
     from .inversion import Inversion, Likeness, Verdict, warnings_of
 
     likeness = Likeness.of(found.code, target.image, levels=options.get("levels", "auto"),
@@ -111,18 +113,19 @@ def _concluded(found: CodeReconstruction, target: ReadImage, history: History, m
 
 
 def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
-    """Counts or densities of points, (R,R) of any type and scale, as grey levels up to 1."""
+    """Counts or densities of points, (R,R) of any type and scale, divided by their maximum."""
     import numpy as np
 
     grey = np.asarray(counts, np.float64)
     if not (np.isfinite(grey).all() and grey.size and 0 <= grey.min() < grey.max()):
-        raise InputError("counts or densities must be finite, at least 0 and not all alike, got "
+        raise InputError("counts or densities must be finite, at least 0 and not all equal, got "
                          f"{f'[{grey.min():.4g}, {grey.max():.4g}]' if grey.size else 'none'}; take a histogram")
     return (grey / grey.max()).astype(np.float32)
 
 
 def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:
-    """What builds the method, or `InputError` if it is unknown or an argument is not of its type."""
+    """The function that builds the method. Raises `InputError` if the method is unknown or an argument has a wrong
+    type."""
     if method in WITHOUT_CODE:
         raise InputError(f"the method {method!r} finds no code: it {WITHOUT_CODE[method]}; fractal-train "
                          f"method={method} does that, or choose one of {', '.join(METHODS)}")
@@ -139,7 +142,7 @@ def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnSt
 
 
 class _Bar:
-    """An `on_step` that draws a bar with the stage and the error; nothing unless it is `wanted`."""
+    """An `on_step` that shows a bar with the stage and the error, if `wanted`."""
 
     def __init__(self, wanted: bool):
         from tqdm import tqdm

@@ -1,4 +1,4 @@
-"""The classic codes by name, each in the coordinates it was published in, with its source."""
+"""The classic codes by name, each in the coordinates of its publication, with its source."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def names() -> list[str]:
 def known(name: str) -> IFS:
     """The classic code of this name, with name, title and source in its `meta`.
 
-    It comes in the coordinates of its source (the unit segment, the unit square …); `attractor.normalize` brings it
-    to the canvas. Raises `InputError` on an unknown name, listing the close ones and all.
+    It is in the coordinates of its source (the unit segment, the unit square …); `attractor.normalize` brings it to the
+    canvas. Raises `InputError` on an unknown name and lists the close ones and all.
     """
     if name not in _CLASSICS:
         near = did_you_mean(str(name), names())

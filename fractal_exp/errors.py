@@ -1,4 +1,4 @@
-"""The one kind of error that a user can mend."""
+"""The one kind of error that a user can correct."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class InputError(ValueError):
-    """What was given cannot be used. The message says what was expected, what was got, and the remedy.
+    """The input cannot be used. The message says what was expected, what was given, and the remedy.
 
     Command lines print it as one line; any other exception is a defect of this package and keeps its traceback.
     """

@@ -1,4 +1,4 @@
-"""What `invert` returns: the code, how like the input it is, and how it was found."""
+"""What `invert` returns: the code, its likeness to the input, and how it was found."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ if TYPE_CHECKING:
 VERSION = 2  # of the facts in inversion.json
 COLOUR = (255, 96, 0)
 OVERLAY_SUPERSAMPLE = 4
-INVERSION, TARGET = "inversion.json", "target.png"  # in the folder of an inversion
+INVERSION, TARGET = "inversion.json", "target.png"  # files in the folder of an inversion
 FAR = 0.8  # F1 within a pixel below which a user is warned
-OVERLAY_POINTS = points_per_view(2048)  # at most; larger overlays are thinner, not slower
+OVERLAY_POINTS = points_per_view(2048)  # maximum, so that larger overlays get fainter, not slower
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """How like the input a code's rendering is, both (R,R), the rendering made as the input was drawn (its grey levels
-    a density of points, a coverage of pixels, or black and white).
+    """The likeness of a code's rendering to the input, both (R,R). The code is rendered as the input was drawn: its
+    grey levels are a density of points, a coverage of pixels, or black and white.
 
-    f1, iou: of the masks I > 0 (I > 1/4 of a picture that others drew) on the whole canvas, in [0,1]; f1_1px: F1 within
-    a pixel, each mask against the other's dilation by 3×3 pixels; for a picture that others drew, no more than the
-    attractor itself has, so that a camera cannot make a wrong code look right. noise_ratio: the error of the rendering
-    over the error between two renderings of the code with other random points: about 1 for the true code. The error
-    compares both at several scales, see `methods.collage`.
+    f1, iou: of the masks I > 0 (I > 1/4 for a picture that others drew) on the whole canvas, in [0,1]. f1_1px: F1
+    within a pixel, with each mask compared to the other's dilation by 3×3 pixels; for a picture that others drew, at
+    most the attractor's own, so that a camera cannot make a wrong code look right. noise_ratio: the error of the
+    rendering over the error between two renderings of the code with different random points; about 1 for the true code.
+    The error compares both images at several scales, see `methods.collage`.
     """
 
     f1: float
@@ -59,9 +59,9 @@ class Likeness:
     @classmethod
     def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", camera: Mapping[str, Any] | None = None,
            found: Mapping[str, str | float] | None = None, seed: int = 0) -> Likeness:
-        """The likeness of a contractive code to an image (R,R) in [0,1]; levels: what its grey levels mean, "density",
-        "linear", "dots", "coverage", "binary" or "auto"; camera: what is known of how it was drawn, see `CameraParams`;
-        found: what a method found out of it, estimated here if None and need be."""
+        """The likeness of a contractive code to an image (R,R) in [0,1]. levels: what its grey levels mean, "density",
+        "linear", "dots", "coverage", "binary" or "auto"; camera: known values of `CameraParams`; found: the camera that
+        a method found, or None to estimate it here if necessary."""
         params = CollageParams().updated(camera=dict(camera or {}), levels=levels)
         taken = levels_of(image, levels, params.camera)
         if not taken.is_exact:
@@ -83,15 +83,15 @@ class Likeness:
 
 @dataclass(frozen=True, eq=False)
 class Inversion:
-    """A code that was recovered from a picture, and what is to be known of it.
+    """A code recovered from a picture, and all that is known about it.
 
     code: in the frame of the canvas [-1,1]²; target: the picture as the method saw it (white on black, (R,R)), with
-    its `placement`; source: the picture as it was given, a path or an array; likeness: of the code's rendering to the
-    target; verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the
-    method ended; seconds: that it took; options: of the method; notes: what was done to the picture and what the method
-    says; warnings: what may spoil the result; camera: what the method found out of how the picture was drawn, the
-    meaning of its grey levels and lengths in pixels of the target, None if it found out nothing; curve: codes of more
-    and more maps and their likeness, where the picture showed no code and maps were grown.
+    its `placement`; source: the given picture, a path or an array; likeness: of the code's rendering to the target;
+    verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the method ended;
+    seconds: how long it took; options: of the method; notes: what was done to the picture and what the method reports;
+    warnings: what may spoil the result; camera: how the picture was drawn, as far as the method found out (the meaning
+    of its grey levels, and lengths in pixels of the target), or None; curve: codes of more and more maps and their
+    likeness, if the picture showed no code and maps were grown.
     """
 
     code: IFS
@@ -111,14 +111,14 @@ class Inversion:
 
     @property
     def placement(self) -> Placement:
-        """What takes pixels of the picture to the canvas and back."""
+        """The mapping between pixels of the picture and the canvas."""
         return self.target.placement
 
     def render(self, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
                supersample: int = 8, seed: int = 0, path: str | Path | None = None) -> Tensor:
         """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
 
-        path: of a PNG to write, if there is one. Raises `InputError` where it cannot be written.
+        path: a PNG to write, or None. Raises `InputError` if it cannot be written.
         """
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
                                     supersample=supersample, seed=seed)
@@ -127,7 +127,7 @@ class Inversion:
         return image
 
     def redrawn(self, *, seed: int = 0) -> Tensor:
-        """The code's rendering (R,R) as the picture was drawn: with its pen, dots, blur and tone, as far as found."""
+        """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as the method found them."""
         image = self.target.image
         params = CollageParams().updated(camera=dict(self.options.get("camera") or {}))
         taken = taken_with(image, self.camera, params.camera) if self.camera else levels_of(image, "auto",
@@ -136,11 +136,11 @@ class Inversion:
 
     def overlay(self, path: str | Path | None = None, *, colour: tuple[int, int, int] = COLOUR,
                 opacity: float = 0.8) -> Image:
-        """The code's rendering in `colour` (red, green, blue up to 255) over the picture as it was given, at its own
-        resolution, as a Pillow image; written as PNG to `path`, if there is one.
+        """The code's rendering in `colour` (red, green, blue up to 255) over the given picture, at the picture's
+        resolution, as a Pillow image. It is also written to `path` as a PNG, if given.
 
-        opacity: of a fully lit pixel, in (0,1]. A path that was given to `invert` is read again. Raises `InputError`
-        on a colour or opacity out of range, and where the picture cannot be read or the file cannot be written.
+        opacity: of a fully lit pixel, in (0,1]. If `invert` was given a path, the picture is read again. Raises
+        `InputError` if colour or opacity are out of range, or if the picture cannot be read or the file written.
         """
         from PIL import Image
 
@@ -151,7 +151,7 @@ class Inversion:
         below = read_colour(self.source, backdrop=float(self.target.inverted))
         height, width = below.shape[:2]
         if (width, height) != self.placement.size:
-            raise InputError(f"the picture {self.source} has {width}×{height} pixels now, and had "
+            raise InputError(f"the picture {self.source} now has {width}×{height} pixels, but had "
                              f"{self.placement.size[0]}×{self.placement.size[1]}; give `invert` the new one")
         longer = max(width, height)
         lit = self.render(self.placement.view(), resolution=longer, supersample=OVERLAY_SUPERSAMPLE,
@@ -163,7 +163,7 @@ class Inversion:
         return Image.fromarray(pixels)
 
     def facts(self) -> dict[str, Any]:
-        """All but the code as plain JSON data: version, method, options, source (a path or null), resolution, inverted,
+        """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px},
         verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error, maps}], notes,
         warnings, curve [{maps, likeness, bytes}].
@@ -184,9 +184,9 @@ class Inversion:
         """Write the code and all facts, and return the absolute path.
 
         A path that ends in .json becomes one file: the code in this package's format, with `facts` under "inversion"
-        in its `meta`. Any other path is a folder, made if need be, of code.json (the code alone), inversion.json (such
-        a file) and target.png (the picture as the method saw it, with 16 bits). `IFS.load` reads each of the codes,
-        and `Inversion.load` the folder. Raises `InputError` where a file cannot be written.
+        in its `meta`. Any other path becomes a folder with code.json (the code alone), inversion.json (a file as above)
+        and target.png (the picture as the method saw it, with 16 bits). `IFS.load` reads both JSON files, and
+        `Inversion.load` the folder. Raises `InputError` if a file cannot be written.
         """
         path = Path(path).absolute()
         whole = replace(self.code, meta={**self.code.meta, "inversion": self.facts()})
@@ -203,18 +203,18 @@ class Inversion:
 
     @classmethod
     def load(cls, path: str | Path) -> Inversion:
-        """What `save` wrote to a folder; path: the folder, or inversion.json in it.
+        """Load what `save` wrote to a folder. path: the folder, or inversion.json in it.
 
-        The target comes with 16 bits; the source is the path of the picture, or else the target. Raises `InputError`
-        where a file is missing or damaged.
+        The target has 16 bits. The source is the path of the picture, or else the target. Raises `InputError` if a file
+        is missing or damaged.
         """
         path = Path(path).absolute()
         folder = path.parent if path.name == INVERSION else path
         code = IFS.load(folder / INVERSION)
         facts = code.meta.get("inversion")
         if not isinstance(facts, Mapping) or facts.get("version") != VERSION:
-            raise InputError(f"{folder / INVERSION} is no inversion of this version ({VERSION}); IFS.load reads its "
-                             "code")
+            raise InputError(f"{folder / INVERSION} is not an inversion of this version ({VERSION}); IFS.load reads "
+                             "its code")
         try:
             return cls._from(facts, replace(code, meta={key: value for key, value in code.meta.items()
                                                         if key != "inversion"}), folder / TARGET)
@@ -247,14 +247,14 @@ class Inversion:
         return f"<Inversion: {self}>"
 
     def _repr_png_(self) -> bytes:
-        """What a notebook shows: the input, the code's rendering and their difference."""
+        """What a notebook shows: the input, the code's rendering, and their difference."""
         image = self.target.image
         drawn = self.render(resolution=image.shape[-1])
         return sheets.png(sheets.comparison_strip(drawn[None], image[None], [f"F1 {self.likeness.f1:.3f}"], side=256))
 
 
 def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:
-    """What a user should know before trusting a code: doubts about the picture, and a code that is far from it."""
+    """What a user should know before trusting a code: doubts about the picture, and whether the code is far from it."""
     far = verdict.kind == "not self-similar" or (verdict.kind == "approximation" and likeness.f1_1px < FAR)
     return (*target.warnings, *([f"{verdict} ({stopped})"] if far else []))
 

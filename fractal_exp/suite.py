@@ -1,4 +1,4 @@
-"""The random suite: a hundred codes that anybody can make again, and their target images."""
+"""The random suite: a hundred codes that anybody can reproduce, and their target images."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def random_suite(count: int = SUITE_COUNT, seed: int = SUITE_SEED) -> list[IFS]:
     if seed < 0:
         raise InputError(f"a suite's seed must be at least 0, got {seed}")
     if seed >= FIRST_TRAINING_SEED:
-        raise InputError("a suite's seed must be below 2^62, as networks are trained on codes of higher ones, got "
+        raise InputError("a suite's seed must be below 2^62, as networks are trained on codes of higher seeds, got "
                          f"{seed}")
     rng = np.random.Generator(np.random.PCG64(seed))
     return [draw_code(rng, {"name": f"random-{seed}-{index:03d}", "suite_seed": seed, "suite_index": index})
@@ -61,7 +61,7 @@ def target(code: IFS, resolution: int = 1024, kind: str = "grey", *, seed: int =
 
 
 def draw_code(rng: np.random.Generator, meta: dict[str, Any]) -> IFS:
-    """One code of the suite's distribution (Anderson and Farrell 2022), as it is drawn, not framed."""
+    """A random code of the suite's distribution (Anderson and Farrell 2022), not framed."""
     n = int(rng.integers(3, 10, endpoint=True))
     singular = _singular_values(rng, n, rng.uniform((5 + n) / 2, (6 + n) / 2))
     linear = _orthonormal(rng, n) @ (singular[:, :, None] * _orthonormal(rng, n).transpose(0, 2, 1))

@@ -18,8 +18,8 @@ from .images import samples
 
 @dataclass(frozen=True)
 class Target:
-    """An image (R,R) to invert, the code that drew it where one is known, what was done to it in words, and how
-    it was read, if it is a picture."""
+    """An image (R,R) to invert; the code that drew it, if known; notes on what was done to it; and how it was read, if
+    it is a picture."""
 
     image: Tensor
     truth: IFS | None = None
@@ -71,7 +71,7 @@ class SuiteFractal(TargetSource):
 
 
 class Picture(TargetSource):
-    """An image file: shape found, centred and padded; see `fractal_exp.images.read_target`."""
+    """An image file. Its shape is found, centred and padded, see `fractal_exp.images.read_target`."""
 
     def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None,
                  clean: bool = True):

@@ -16,15 +16,15 @@ from .methods.collage.params import CameraParams
 
 Kind = Literal["recovered", "approximation", "not self-similar"]
 
-WITHIN_NOISE = 1.2      # a noise ratio below which a code cannot be told from the true one
-NOT_ALIKE = 0.5         # F1 within a pixel below which a code is not like the picture at all,
-NOT_ALIKE_UNCLEAR = 0.9  # the same for a picture without a clear shape,
-OVER_A_BOX = 0.02       # and by how much it must be more alike than a filled box
-RECOVERED, FEW_MAPS = 0.985, 12   # F1 within a pixel from which on a code of so few maps is no accident
-SHAPE_RIGHT = 0.95      # F1 within a pixel from which on the shape is right, and the grey levels may be wrong
-SMALL = 2.0             # times that a small picture was enlarged
-LATE = "time limit"     # what `stopped` says of a search that had no more time
-MORE_TIME = 4           # times as much
+WITHIN_NOISE = 1.2      # noise ratio below which a code cannot be told from the true one
+NOT_ALIKE = 0.5         # F1 within a pixel below which a code is not like the picture at all
+NOT_ALIKE_UNCLEAR = 0.9  # the same limit for a picture without a clear shape
+OVER_A_BOX = 0.02       # share of the gap to 1 by which a code's F1 must exceed a filled box's
+RECOVERED, FEW_MAPS = 0.985, 12   # F1 within a pixel at which a code of at most so many maps is no accident
+SHAPE_RIGHT = 0.95      # F1 within a pixel at which the shape is right, though grey levels may be wrong
+SMALL = 2.0             # a picture that was enlarged more is small
+LATE = "time limit"     # in `stopped` if a search ran out of time
+MORE_TIME = 4           # factor on the time that is suggested
 OTHER_LEVELS = {"density": "coverage", "coverage": "density", "binary": "coverage"}
 
 
@@ -43,10 +43,10 @@ class Alike(Protocol):
 class Verdict:
     """What a code is worth.
 
-    kind: "recovered", the picture is explained to its noise, or its shape to within a pixel by few maps;
-    "approximation", the code draws something like it; "not self-similar", as far as can be seen, since the code is no
-    more like it than a filled box, or hardly like it. words: the same in a line, with the figures. remedy: what is most
-    likely to help; empty if nothing need be.
+    kind: "recovered" if the picture is explained to its noise, or its shape to within a pixel by few maps;
+    "approximation" if the code draws something like it; "not self-similar", as far as we can see, if the code is hardly
+    like it, or no more than a filled box. words: the same in one line, with figures. remedy: what is most likely to
+    help; empty if nothing is needed.
     """
 
     kind: Kind
@@ -56,10 +56,10 @@ class Verdict:
     @classmethod
     def of(cls, likeness: Alike, maps: int, image: Tensor, *, picture: ReadImage | None = None, stopped: str = "",
            options: Mapping[str, Any] | None = None) -> Verdict:
-        """The verdict on a code of so many maps.
+        """The verdict on a code with this number of maps.
 
-        likeness: to the image (R,R); picture: how the image was read, if it was; stopped: why the method ended;
-        options: of the method, among them maps, at_most, seconds and levels.
+        likeness: to the image (R,R); picture: how the image was read, or None; stopped: why the method ended; options:
+        of the method, among them maps, at_most, seconds and levels.
         """
         if likeness.noise_ratio < WITHIN_NOISE:
             return cls("recovered", "recovered: the picture is explained to its noise")
@@ -79,7 +79,7 @@ class Verdict:
 
 
 def _is_alike(likeness: Alike, image: Tensor, unclear: bool) -> bool:
-    """Whether a code is more like the image than a filled box is, and not too little."""
+    """Whether a code is like the image, and more so than a filled box."""
     box = _box(image)
     box_f1, box_1px = (float(metric(box[None], image[None])) for metric in (metrics.f1, metrics.f1_1px))
     better = likeness.f1 > box_f1 + OVER_A_BOX * (1 - box_f1) or likeness.f1_1px > box_1px + OVER_A_BOX * (1 - box_1px)
@@ -87,7 +87,7 @@ def _is_alike(likeness: Alike, image: Tensor, unclear: bool) -> bool:
 
 
 def _box(image: Tensor) -> Tensor:
-    """The box of what is lit, filled."""
+    """The filled bounding box of the lit pixels."""
     lit, box = image > 0, torch.zeros_like(image)
     rows, columns = (torch.nonzero(lit.any(axis)).flatten() for axis in (1, 0))
     if len(rows):
@@ -97,7 +97,7 @@ def _box(image: Tensor) -> Tensor:
 
 def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | None, stopped: str,
               options: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What may help, the likeliest first: in a few words, and what to do."""
+    """What may help, the likeliest first: each in a few words, and what to do."""
     if picture is not None and picture.unclear:
         yield "a clear shape", "cut one shape out of the picture, on a background of one colour"
     if picture is not None and picture.doubtful:

@@ -186,5 +186,5 @@ def test_a_camera_that_cannot_be_is_refused(camera, message):
 
 @pytest.mark.parametrize("counts", [np.full((64, 64), 3.0), -np.eye(64), np.full((64, 64), np.nan)])
 def test_what_is_no_density_is_refused(counts):
-    with pytest.raises(InputError, match="must be finite, at least 0 and not all alike"):
+    with pytest.raises(InputError, match="must be finite, at least 0 and not all equal"):
         invert(counts, levels="linear", maps=3, frame="keep")

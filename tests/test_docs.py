@@ -126,6 +126,13 @@ def test_a_component_that_may_be_absent_has_its_table_too():
 | `descent.rate` | `0.5` |  | Rate. |"""
 
 
+def test_a_link_to_a_code_gets_one_to_its_page():
+    assert hooks.on_page_markdown("found ([code](codes/fern.json))") == (
+        "found ([code](codes/fern.json), [fly through it](codes/fern.html))")
+    page = hooks.code_page(DOCS / "codes" / "fern.json")
+    assert "<title>Barnsley&#x27;s fern (black spleenwort)</title>" in page and len(page) < 200_000
+
+
 def test_what_nobody_documents_is_named():
     @dataclass(frozen=True)
     class Part:
@@ -167,6 +174,9 @@ def test_the_site_builds_strictly_and_shows_formulas_and_signatures(site):
     assert "<math" in (site / "collage.html").read_text()
     assert "points_in_view" in (site / "api.html").read_text()
     assert not (site / "hooks.py").exists()
+    linked = re.findall(r'href="(codes/\w+\.html)"', (site / "gallery.html").read_text())
+    assert len(linked) == len(list((DOCS / "codes").glob("*.json"))) > 5
+    assert all('<canvas id="picture"' in (site / name).read_text() for name in linked)
 
 
 @pytest.mark.slow

@@ -99,10 +99,10 @@ def test_unusable_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="is a folder"):
         read_target(tmp_path, 32)
     (tmp_path / "text.png").write_text("not a picture")
-    with pytest.raises(InputError, match="text.png is no picture of the kinds that are read .PNG, JPEG, "):
+    with pytest.raises(InputError, match="text.png is not a picture of a supported format .PNG, JPEG, "):
         read_target(tmp_path / "text.png", 32)
     (tmp_path / "nothing.png").touch()
-    with pytest.raises(InputError, match="no picture of the kinds"):
+    with pytest.raises(InputError, match="not a picture of a supported format"):
         read_target(tmp_path / "nothing.png", 32)
 
 
@@ -112,7 +112,7 @@ def test_truncated_files_are_refused(tmp_path, suffix):
     whole = tmp_path / f"whole.{suffix}"
     Image.fromarray(noise).save(whole)
     (tmp_path / f"cut.{suffix}").write_bytes(whole.read_bytes()[: whole.stat().st_size * 2 // 3])
-    with pytest.raises(InputError, match=r"cut short|no picture of the kinds") as caught:
+    with pytest.raises(InputError, match=r"cut short|not a picture of a supported format") as caught:
         read_target(tmp_path / f"cut.{suffix}", 32)
     assert "\n" not in str(caught.value)
 
@@ -183,7 +183,7 @@ def test_formats_that_call_other_programs_are_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(EpsImagePlugin, "Ghostscript", lambda *_, **__: pytest.fail("Ghostscript was called"))
     (tmp_path / "leaf.png").write_bytes((tmp_path / "leaf.eps").read_bytes())
     for name in ("leaf.eps", "leaf.png"):
-        with pytest.raises(InputError, match="no picture of the kinds that are read"):
+        with pytest.raises(InputError, match="not a picture of a supported format"):
             read_target(tmp_path / name, 32)
 
 

@@ -191,7 +191,7 @@ def test_an_overlay_is_refused_before_it_is_drawn(known, path, tmp_path):
     other = tmp_path / "other.png"
     Image.fromarray(triangle_picture()[:100]).save(other)
     object.__setattr__(found, "source", other)
-    with pytest.raises(InputError, match="has 180×100 pixels now, and had 180×120"):
+    with pytest.raises(InputError, match="now has 180×100 pixels, but had 180×120"):
         found.overlay()
 
 
@@ -260,7 +260,7 @@ def test_a_saved_inversion_is_loaded(known, path, tmp_path):
 def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):
     folder = known(path).save(tmp_path / "found")
     codes.known("fern").save(tmp_path / "inversion.json")
-    with pytest.raises(InputError, match="is no inversion of this version"):
+    with pytest.raises(InputError, match="is not an inversion of this version"):
         Inversion.load(tmp_path)
     data = json.loads((folder / "inversion.json").read_text())
     del data["meta"]["inversion"]["likeness"]["f1"]

@@ -140,7 +140,8 @@ def test_damaged_weights_are_refused(file, tmp_path):
         NeuralRegression(weights=str(tmp_path / "bad"), side=16).check(TARGET)
     training = TRAININGS["neural_regression"]()
     for recipe, message in (({"side": 16, "maps": 10, "as_released": False}, "describes no network .*'channels'"),
-                            (training.recipe() | {"hidden": 9}, "does not hold this network")):
+                            (training.recipe() | {"hidden": 9}, "does not hold this network"),
+                            (training.recipe() | {"hidden": 10**12}, "does not hold this network")):  # 4 TB and more
         path = weights.save(tmp_path / "odd", "neural_regression", training.network().state_dict(), recipe, {})
         with pytest.raises(InputError, match=f"{message}.*; {COMMAND}"):
             NeuralRegression(weights=str(path), side=16).check(TARGET)

@@ -143,7 +143,7 @@ def test_small_files_of_many_pixels_take_little_memory(tmp_path):
     done = subprocess.run([sys.executable, "-c", MEASURE, *paths], capture_output=True, text=True, check=True)
     answers = [line.rsplit(" ", 1) for line in done.stdout.splitlines()]
     refused, *read = [answer for answer, _ in answers]
-    assert "more than 400000000 pixels, which is the most that is read; shrink the picture first" in refused
+    assert "more than 400000000 pixels, the maximum that is read; shrink the picture first" in refused
     assert read == ["256 256"] * 5
     more = [float(mib) for _, mib in answers]
     assert more[0] < 20 and max(more) < 300, more

@@ -35,5 +35,5 @@ def test_it_is_refused_by_name(tmp_path, name):
 
 def test_other_xml_is_no_drawing(tmp_path):
     (tmp_path / "page.xml").write_text("<?xml version='1.0'?><html/>")
-    with pytest.raises(InputError, match="no picture of the kinds that are read"):
+    with pytest.raises(InputError, match="not a picture of a supported format"):
         read_target(tmp_path / "page.xml", 64)

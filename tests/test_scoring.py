@@ -92,7 +92,7 @@ def test_whatever_renders_is_accepted_as_reconstruction_and_as_truth():
     assert evaluate(TRIVIAL["all white"], ring, **SMALL, seed=3, views="uniform").f1.eq(0).all()
     with pytest.raises(InputError, match="needs seed"):
         evaluate(codes.known("fern"), ring, **SMALL)
-    with pytest.raises(InputError, match="no code; take views=released or views=uniform"):
+    with pytest.raises(InputError, match="not a code; take views=released or views=uniform"):
         evaluate(codes.known("fern"), ring, **SMALL, seed=3)
 
 

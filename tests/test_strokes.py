@@ -1,6 +1,7 @@
 """Drawings of a recursion that ended: their depth and pen are found, and the code behind them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ from fractal_exp.methods.collage.measure.pens import Dots
 from fractal_exp.methods.collage.measure.strokes import Strokes
 from fractal_exp.methods.collage.measure.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.recursion import Recursion
+from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
 PARAMS, SIDE, RATIO, DEPTH = CollageParams(), 128, 0.6, 6
@@ -154,3 +158,34 @@ def test_a_tree_is_like_its_drawing_though_its_attractor_goes_on():
     assert likeness_of_attractor(tree(), image, strokes.levels) < 0.7
     bare = strokes.judge(maps[1:])    # no trunk, and so no strokes
     assert likeness_of(bare, strokes) < 0.5
+
+
+def test_a_tree_of_few_levels_is_found_as_few_maps():
+    """To the measure it is a lattice of lines. The stage is handed a wrong code, as the search before it would."""
+    image = drawing(4)
+    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
+    stage = Recursion(problem, 0)
+    wrong = affine.from_code(tree(0.5))
+    state = State(best=Candidate(wrong, None, 1.0, 1.0))
+    assert stage.is_wanted(state)
+    stage.open(state)
+    state = replace(state, current=stage.begin(state))
+    while not stage.is_settled(state) and state.step < stage.most_moves:
+        state = stage.moved(state)
+    state = stage.close(state)
+    found = state.best
+    assert found.camera[:2] == ("strokes", 4) and len(found.maps) <= 4
+    assert stage.last_key(state) > stage.key          # the moves by renderings are left out
+    branches = found.maps[affine.smaller_singular(found.maps) > 0.3]
+    assert affine.smaller_singular(branches).tolist() == pytest.approx([RATIO] * 2, abs=0.02)
+
+
+def test_a_code_that_draws_the_picture_is_not_searched_again():
+    image = drawing(8)
+    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
+    assert not Recursion(problem, 0).is_wanted(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
+    assert not Recursion.may_help(replace_params(problem, maps=3)) and Recursion.may_help(problem)
+
+
+def replace_params(problem, **options):
+    return SearchProblem(problem.given, problem.levels, problem.params.updated(**options))

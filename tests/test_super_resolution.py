@@ -141,7 +141,7 @@ def test_views_that_it_cannot_show_are_left_out_and_counted():
     assert table.attrs["left_out"] == ["4-8x-a", "4-8x-b"]
     eightfold = dataclasses.replace(fourfold, largest_zoom=8.0)
     assert evaluation.evaluate(eightfold, TRUTH, **OPTIONS).attrs["left_out"] == []
-    with pytest.raises(InputError, match="no view to judge by: the reconstruction shows zooms up to 0.5"):
+    with pytest.raises(InputError, match="no view to judge by: the reconstruction only shows zooms up to 0.5"):
         score(dataclasses.replace(fourfold, largest_zoom=.5), TRUTH, **OPTIONS)
 
 

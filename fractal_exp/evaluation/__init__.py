@@ -1,4 +1,4 @@
-"""How reconstructions are drawn and judged."""
+"""Render and judge reconstructions."""
 
 from .scoring import Perceptual, evaluate, score
 from .summary import summarize

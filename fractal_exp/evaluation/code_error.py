@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 FOUND_PX = 1.0           # a map is found if it moves points of the attractor by at most this, on average,
 FOUND_PART = 0.1         # and by at most this part of the size of its own image
 PROBABILITY_FACTOR = 1.25
-CEILING_GAP = 0.01       # F1 this close to what the truth has against itself is at the ceiling
-MATTERS_F1 = 0.995       # a map matters if the picture without it agrees less with the whole than this
+CEILING_GAP = 0.01       # an F1 this close to the F1 of the truth against itself is at the ceiling
+MATTERS_F1 = 0.995       # a map matters if the picture without it has a lower F1 against the whole
 TRAJECTORIES, LENGTH, WARMUP = 2000, 60, 50  # 20 000 points: sizes and displacements to within 1%
 
 
@@ -68,7 +68,7 @@ class CodeError:
 
 
 def at_ceiling(score: float, ceiling: float) -> bool:
-    """Whether an F1 is within .01 of that of the truth against itself, rendered with other points."""
+    """Whether an F1 is within .01 of the truth's F1 against itself, rendered with other points."""
     return score >= ceiling - CEILING_GAP
 
 
@@ -78,11 +78,11 @@ def code_error(recovered: IFS, truth: IFS, *, resolution: int, align: str = "bbo
 
     The truth is brought to the canvas (`attractor.normalize`), and so is the recovered code with align="bbox". With
     align="none" it stays in its own frame, for methods that return a code in the frame of the input. The displacement
-    of a pair is the mean over the true attractor of |g_i(x) - f_j(x)|, in pixels of an input of `resolution`. The pairs
-    are those of least total displacement (Hungarian algorithm).
+    of a pair is the mean over the true attractor of |g_i(x) - f_j(x)|, in pixels of an input of `resolution`. Pairs
+    have the lowest possible total displacement (Hungarian algorithm).
 
     A true map is found if its partner is within `tolerances`. The probability of a found map may differ by a factor of
-    1.25. Probabilities are compared as the chaos game uses them, |det| + 0.01 for a code without any; if neither code
+    1.25. Probabilities are compared as the chaos game uses them, |det| + 0.01 for a code without any. If neither code
     states any, they follow from the maps and are not compared. Maps that coincide share their probability, so their sum
     may be right instead. The F1 of the whole view must be within .01 of the truth's own.
 
@@ -115,8 +115,8 @@ def code_error(recovered: IFS, truth: IFS, *, resolution: int, align: str = "bbo
 
 def _wrong_probabilities(recovered: IFS, truth: IFS, partner: dict[int, int], near: Tensor, resolution: int
                          ) -> list[int]:
-    """Found true maps j whose partner has another probability, unless the recovered maps near j, `near` (recovered,
-    true), have together what the true maps near j have."""
+    """Found true maps j whose partner has another probability, unless the recovered maps near j together have the same
+    as the true maps near j. near: bool (recovered, true)."""
     if recovered.probabilities is None and truth.probabilities is None:
         return []
     q, p = (code.sampling_probabilities().cpu().double() for code in (recovered, truth))
@@ -130,10 +130,10 @@ def _within_factor(q: Tensor, p: Tensor) -> bool:
 
 
 def tolerances(truth: IFS, resolution: int) -> Tensor:
-    """How far a recovered map may be from each true one, in pixels, float64 (true maps,).
+    """The maximum distance of a recovered map from each true one, in pixels, float64 (true maps,).
 
-    A tenth of the size of the map's own image and at most 1 px. The size is the root mean square distance of f_j(x)
-    from its mean, x by the invariant measure, and an image smaller than a pixel counts as a pixel.
+    It is a tenth of the size of the map's own image, but at most 1 px. The size is the root mean square distance of
+    f_j(x) from its mean, with x from the invariant measure. An image smaller than a pixel counts as a pixel.
     """
     image = _images(truth, _points(truth))
     size = (image - image.mean(1, keepdim=True)).square().sum(-1).mean(-1).sqrt() * resolution / 2
@@ -148,7 +148,7 @@ def displacements(recovered: IFS, truth: IFS, resolution: int) -> Tensor:
 
 
 def _points(code: IFS) -> Tensor:
-    """Points (P,2) of the attractor by the invariant measure, float64."""
+    """Points (P,2) of the attractor, drawn by the invariant measure, float64."""
     return ops.chaos_game(code.linear.cpu(), code.offset.cpu(), trajectories=TRAJECTORIES, length=LENGTH, warmup=WARMUP,
                           probabilities=code.sampling_probabilities().cpu(), seed=0).double()
 
@@ -161,7 +161,7 @@ def _images(code: IFS, x: Tensor) -> Tensor:
 def maps_that_matter(code: IFS, resolution: int, points_in_view: int) -> list[bool]:
     """For each map, whether the whole view without it has an F1 below .995 against the view with all maps.
 
-    Two renderings of one code do not agree to the last pixel, so .995 is taken of what they agree by themselves.
+    Two renderings of one code do not agree in every pixel, so the limit is .995 times their F1 against each other.
     """
     if len(code) == 1:
         return [True]
@@ -172,7 +172,7 @@ def maps_that_matter(code: IFS, resolution: int, points_in_view: int) -> list[bo
 
 
 def _without(code: IFS, i: int) -> IFS:
-    """The code without one map, the probabilities of the others in proportion."""
+    """The code without one map, with the probabilities of the others in the same proportions."""
     rest = [j for j in range(len(code)) if j != i]
     p = code.probabilities
     if p is not None:

@@ -1,4 +1,4 @@
-"""How alike two images are: F1 and IoU of their masks, PSNR and SSIM, on batches of grey images."""
+"""Similarity of two images: F1 and IoU of their masks, PSNR and SSIM, on batches of grey images."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ..runtime.extras import need
 
 MSE_FLOOR = 1e-10            # PSNR of equal images: 100 dB
 SSIM_WINDOW = 11             # of sigma 1.5
-CROP = 8                     # an eighth of the image is cut off at each side
+CROP = 8                     # an eighth of the image is cut off on each side
 
 
 def inner_crop(images: Tensor) -> Tensor:
-    """The inner 75% a side, pixels [R/8, 7R/8), of images (…,R,R): the frame of a normalised attractor."""
+    """The inner 75% per side, pixels [R/8, 7R/8), of images (…,R,R): the frame of a normalised attractor."""
     size = images.shape[-1]
     return images[..., size // CROP:size - size // CROP, size // CROP:size - size // CROP]
 
@@ -33,8 +33,8 @@ def iou(images: Tensor, truth: Tensor) -> Tensor:
 
 
 def f1_1px(images: Tensor, truth: Tensor) -> Tensor:
-    """F1 within a pixel of the masks I > 0 of images (B,H,W): the harmonic mean of the share of the one that lies in
-    the other's dilation by 3×3 pixels, and of the other in the one's; 1 if both are empty; (B,) in [0,1]."""
+    """F1 within a pixel of the masks I > 0 of images (B,H,W): the harmonic mean of each mask's share within the other's
+    dilation by 3×3 pixels; 1 if both are empty; (B,) in [0,1]."""
     _check(images, truth)
     a, b = (images > 0).float(), (truth > 0).float()
     near = [(one * max_pool2d(other[:, None], 3, 1, 1)[:, 0]).sum((-2, -1)).double() for one, other in ((a, b), (b, a))]
@@ -74,7 +74,7 @@ METRICS = {"f1": f1, "iou": iou, "psnr": psnr, "ssim": ssim}
 
 
 def empty_pairs(images: Tensor, truth: Tensor) -> Tensor:
-    """Which pairs of images (B,R,R) show nothing at all in their inner crops, neither the one nor the other; (B,)."""
+    """Pairs of images (B,R,R) whose inner crops are both empty; (B,) bool."""
     _, _, total = _overlap(inner_crop(images), inner_crop(truth))
     return total == 0
 
@@ -82,8 +82,8 @@ def empty_pairs(images: Tensor, truth: Tensor) -> Tensor:
 def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
     """All metrics by name, (B,) each, of the inner crops of images (B,R,R) against truth (B,R,R), both in [0,1].
 
-    They are NaN for the `empty_pairs`: two black pictures agree without saying anything about a method. Raises
-    `InputError` if the shapes differ, or the images are not finite or leave [0,1].
+    They are NaN for `empty_pairs`: two black pictures agree, but say nothing about a method. Raises `InputError` if the
+    shapes differ, or images are not finite or leave [0,1].
     """
     _check(images, truth)
     for name, batch in (("image", images), ("truth", truth)):
@@ -98,7 +98,7 @@ def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
 
 
 def _overlap(images: Tensor, truth: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Pixels in both masks, in either, and in the one plus in the other; (B,) float64 each."""
+    """Pixels in the intersection and in the union of both masks, and the sum of both masks' pixels; (B,) float64."""
     _check(images, truth)
     a, b = images > 0, truth > 0
     both = (a & b).sum((-2, -1)).double()

@@ -1,4 +1,4 @@
-"""Scoring a reconstruction on the views of its truth: one row a view, and what the rows come to."""
+"""Score a reconstruction on the views of its truth, one row per view."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ALIGNMENTS: dict[str, Callable[[IFS], IFS]] = {"bbox": attractor.normalize, "none": lambda code: code}
-RESULT_STREAM, TRUTH_STREAM = 0, 1  # so that a perfect code is judged on other points than its truth
+RESULT_STREAM, TRUTH_STREAM = 0, 1  # so that even a perfect code is drawn with other points than its truth
 
 Distance = Callable[[Tensor, Tensor], Tensor]
 
 
 class Renderable(Protocol):
-    """Anything with an image of every view. `render` renders an `IFS`; anything else renders itself."""
+    """Anything with an image of every view. An `IFS` is rendered by `render`; anything else renders itself."""
 
     def render(self, view: View, *, resolution: int, points_in_view: int | None = None, supersample: int = 8,
                seed: int = 0) -> Tensor:
@@ -57,10 +57,10 @@ TRIVIAL: dict[str, Constant] = {"all white": Constant(1.0), "all black": Constan
 
 @dataclass(frozen=True)
 class Perceptual:
-    """The perceptual distance that a table has, or the reason why it has none.
+    """The perceptual distance of a table, or the reason why it has none.
 
-    distance(a (B,H,W), b) -> (B,) has the `name` that stands in the table's attributes; only LPIPS's own distances
-    stand in the column lpips, any other one in NAME_distance. Lower is better in both.
+    distance(a (B,H,W), b) -> (B,). `name` is stored in the table's attributes. LPIPS distances are in the column lpips,
+    any other distance in NAME_distance. Lower is better in both.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Perceptual:
 
     @classmethod
     def load(cls, kind: str = "none", weights: str | Path | None = None, input_range: str = "correct") -> Perceptual:
-        """The distance of `perceptual.distances.load`, or one that is absent for want of weights or of a wish.
+        """The distance of `perceptual.distances.load`, or an absent one if weights are missing or none was asked for.
 
         Raises `InputError` on an unknown kind or a file that does not fit.
         """
@@ -82,12 +82,12 @@ class Perceptual:
 
     @property
     def column(self) -> str:
-        """The name of its column. A bare `fractal` is taken: tables of several fractals have their names there."""
+        """The name of its column. It is not just `fractal`, because that column holds the names of fractals."""
         return "lpips" if self.name == "none" or self.name.startswith("lpips") else f"{self.name}_distance"
 
     def check(self, side: int, setting: str = "resolution") -> None:
-        """Raise `InputError` if there is a distance, but it cannot be measured on the inner 75% of pictures of `side`
-        pixels a side, at least 1, which `setting` decides."""
+        """Raise `InputError` if there is a distance, but it cannot be measured on the inner 75% of pictures with `side`
+        >= 1 pixels per side. setting: the name of the option that sets the side, for the message."""
         if self.distance is None:
             return
 
@@ -102,7 +102,7 @@ class Perceptual:
                              "perceptual distance (perceptual=none)")
 
     def measure(self, images: Tensor, truth: Tensor) -> Tensor:
-        """(B,), NaN where there is no distance. One pair at a time: features of large images take gigabytes."""
+        """(B,), NaN if there is no distance. Takes one pair at a time: features of large images take gigabytes."""
         if self.distance is None:
             return torch.full((len(images),), torch.nan)
         with torch.no_grad():
@@ -123,8 +123,8 @@ class Scored:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row a view: view, zoom, center_x, center_y, empty, f1, iou, psnr, ssim, lpips (see `evaluate`), and the
-        distance where its column is another."""
+        """One row per view: view, zoom, center_x, center_y, empty, f1, iou, psnr, ssim, lpips (see `evaluate`), and the
+        distance if it has another column."""
         import pandas as pd
 
         measured, empty = metrics.compare(self.images, self.truth), metrics.empty_pairs(self.images, self.truth)
@@ -156,7 +156,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
     every, largest = evaluation_views(truth, views, seed=seed), getattr(reconstruction, "largest_zoom", math.inf)
     chosen = {name: view for name, view in every.items() if view.zoom <= largest}
     if not chosen:
-        raise InputError(f"there is no view to judge by: the reconstruction shows zooms up to {largest:g} alone")
+        raise InputError(f"there is no view to judge by: the reconstruction only shows zooms up to {largest:g}")
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     size = {"resolution": resolution, "points_in_view": wanted, "supersample": supersample}
     if isinstance(perceptual, str):
@@ -171,24 +171,23 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
              points_in_view: int | None = None, supersample: int = 8, views: str = "attractor", align: str = "bbox",
              seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
              device: str = "cpu") -> pd.DataFrame:
-    """Compare a reconstruction with its truth on the seven views of the truth: a table with one row a view.
+    """Compare a reconstruction with its truth on the seven views of the truth: a table with one row per view.
 
     The columns are view (its name), zoom, center_x, center_y, empty, and then f1, iou, psnr (dB), ssim and lpips of the
-    inner 75% (see `metrics`). A pair of images that are both black there says nothing: `empty` is True and all its
-    scores are NaN, so that means leave it out. Views from closer by than a reconstruction's `largest_zoom`, if it has
-    one, are left out altogether; `attrs["left_out"]` names them. The distance "fractal" is not LPIPS; its column is
-    fractal_distance. The `attrs` of the table name the perceptual distance, or say why there is none and its column is
-    NaN.
+    inner 75% (see `metrics`). A pair of images that are both black there says nothing: `empty` is True and all scores
+    are NaN, so means leave it out. Views with a zoom above a reconstruction's `largest_zoom`, if it has one, are
+    missing; `attrs["left_out"]` names them. The distance "fractal" is not LPIPS; its column is fractal_distance. The
+    `attrs` of the table name the perceptual distance, or say why there is none and its column is NaN.
 
     - resolution, points_in_view, supersample, device: as in `render`.
     - views: "attractor", "released" or "uniform", see `evaluation_views`. Only "released" is comparable with published
       figures.
     - align: the frame of the reconstruction. "bbox" brings its code to the canvas by the box of its own attractor, as
-      in the paper. "none" takes it as it is, in the frame of the input. The truth is always brought to the canvas
-      (`attractor.normalize`), as it is for the input of a method.
-    - seed: of the views; by default it depends on the truth alone (`views_seed`).
+      in the paper. "none" leaves it in the frame of the input. The truth is always brought to the canvas
+      (`attractor.normalize`), as for the input of a method.
+    - seed: of the views; by default it depends only on the truth (`views_seed`).
     - perceptual: a loaded `Perceptual`, or the name of a distance.
-    - cache: a folder that keeps the images of the truth.
+    - cache: a folder for the images of the truth.
 
     Raises `InputError` on an unknown choice, a size that cannot be rendered or is too small for the distance, or a code
     that is not contractive.
@@ -198,14 +197,14 @@ def evaluate(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resol
 
 
 def _aligned(thing: IFS | Renderable, align: str) -> IFS | Renderable:
-    """The code of the thing, if it has one, in the frame to judge it in; else the thing."""
+    """The thing's code in the frame in which it is judged; or the thing itself if it has no code."""
     code = code_of(thing)
     return thing if code is None else ALIGNMENTS[align](code)
 
 
 def _draw(thing: IFS | Renderable, views: dict[str, View], stream: int, size: dict[str, int], cache: ImageCache
           ) -> Tensor:
-    """The images (V,R,R) of all views, each from a seed of its own."""
+    """The images (V,R,R) of all views, each with its own seed."""
     drawn = []
     for number, view in enumerate(views.values()):
         draw = partial(cache.render, thing) if isinstance(thing, IFS) else thing.render

@@ -37,7 +37,7 @@ def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
     - low, high: the bootstrap 95% interval of the mean, by resampling fractals, because the views of one fractal are
       not independent (Efron's percentile interval, 9999 resamples; NaN for a single fractal).
     - views, fractals: their numbers.
-    - empty: the number of views that are empty in truth and result. They are left out of everything else.
+    - empty: the number of views that are empty in truth and result. They do not count anywhere else.
 
     `attrs` are those of the frame, with `ceiling_fraction` and `empty_views`. A metric that is absent (NaN) stays
     absent. Raises `InputError` on a table without rows or without the columns of `evaluate`.
@@ -49,7 +49,7 @@ def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
     if missing or len(frame) == 0:
         raise InputError(f"expected a table of views as `evaluate` makes it, got {len(frame)} rows and no column "
                          f"{', '.join(missing) or 'missing'}")
-    frame = frame.reset_index(drop=True)  # tables laid one after another repeat their row numbers
+    frame = frame.reset_index(drop=True)  # concatenated tables repeat their row numbers
     fractal = frame["fractal"] if "fractal" in frame else pd.Series("", index=frame.index)
     classes = frame["zoom"].map(zoom_class)
     rows = []
@@ -67,12 +67,12 @@ def summarize(frame: pd.DataFrame, *, seed: int = 0) -> pd.DataFrame:
 
 
 def without_empty(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows of a per-view table that count: those of views that are not empty in both truth and result."""
+    """The rows of a per-view table that count: views that are not empty in both truth and result."""
     return frame[frame["empty"].ne(True)] if "empty" in frame else frame
 
 
 def ceiling_fraction(frame: pd.DataFrame) -> float:
-    """The fraction of fractals whose mean F1 over the views that are not empty is at least 0.97."""
+    """The fraction of fractals with a mean F1 of at least 0.97 over their non-empty views."""
     frame = without_empty(frame)
     if "fractal" not in frame:
         return float(frame["f1"].mean() >= CEILING_F1)
@@ -88,8 +88,8 @@ def _statistics(values: pd.Series, fractal: pd.Series, seed: int) -> dict[str, f
 
 
 def bootstrap_interval(means: np.ndarray, seed: int = 0) -> tuple[float, float]:
-    """Low and high end of the bootstrap 95% interval of the mean of numbers (K,): Efron's percentile interval, 9999
-    resamples; NaN for fewer than two, or where one is not finite."""
+    """Lower and upper end of the bootstrap 95% interval of the mean of numbers (K,): Efron's percentile interval, 9999
+    resamples; NaN for fewer than two numbers, or if one is not finite."""
     if len(means) < 2 or not np.isfinite(means).all():
         return float("nan"), float("nan")
     if np.ptp(means) == 0:
@@ -102,7 +102,8 @@ def bootstrap_interval(means: np.ndarray, seed: int = 0) -> tuple[float, float]:
 
 
 def describe(summary: pd.DataFrame, row: str = "zoom_class") -> str:
-    """A summary as a text table: a line for each value of the column `row`, a column a metric, mean and interval."""
+    """A summary as a text table with means and intervals: a line for each value of the column `row`, a column a metric.
+    """
     names, lines = list(summary["metric"].unique()), list(summary[row].unique())
     cells = {(getattr(line, row), line.metric): _cell(line) for line in summary.itertuples()}
     head, width = max(map(len, lines)), max(map(len, cells.values())) + 2

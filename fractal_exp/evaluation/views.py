@@ -18,12 +18,12 @@ VIEWS_PER_RANGE = 2
 WHOLE = "whole"
 ZOOM_CLASSES = (WHOLE, *(f"{low:g}-{high:g}x" for low, high in ZOOM_RANGES))
 
-# The centre of a view, by its number, its zoom and a draw (2,) from [-1,1]².
+# The centre of a view, from its number, its zoom and a draw (2,) from [-1,1]².
 Center = Callable[[int, float, np.ndarray], tuple[float, float]]
 
 
 def code_of(thing: Any) -> IFS | None:
-    """The code of a truth or a reconstruction, None if it has none."""
+    """The code of a truth or a reconstruction, or None."""
     code = getattr(thing, "code", thing)
     return code if isinstance(code, IFS) else None
 
@@ -31,8 +31,8 @@ def code_of(thing: Any) -> IFS | None:
 def _on_attractor(truth: Any, seed: int) -> Center:
     code = code_of(truth)
     if code is None:
-        raise InputError("views=attractor are centred on points of the truth's attractor, and this truth is no code; "
-                         "take views=released or views=uniform")
+        raise InputError("views=attractor are centred on points of the truth's attractor, but this truth is not a "
+                         "code; take views=released or views=uniform")
     framed = attractor.normalize(code)
     return lambda number, zoom, draw: attractor.random_point(framed, (seed, number))
 
@@ -46,11 +46,11 @@ KINDS: dict[str, Callable[[Any, int], Center]] = {  # of a truth and the seed of
     "released": _within(lambda zoom: (1 - 1 / zoom) / zoom),  # the authors' program: the closer, the nearer the middle
     "uniform": _within(lambda zoom: 1 - 1 / zoom),            # anywhere, as long as the window stays on the canvas
 }
-FORMER = {"paper": "uniform"}  # names of old
+FORMER = {"paper": "uniform"}  # old names
 
 
 def check_kind(kind: str) -> str:
-    """The kind of views, or `InputError` if there is none of this name."""
+    """The kind of views. Raises `InputError` if the name is unknown."""
     if kind in FORMER:
         raise InputError(f"views={kind} is now called views={FORMER[kind]}; views must be one of {', '.join(KINDS)}")
     if kind not in KINDS:
@@ -61,21 +61,21 @@ def check_kind(kind: str) -> str:
 def evaluation_views(truth: Any, kind: str = "attractor", *, seed: int | None = None) -> dict[str, View]:
     """The seven views of a fractal by name: the whole canvas, and two with zooms from each of U[1,2], U[2,4], U[4,8].
 
-    - truth: an `IFS` in any frame, or an object with one as `code`. The views are those of its `attractor.normalize`.
+    - truth: an `IFS` in any frame, or an object with one as `code`. The views show its `attractor.normalize`.
     - kind: where the six closer views are centred. "attractor" takes points of the true attractor, drawn by its
       invariant measure; no such view is empty, and its window may reach beyond the canvas. "released" is uniform in
       |center| <= (1 - 1/zoom) / zoom, as in the authors' program. "uniform" is uniform as long as the window stays on
       the canvas; about one such view in nine of the random suite is empty.
     - seed: of the zooms and centres; by default `views_seed` of the truth. All kinds share the zooms of a seed.
 
-    Raises `InputError` on another kind, a negative seed, a truth that is no code without a seed or with views on its
-    attractor, or one that is not contractive.
+    Raises `InputError` on another kind, a negative seed, a code that is not contractive, or a truth without a code if
+    there is no seed or the views are centred on its attractor.
     """
     check_kind(kind)
     if seed is None:
         code = code_of(truth)
         if code is None:
-            raise InputError("views are drawn from a seed of the fractal; a truth that is no code needs seed=…")
+            raise InputError("views are drawn from a seed of the fractal; a truth that is not a code needs seed=…")
         seed = views_seed(code)
     if seed < 0:
         raise InputError(f"the seed of the views must be at least 0, got {seed}")
@@ -89,11 +89,11 @@ def evaluation_views(truth: Any, kind: str = "attractor", *, seed: int | None = 
 
 
 def views_seed(truth: IFS) -> int:
-    """A seed of 64 bits that depends on the fractal alone: the same for a code and its `similar` ones."""
+    """A 64-bit seed that depends only on the fractal: it is the same for a code and its `similar` codes."""
     return int.from_bytes(hashlib.sha256(truth.linear.cpu().numpy().astype("<f4").tobytes()).digest()[:8], "little")
 
 
 def zoom_class(zoom: float) -> str:
-    """The class that a zoom is summarised in: whole, 1-2x, 2-4x or 4-8x (and beyond)."""
+    """The class of a zoom in summaries: whole, 1-2x, 2-4x or 4-8x (and beyond)."""
     highs = [high for _, high in ZOOM_RANGES[:-1]]
     return WHOLE if zoom <= 1 else ZOOM_CLASSES[1 + bisect_left(highs, zoom)]

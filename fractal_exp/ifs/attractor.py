@@ -1,4 +1,4 @@
-"""Where an attractor lies: a disc and half planes that are certain, the box that is seen, the frame that follows."""
+"""Where an attractor lies: a disc and half planes that certainly contain it, its visible box, and its frame."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ FRAME_SIDE = 1.5          # the longer side of a normalised attractor: 25% paddi
 BOX_TOLERANCE = 1e-7      # of the box's longer side
 DIRECTIONS = 1024         # of the support function's table
 MAX_SWEEPS = 5_000        # of the support function's fixed-point iteration
-MAX_LETTERS = 20_000      # of words whose reach is bounded by their length too
-VISIBLE_CHANCE = 1e-6     # of a word that is seen
+MAX_LETTERS = 20_000      # maximum length of words whose reach is also bounded by their length
+VISIBLE_CHANCE = 1e-6     # minimum probability of a visible word
 LETTERS = 2000            # of a random address
-TRAJECTORIES = 1000       # of the chaos game, side by side
-WARM_UP = 200             # steps until they have forgotten that they began together
+TRAJECTORIES = 1000       # chaos games that run in parallel
+WARM_UP = 200             # steps after which their common start no longer matters
 
 
 def bounding_disc(code: IFS) -> tuple[np.ndarray, float]:
     """A disc (center (2,), radius) that certainly contains the attractor: every map sends it into itself.
 
-    With |f_i(c) - c| = d_i and largest singular value s_i, any radius r >= d_i / (1 - s_i) will do (Hutchinson 1981).
+    With |f_i(c) - c| = d_i and largest singular value s_i, any r >= max d_i / (1 - s_i) works (Hutchinson 1981).
     Raises `InputError` if the code is not contractive.
     """
     code.check_contractive()
@@ -39,9 +39,9 @@ def bounding_disc(code: IFS) -> tuple[np.ndarray, float]:
 def support_function(code: IFS) -> np.ndarray:
     """Certain upper bounds (K,) of max over the attractor of u_k·x, at K = 1024 directions of angle 2 pi k / K.
 
-    The half planes u_k·x <= h_k hold the attractor. A support function obeys h(u) = max_i h(M_i^T u) + b_i·u and is
-    sublinear, so interpolating between two directions never underestimates; iterating from the disc's values keeps
-    every bound certain while they contract. Raises `InputError` if the code is not contractive.
+    The half planes u_k·x <= h_k contain the attractor. A support function obeys h(u) = max_i h(M_i^T u) + b_i·u and is
+    sublinear, so interpolation between two directions never underestimates it. The iteration starts from the disc's
+    values; every bound stays certain while it shrinks. Raises `InputError` if the code is not contractive.
     """
     linear, offset = _float64(code)
     center, radius = bounding_disc(code)
@@ -52,7 +52,7 @@ def support_function(code: IFS) -> np.ndarray:
 
 
 def visible_box(code: IFS) -> np.ndarray:
-    """The box (x_min, y_min, x_max, y_max), float64, of the words that a million points would visit.
+    """The box (x_min, y_min, x_max, y_max), float64, around the words that a million points would visit.
 
     It contains f_w(c) for every word w of probability p_w >= 1e-6, where c is the mean of the invariant measure. The
     paper normalises by the box of many sampled points; this box is like it, but depends neither on a seed nor on the
@@ -65,8 +65,8 @@ def visible_box(code: IFS) -> np.ndarray:
 
 
 def visible_tips(code: IFS) -> list[tuple[float, np.ndarray]]:
-    """How far the `visible_box` reaches to the right, the top, the left and the bottom, and the words that reach there,
-    each an array (L,) of maps, the outermost first. Raises `InputError` if the code is not contractive."""
+    """The reach of the `visible_box` to the right, top, left and bottom, each with the word that reaches there, an
+    array (L,) of maps, the outermost first. Raises `InputError` if the code is not contractive."""
     code.check_contractive()
     linear, offset = _float64(code)
     chance = code.sampling_probabilities().cpu().double().numpy()
@@ -79,10 +79,10 @@ def visible_tips(code: IFS) -> list[tuple[float, np.ndarray]]:
 
 def _reach_of_visible_words(code: IFS, linear: np.ndarray, offset: np.ndarray, chance: np.ndarray,
                             mean: np.ndarray) -> np.ndarray:
-    """Certain upper bounds (K,) of u_k·f_w(mean) over all words w of chance 1e-6 or more.
+    """Certain upper bounds (K,) of u_k·f_w(mean) over all words w of probability 1e-6 or more.
 
-    Such words lie in the attractor's half planes, and they have few letters. Where a map hardly contracts, the first
-    bound is useless and the second is tight: half planes a million times too far away would let a search end early.
+    Such words lie in the attractor's half planes, and they are short. If a map hardly contracts, the half planes may be
+    a million times too far away, so a search would end early; but the bound by length is tight.
     """
     table = support_function(code)
     likeliest = chance.max()
@@ -112,7 +112,7 @@ def random_point(code: IFS, seed: int | Sequence[int] = 0) -> tuple[float, float
     code.check_contractive()
     linear, offset = _float64(code)
     p = code.sampling_probabilities().cpu().double().numpy()
-    # A fixed point is on the attractor, and so are all its images.
+    # A fixed point lies on the attractor, and so do all its images.
     x, y = np.linalg.solve(np.eye(2) - linear[p.argmax()], offset[p.argmax()]).tolist()
     letters = np.random.Generator(np.random.PCG64(seed)).choice(len(p), LETTERS, p=p / p.sum())
     for a, b, c, d, e, f in np.hstack([linear.reshape(-1, 4), offset])[letters].tolist():
@@ -121,10 +121,10 @@ def random_point(code: IFS, seed: int | Sequence[int] = 0) -> tuple[float, float
 
 
 def random_points(code: IFS, count: int, seed: int | Sequence[int] = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Points (count,2), float64, of the attractor, drawn by the invariant measure, and the map (count,) that led to
+    """Points (count,2), float64, of the attractor, drawn by the invariant measure, and the map (count,) that produced
     each.
 
-    Trajectories begin at a point of the attractor, so all of their points are on it. Raises `InputError` if the code is
+    Trajectories begin at a point of the attractor, so all their points lie on it. Raises `InputError` if the code is
     not contractive.
     """
     start = random_point(code, seed)
@@ -145,7 +145,7 @@ def _float64(code: IFS) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _one_letter(linear: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """How u_k·f_i(x) follows from the table of u·x: see `lowered`."""
+    """The coefficients that give u_k·f_i(x) from the table of u·x, see `lowered`."""
     units = _unit_vectors()
     return *_interpolation(np.einsum("nij,ki->nkj", linear, units)), offset @ units.T
 

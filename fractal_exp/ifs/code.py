@@ -19,7 +19,7 @@ from ..runtime.files import write_atomically
 FORMAT = "fractal-exp/ifs"
 VERSION = 1
 LARGEST = torch.finfo(torch.float32).max
-PROBABILITY_FLOOR = 0.01  # keeps flat maps in play: p_i is proportional to |det M_i| + floor
+PROBABILITY_FLOOR = 0.01  # so that flat maps are drawn too: p_i is proportional to |det M_i| + floor
 
 
 @dataclass(frozen=True)
@@ -92,14 +92,14 @@ class IFS:
         return f"IFS({name}{len(self)} map{'s' * (len(self) > 1)})"
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows: the attractor on its canvas, as PNG. Nothing for a code that is not contractive."""
+        """What a notebook shows: the attractor on its canvas, as PNG. None if the code is not contractive."""
         from ..rendering.sheets import portrait
 
         return portrait(self)
 
     def _repr_html_(self) -> str | None:
-        """What a notebook shows that may run scripts: a page to fly into the attractor, in a frame of its own. Nothing
-        for a code that makes no page."""
+        """What a notebook that may run scripts shows: a page for flying into the attractor, in its own frame. None if
+        no page can be made of the code."""
         from ..viewer import frame
 
         try:
@@ -162,23 +162,23 @@ class IFS:
     def save(self, path: str | Path, format: str | None = None) -> Path:
         """Write the code to a file, whole or not at all, and return the absolute path.
 
-        The end of the name chooses the format: `.json` (all of the code, every bit; also without any suffix), `.ifs`
+        The suffix chooses the format: `.json` (the complete code, bit for bit; also without a suffix), `.ifs`
         (Fractint), `.flame` (flam3), `.svg` (a drawing of the maps), `.ply` (points). format: its key instead: "json",
-        "lists", "rows", "fractint", "flame", "svg" or "ply". `fractal_exp.ifs.formats` says of each what it loses.
-        Raises `InputError` on another suffix or format, where the file cannot be written, or where the format cannot
-        hold the code.
+        "lists", "rows", "fractint", "flame", "svg" or "ply". `fractal_exp.ifs.formats` says what each format loses.
+        Raises `InputError` on another suffix or format, if the file cannot be written, or if the format cannot hold the
+        code.
         """
         from .formats import save
 
         return save([self], path, format)
 
     def save_html(self, path: str | Path, *, view: View | None = None) -> Path:
-        """Write one HTML file, without any other beside it, in which a browser flies into the attractor; return the
-        absolute path. It opens on `view`, or on the whole.
+        """Write a single, self-contained HTML file in which a browser flies into the attractor; return the absolute
+        path. It opens on `view`, or on the whole attractor.
 
-        The code is shown in its own coordinates, so that a view of the page is one of `fractal_exp.render`. Raises
-        `InputError`, before anything is written, on a name that does not end in .html, a code that is not contractive
-        or has more than 1000 maps; and where the file cannot be written.
+        The page uses the code's own coordinates, so its views are views of `fractal_exp.render`. Raises `InputError`,
+        before anything is written, on a name that does not end in .html, or a code that is not contractive or has more
+        than 1000 maps; and if the file cannot be written.
         """
         path = Path(path).absolute()
         if path.suffix.lower() not in (".html", ".htm"):

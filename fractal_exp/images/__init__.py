@@ -1,4 +1,4 @@
-"""Images as they come: read, checked, centred, written."""
+"""Read, check, centre and write images."""
 
 from .placement import Placement
 from .reading import ReadImage, read_target, write_image

@@ -1,4 +1,4 @@
-"""Pictures as bands of whole rows, so that what is computed of them takes little memory beside them; opening files."""
+"""Pictures as bands of whole rows, so that computing with them takes little extra memory; opening files."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ..errors import InputError
 from ..runtime.files import check_file
 from .refusals import known_as
 
-# Those that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
+# Formats that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
 FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM")
-LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds it whole, in 1 to 4 bytes a pixel, and some decoders twice
-# Pixels of the longer and of the shorter side down to which a picture may be shrunk as it is read.
+LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds all of it at 1 to 4 bytes per pixel, and some decoders twice
+# Minimum pixels of the longer and of the shorter side of a picture that is shrunk while it is read.
 LARGE_SIDE, LARGE_SHORTER_SIDE = 4096, 1024
 SHRUNK_MODES = ("L", "LA", "RGB", "RGBA", "CMYK")
 BAND_PIXELS = 2**20
@@ -29,10 +29,10 @@ EXIF_ORIENTATION = 0x0112
 
 @dataclass(frozen=True)
 class Bands:
-    """A picture of `height` × `width` pixels: `rows(first, last)` gives some of its rows, `channels` 1, 3 or 4.
+    """A picture of `height` × `width` pixels with 1, 3 or 4 `channels`. `rows(first, last)` returns some of its rows.
 
-    scale: pixels of the file, a side, for each pixel, which was shrunk as it was read, and `full` its own (width,
-    height), if so. lossy: whether the file keeps pixels with errors, as a JPEG does.
+    scale: pixels of the file per side of a pixel, above 1 if the file was shrunk while it was read; full: the file's
+    own (width, height) in that case. lossy: whether the file stores pixels with errors, as a JPEG does.
     """
 
     height: int
@@ -50,12 +50,12 @@ class Bands:
         return cls(pixels.shape[0], pixels.shape[1], channels, lambda first, last: pixels[first:last])
 
     def map(self, function: Callable[[np.ndarray], np.ndarray], channels: int = 1) -> Bands:
-        """The same picture with every band changed when it is read, to one of so many channels."""
+        """The same picture, with a function applied to every band when it is read; channels: of the result."""
         return replace(self, channels=channels, rows=lambda first, last: function(self.rows(first, last)))
 
     def without(self, dropped: np.ndarray, block: int, fill: np.ndarray | float = 0.0) -> Bands:
-        """The same picture with the level or the colour `fill` where `dropped` (h,w) says so of blocks of `block`²
-        pixels."""
+        """The same picture with the level or colour `fill` in the blocks of `block`² pixels where `dropped` (h,w) is
+        true."""
         columns, colour = np.arange(self.width) // block, np.asarray(fill, np.float32)
 
         def rows(first: int, last: int) -> np.ndarray:
@@ -73,8 +73,8 @@ class Bands:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """The lowest and the highest level of every row (2,H) and every column (2,W) of a grey picture, and the levels
-    of its border."""
+    """The lowest and highest level of every row (2,H) and every column (2,W) of a grey picture, and the levels of its
+    border."""
 
     rows: np.ndarray
     columns: np.ndarray
@@ -102,25 +102,25 @@ class Profile:
         return self.rows[1].max()
 
     def inverted(self) -> Profile:
-        """That of 1 - picture."""
+        """The profile of 1 - picture."""
         return Profile(1 - self.rows[::-1], 1 - self.columns[::-1], 1 - self.border)
 
     def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> Profile:
-        """That of the picture whose levels a function that never falls has changed."""
+        """The profile of the picture after a monotonic function of its levels."""
         return Profile(rising(self.rows), rising(self.columns), rising(self.border))
 
 
 @dataclass(frozen=True, eq=False)
 class Overview:
-    """A grey picture in blocks of `block`² pixels, a thousand a side at most: the mean and the highest level (h,w) of
-    each; a picture of few pixels is its own overview."""
+    """A grey picture in blocks of `block`² pixels, at most about a thousand per side: the mean and the highest level
+    (h,w) of each block. A small picture is its own overview."""
 
     mean: np.ndarray
     highest: np.ndarray
     block: int
 
     def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> Overview:
-        """About that of the picture whose levels a function that never falls has changed."""
+        """Approximately the overview of the picture after a monotonic function of its levels."""
         return Overview(rising(self.mean), rising(self.highest), self.block)
 
     @classmethod
@@ -146,8 +146,8 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
                  shrink: bool = False) -> Bands:
     """The upright picture of a file, as bands of uint8, uint16 or float32, each passed through `check(band, name)`.
 
-    shrink: let a picture of more than 8192 px a side be shrunk as it is read, a JPEG while it is decoded. Adds to
-    `notes` what is to be known of it. Raises `InputError` if it cannot be read or has over 20 000² pixels.
+    shrink: shrink a picture of at least 8192 × 2048 px while it is read, a JPEG already while it is decoded. Adds to
+    `notes` what a user should know. Raises `InputError` if the file cannot be read or has over 20 000² pixels.
     """
     path = path.absolute()
     check_file(path, "the picture")
@@ -161,7 +161,7 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
         frames = getattr(picture, "n_frames", 1)
         if frames > 1:
             notes.append(f"the file holds {frames} pictures: the first was taken")
-        picture.load()  # counting them may have left it
+        picture.load()  # counting frames may have moved to another one
         if picture.getexif().get(EXIF_ORIENTATION, 1) != 1:
             tall = picture.size
             picture = ImageOps.exif_transpose(picture)
@@ -185,24 +185,24 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
 
 
 def _factor(size: tuple[int, int]) -> int:
-    """How many times a picture may be shrunk."""
+    """The factor by which a picture may be shrunk."""
     return max(1, min(max(size) // LARGE_SIDE, min(size) // LARGE_SHORTER_SIDE))
 
 
 def _formats() -> list[str]:
     Image.init()
-    return [name for name in FORMATS if name in Image.OPEN]  # a Pillow may be built without some
+    return [name for name in FORMATS if name in Image.OPEN]  # some builds of Pillow lack formats
 
 
 def _mode(picture: Image.Image) -> str:
-    """The mode that a picture is read in."""
+    """The mode in which a picture is read."""
     if picture.mode == "F" or picture.mode.startswith("I"):
         return picture.mode
     return "RGBA" if picture.has_transparency_data else "L" if picture.mode in ("L", "1") else "RGB"
 
 
 def _sixteen_bits(levels: np.ndarray, path: Path) -> np.ndarray:
-    """16 bits, which Pillow keeps as such or in 32 bits."""
+    """Levels as 16 bits. Pillow may hold them in 32 bits."""
     if levels.min() < 0 or levels.max() > MOST_LEVELS:
         raise InputError(f"{path} holds integers from {levels.min()} to {levels.max()}; save it with 8 or 16 bits")
     return levels.astype(np.uint16)
@@ -213,7 +213,7 @@ _guard = threading.Lock()
 
 @contextlib.contextmanager
 def _pillow_reads(pixels: int) -> Iterator[None]:
-    """Let Pillow read pictures up to so many pixels: its own bound is one for the whole process, and lower."""
+    """Let Pillow read pictures of up to `pixels` pixels. Its own limit is lower, and shared by the whole process."""
     with _guard, warnings.catch_warnings():
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, pixels
@@ -231,12 +231,12 @@ def _one_line(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
-        raise InputError(f"{path} has more than {LARGEST_PIXELS} pixels, which is the most that is read; shrink the "
-                         "picture first") from error
+        raise InputError(f"{path} has more than {LARGEST_PIXELS} pixels, the maximum that is read; shrink the picture "
+                         "first") from error
     except UnidentifiedImageError as error:
         if told := known_as(path):
             raise InputError(f"{path} is {told}") from error
-        raise InputError(f"{path} is no picture of the kinds that are read ({', '.join(FORMATS)}); convert it to PNG"
+        raise InputError(f"{path} is not a picture of a supported format ({', '.join(FORMATS)}); convert it to PNG"
                          ) from error
     except Exception as error:  # on a damaged file Pillow's readers raise almost anything
         reason = getattr(error, "strerror", None) or f"the file is damaged or cut short ({error})"

@@ -1,4 +1,4 @@
-"""What a picture and the options of its reading must be, and its levels as floats."""
+"""Check a picture and the options for reading it, and turn its levels into floats."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ..errors import InputError
 
-MIN_SIDE = 16                            # pixels, of a picture and of a target
+MIN_SIDE = 16                            # pixels, for a picture and for a target
 ROUNDING = 1e-5                          # floats may leave [0,1] by this much
 WHITE_LEVELS = {"bool": 1, "uint8": 255, "uint16": 65535, "float16": 1, "float32": 1, "float64": 1}
 
@@ -19,8 +19,8 @@ WHITE_LEVELS = {"bool": 1, "uint8": 255, "uint16": 65535, "float16": 1, "float32
 class Notes(list[str]):
     """Sentences for the log, some of them warnings.
 
-    doubtful: whether the shape may as well be what is taken for the background. unclear: why the picture shows no clear
-    shape, in words; empty where it does.
+    doubtful: whether what is taken for the background may be the shape. unclear: why the picture shows no clear shape,
+    in words; empty if it shows one.
     """
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class Notes(list[str]):
         self.unclear = ""
 
     def take(self, others: Notes) -> None:
-        """Add those of another list."""
+        """Add the notes of another list."""
         self.extend(others)
         self.warnings += others.warnings
         self.doubtful, self.unclear = self.doubtful or others.doubtful, self.unclear or others.unclear
@@ -53,11 +53,11 @@ def check_resolution(resolution: Any) -> int:
 
 
 def check_options(invert: Any, threshold: Any, padding: Any, frame: Any, clean: Any) -> None:
-    """Raise `InputError` on options that `read_target` does not have."""
+    """Raise `InputError` if an option of `read_target` is out of range."""
     if not (isinstance(invert, bool | np.bool_) or (isinstance(invert, str) and invert == "auto")):
         raise InputError(f'invert must be "auto", true or false, got {invert!r}')
     if threshold is not None and not (isinstance(threshold, Real) and 0 < float(threshold) < 1):
-        raise InputError(f"threshold must lie between 0 and 1, or be none for a grey target; got {threshold!r}")
+        raise InputError(f"threshold must be between 0 and 1, or none for a grey target; got {threshold!r}")
     if not (isinstance(padding, Real) and 0 <= float(padding) < 1):
         raise InputError(f"padding must be at least 0 and below 1 (0.25 leaves the shape 75%), got {padding!r}")
     if frame not in ("fit", "keep"):
@@ -67,7 +67,7 @@ def check_options(invert: Any, threshold: Any, padding: Any, frame: Any, clean: 
 
 
 def check_pixels(image: Any, name: str) -> np.ndarray:
-    """The array behind an image, of usable shape, type and range, as it came."""
+    """The array behind an image, unchanged. Raises `InputError` if its shape, type or range is unusable."""
     if isinstance(image, Tensor):
         image = image.detach().cpu()
         image = (image.float() if image.dtype == torch.bfloat16 else image).numpy()
@@ -83,11 +83,11 @@ def check_pixels(image: Any, name: str) -> np.ndarray:
     if image.dtype.kind == "f":
         bad = int(np.size(image) - np.count_nonzero(np.isfinite(image)))
         if bad:
-            raise InputError(f"{name} must be finite, but {bad} of its values are NaN or infinite; mend them")
+            raise InputError(f"{name} must be finite, but {bad} of its values are NaN or infinite; replace them")
         low, high = float(image.min()), float(image.max())
         if low < -ROUNDING or high > 1 + ROUNDING:
-            raise InputError(f"{name} must lie in [0, 1] where it is of floats, got {low:.4g} to {high:.4g}; divide it "
-                             "by its white level, or pass uint8")
+            raise InputError(f"{name} must lie in [0, 1] if it holds floats, got {low:.4g} to {high:.4g}; divide it by "
+                             "its white level, or pass uint8")
     return image
 
 

@@ -12,19 +12,19 @@ from ..errors import InputError
 from .bands import Bands
 from .checks import Notes, unit
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)     # of red, green and blue: ITU-R BT.709
+LUMINANCE = (0.2126, 0.7152, 0.0722)     # weights of red, green and blue: ITU-R BT.709
 MIN_CONTRAST = 0.02                      # between the darkest and the lightest pixel
-COLOURED = 0.015                         # share of the squared distance from the background that is of colour
-ONE_PEN = 0.97                           # share of it that lies in one direction, if all is drawn with one pen
+COLOURED = 0.015                         # minimum share of the squared distance from the background that is colour
+ONE_PEN = 0.97                           # minimum share of it in one direction if all is drawn with one pen
 PEN_LEVEL = 0.999                        # quantile of the shape's distances that counts as the pen's own colour
-SHAPE_DISTANCE = 0.1                     # of the largest distance: what lies above it belongs to the shape
-ROWS = 64                                # of a picture that tell the colour of its background
+SHAPE_DISTANCE = 0.1                     # share of the largest distance above which a pixel belongs to the shape
+ROWS = 64                                # rows of a picture that determine the colour of its background
 BINS = 4096                              # of a histogram of distances, which are at most the square root of three
 
 
 def luminance(pixels: Bands, invert: bool | str, name: str, notes: Notes) -> tuple[Bands, Bands | None]:
-    """Luminance (H,W), transparent parts laid on a backdrop; and the colours (H,W,3) in [0,1] that it is of, unless it
-    is of none."""
+    """Luminance (H,W), with transparent parts laid on a backdrop; and the colours (H,W,3) in [0,1] behind it, or None
+    if there are none."""
     if pixels.channels == 1:
         return pixels.map(unit), None
     lowest, highest = (1.0, 1.0) if pixels.channels == 3 else _extremes(pixels.map(_alpha))
@@ -52,8 +52,8 @@ def luminance(pixels: Bands, invert: bool | str, name: str, notes: Notes) -> tup
 
 @dataclass(frozen=True, eq=False)
 class Pen:
-    """How far a pixel's colour is from the background's: along the `direction` (3,) of the pen's colour, or, if there
-    are several colours (None), in any direction; `full` is the distance that counts as 1."""
+    """Measures how far a pixel's colour is from the background's: along the `direction` (3,) of the pen's colour, or in
+    any direction if there are several colours (None). `full` is the distance that counts as 1."""
 
     background: np.ndarray
     direction: np.ndarray | None
@@ -62,7 +62,7 @@ class Pen:
 
     @classmethod
     def of(cls, colours: Bands, invert: bool | str) -> Pen | None:
-        """The pen of a coloured picture; None if its colours tell no more than its luminance."""
+        """The pen of a coloured picture; None if its colours add nothing to its luminance."""
         background = border_colour(colours)
         moments, sign = np.zeros((3, 3)), np.zeros(3)
         for band in colours:
@@ -88,7 +88,7 @@ class Pen:
         return (distance / np.float32(self.full)).clip(0, 1)
 
     def _full(self, colours: Bands) -> float:
-        """The distance of the pen's own colour: of all but the very farthest pixels of the shape."""
+        """The distance of the pen's own colour: a high quantile of the distances of the shape's pixels."""
         edges = np.linspace(0, 1.75, BINS + 1)
         wide = Pen(self.background, self.direction, 1.75, self.darker)
         counts = sum(np.histogram(1.75 * wide.levels(band), edges)[0] for band in colours)
@@ -99,7 +99,7 @@ class Pen:
         return float(edges[min(reached, farthest)] + edges[1] / 2)
 
     def describe(self) -> str:
-        """What was done, in words."""
+        """A sentence on what was done."""
         background = _name(self.background)
         if self.direction is None:
             return f"coloured: levels are how far a pixel's colour is from the background's, {background}"
@@ -119,7 +119,7 @@ def border_colour(colours: Bands) -> np.ndarray:
 
 
 def background_colour(colours: Bands, dark: np.ndarray, block: int) -> np.ndarray:
-    """The median colour (3,) of some of the pixels of a picture's dark blocks, (h,w) of `block`² pixels each."""
+    """The median colour (3,) of some pixels in the dark blocks of a picture, (h,w) blocks of `block`² pixels."""
     columns, found = np.arange(colours.width) // block, []
     for row in np.unique(np.linspace(0, colours.height - 1, ROWS).astype(int)).tolist():
         found.append(colours.rows(row, row + 1)[0, dark[row // block][columns]])
@@ -143,7 +143,7 @@ def _extremes(grey: Bands) -> tuple[float, float]:
 
 
 def _visible(pixels: Bands, least: float) -> tuple[float, float, float]:
-    """The lowest, highest and mean luminance where the opacity is at least `least`, which it is somewhere."""
+    """The lowest, highest and mean luminance where the opacity is at least `least`. It must be so somewhere."""
     low, high, total, count = 1.0, 0.0, 0.0, 0
     for band in pixels:
         seen = luminance_of(band)[_alpha(band) >= least]

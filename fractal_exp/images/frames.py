@@ -6,22 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LENGTH = 0.45           # of the box of all that is lit: length of a line, at least
-THICK = 0.012           # of its longer side: thickness of a line at most (or 3 px)
-CLEAR = 0.8             # share of a line along which nothing lies beside it, on either side
-ASIDE = 0.008           # of the longer side (or 3 px): how far beside it that is
-MEET = 0.02             # of the longer side (or 3 px): how near two lines end to each other that meet
-INSIDE = 0.2            # of a frame's sides: what it holds spans at least that
-TICK = 0.04             # of the longer side: length of a mark on the inner side of a frame
-GRID_LENGTH, GRID_CLEAR = 0.85, 0.3  # share of a frame's side that a line of its grid spans, and of which it is clear
-EDGE = 0.03             # of a picture's side: within it runs the edge of a scanned paper,
-EDGE_LENGTH = 0.6       # along so much of that side
+LENGTH = 0.45           # minimum length of a line, relative to the box of all lit pixels
+THICK = 0.012           # maximum thickness of a line, relative to the box's longer side (or 3 px)
+CLEAR = 0.8             # minimum share of a line with nothing beside it, on either side
+ASIDE = 0.008           # how far beside it that is, relative to the longer side (or 3 px)
+MEET = 0.02             # maximum gap between two lines that meet, relative to the longer side (or 3 px)
+INSIDE = 0.2            # minimum span of a frame's content, relative to the frame's sides
+TICK = 0.04             # maximum length of a mark on the inner side of a frame, relative to the longer side
+GRID_LENGTH, GRID_CLEAR = 0.85, 0.3  # minimum shares of a frame's side that a grid line spans, and of it that is clear
+EDGE = 0.03             # distance from a picture's border within which the edge of a scanned paper runs
+EDGE_LENGTH = 0.6       # minimum length of that edge, relative to the picture's side
 
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line: rows `near` to `far` (excluded), columns `start` to `stop` (excluded); or the other way round
-    if it is upright."""
+    """A straight line: rows `near` to `far` (excluded) and columns `start` to `stop` (excluded), with rows and columns
+    swapped if it is upright."""
 
     near: int
     far: int
@@ -30,8 +30,7 @@ class Line:
 
 
 def frame_of(lit: np.ndarray) -> np.ndarray | None:
-    """Lines that meet at right angles and hold a shape, and all that is not inside them (h,w); None if there are none.
-    """
+    """Lines that meet at right angles and hold a shape, with everything outside them (h,w); None if there are none."""
     level, upright = _lines(lit), _lines(lit.T)
     span = max(lit.shape)
     near = max(3, MEET * span)
@@ -60,7 +59,7 @@ def frame_of(lit: np.ndarray) -> np.ndarray | None:
 
 
 def _wipe_grid(box: np.ndarray) -> None:
-    """Remove horizontal lines that run through a frame from side to side, where nothing lies beside them."""
+    """Remove horizontal lines that run through a frame from side to side, except where something lies beside them."""
     aside = round(max(3, ASIDE * max(box.shape)))
     for line in _lines(box, GRID_LENGTH * box.shape[1], GRID_CLEAR):
         above, below = (box[max(line.near - 1 - aside, 0):max(line.near - 1, 0)],
@@ -69,7 +68,7 @@ def _wipe_grid(box: np.ndarray) -> None:
 
 
 def scan_edges(lit: np.ndarray) -> np.ndarray | None:
-    """Thin straight lines along the borders of the picture, and what is between them and the border (h,w), or None."""
+    """Thin straight lines along the borders of the picture, with all between them and the border (h,w); or None."""
     found = np.zeros_like(lit)
     for picture, out in ((lit, found), (lit.T, found.T)):
         near, count = max(2, EDGE * picture.shape[0]), picture.shape[0]
@@ -82,7 +81,7 @@ def scan_edges(lit: np.ndarray) -> np.ndarray | None:
 
 
 def _lines(lit: np.ndarray, least: float = 0.0, clear: float = CLEAR) -> list[Line]:
-    """Horizontal lines, thin, with nothing beside them along most of their length."""
+    """Thin horizontal lines with nothing beside them along most of their length."""
     span, columns = max(lit.shape), np.flatnonzero(lit.any(0))
     if not columns.size:
         return []
@@ -112,12 +111,12 @@ def _longest_runs(lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _meet(line: Line, other: Line, near: float) -> bool:
-    """Whether a line ends at one that is at right angles to it."""
+    """Whether a line ends at another one at right angles to it."""
     return min(abs(line.start - other.near), abs(line.stop - other.far)) <= near
 
 
 def _between(along: set[Line], across: set[Line]) -> tuple[int, int, list[int]]:
-    """From where to where the lines `along` run and those `across` them lie; and where the latter lie."""
+    """The range in which the lines `along` run and the lines `across` them lie; and the positions of the latter."""
     ends = [end for line in along for end in (line.start, line.stop)]
     places = [place for line in across for place in (line.near, line.far)]
     return min(ends + places), max(ends + places), places
@@ -140,7 +139,7 @@ def _ticks(inside: np.ndarray, levels: list[int], uprights: list[int], length: f
 
 
 def _rest(beyond: np.ndarray, level: set[Line], upright: set[Line]) -> int:
-    """The lit pixels beyond a frame, the frame's own lines aside."""
+    """The number of lit pixels beyond a frame, without the frame's own lines."""
     for line in level:
         beyond[line.near:line.far, line.start:line.stop] = False
     for line in upright:

@@ -1,7 +1,7 @@
-"""What of a picture is the shape, and what stands beside it: axes, frames, captions, specks, other shapes.
+"""Separate the shape of a picture from what stands beside it: axes, frames, captions, specks, other shapes.
 
-All of it goes by a picture's `Overview`, white on black. A fractal may well consist of many parts that lie apart, so
-what is left out must look like what people put beside a shape, and like no part of one.
+All of this uses the picture's `Overview`, white on black. A fractal may well consist of many separate parts. So what is
+left out must look like what people put beside a shape, and unlike any part of one.
 """
 
 from __future__ import annotations
@@ -16,25 +16,26 @@ from .checks import Notes
 from .frames import frame_of, scan_edges
 from .text import is_text, rows_of
 
-STROKE = 0.4            # level of the strokes of text: what is fainter joins glyphs
-PAGE_ROWS = 6           # rows of text, one below the other, from which on they are a page
-PAGE_SHARE = 0.7        # of the lit pixels of a page that are in such rows
-CAPTION_SHARE = 0.15    # of the longer side of all that is lit: height of a row of text beside a shape
-SPECK_SIZE = 0.012      # the same of a speck,
-SPECK_GAP = 0.1         # and of the distance to whatever is next to it,
-SPECK_GAPS = 4.0        # which is also so many of its own sizes
-SPECK_SPAN = 150        # pixels of that side: on a smaller picture a speck cannot be told from a point of the shape
-MOST_SPECKS = 20        # more of them are dust
-SPECK_MASS = 0.005      # of what is lit
-LIKE_SPECKS = 3         # other parts as small as a speck: with more, the shape itself is dust,
-MOST_PIECES = 4         # and so it is with more parts than these
-SHAPE_GAP = 0.03        # of the longer side: what is farther apart may be two shapes
-SHAPE_SIZE = 0.15       # of the largest one's area: what is smaller is no other shape
-SHAPE_SOLID = 0.97      # share of a shape's lit pixels that hang together: a part of a fractal has gaps of its own
+# "Span" is the longer side of the box of all lit pixels.
+STROKE = 0.4            # level above which pixels are strokes of text; fainter ones would join glyphs
+PAGE_ROWS = 6           # minimum rows of text, one below the other, of a page
+PAGE_SHARE = 0.7        # minimum share of a page's lit pixels in such rows
+CAPTION_SHARE = 0.15    # maximum height of a row of text beside a shape, relative to the span
+SPECK_SIZE = 0.012      # maximum size of a speck, relative to the span
+SPECK_GAP = 0.1         # minimum distance of a speck from anything else, relative to the span
+SPECK_GAPS = 4.0        # the same distance in sizes of the speck
+SPECK_SPAN = 150        # pixels; with a smaller span, a speck cannot be told from a point of the shape
+MOST_SPECKS = 20        # more specks are dust
+SPECK_MASS = 0.005      # maximum share of the lit pixels in specks
+LIKE_SPECKS = 3         # with more other parts as small as a speck, the shape itself is dust
+MOST_PIECES = 4         # with more larger parts, too
+SHAPE_GAP = 0.03        # minimum distance between two shapes, relative to the span
+SHAPE_SIZE = 0.15       # minimum area of another shape, relative to the largest one
+SHAPE_SOLID = 0.97      # minimum connected share of a shape's lit pixels; a part of a fractal has gaps of its own
 MOST_SHAPES = 6
-PIECES_OF_SHAPES = 3    # pieces of all shapes and between them, for each: with more, they are islands of one fractal
-SAME_SIZE = 0.05        # relative difference of sides up to which shapes are as large as each other: parts of one
-MOST_PARTS = 3000       # more of them are dust
+PIECES_OF_SHAPES = 3    # maximum pieces per shape in the picture; with more, they are islands of one fractal
+SAME_SIZE = 0.05        # relative difference of sides up to which shapes are of equal size, and so parts of one
+MOST_PARTS = 3000       # more parts are dust
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +52,10 @@ class Piece:
 
 
 def beside_the_shape(overview: Overview, noise: float, notes: Notes, *, graded: bool) -> np.ndarray | None:
-    """Which blocks (h,w) of a picture are not of the shape, bool, said in the notes; None if all are.
+    """Which blocks (h,w) of a picture do not belong to the shape, bool; None if all do. The notes say what they are.
 
-    noise: the level up to which nothing is lit. graded: whether levels within the shape differ, as in a density, whose
-    parts are not taken for several shapes.
+    noise: the level up to which nothing counts as lit. graded: whether levels differ within the shape, as in a density;
+    the parts of such a shape are not taken for several shapes.
     """
     lit = overview.highest > noise
     if not lit.any():
@@ -69,7 +70,7 @@ def beside_the_shape(overview: Overview, noise: float, notes: Notes, *, graded: 
 
 
 def _found(lit: np.ndarray, strokes: np.ndarray, graded: bool, notes: Notes) -> Iterator[tuple[str, np.ndarray]]:
-    """What is beside the shape, in words, and where; each is looked for in what the ones before have left."""
+    """What is beside the shape, in words, and where. Each search starts from what the searches before it left."""
     left = lit.copy()
     for what, search in (("the edge of the paper was ignored", scan_edges),
                          ("axes or a frame around the shape were ignored, with all beyond them", frame_of)):
@@ -98,7 +99,7 @@ def _found(lit: np.ndarray, strokes: np.ndarray, graded: bool, notes: Notes) -> 
 
 
 def _pieces(lit: np.ndarray) -> tuple[list[Piece], np.ndarray]:
-    """The connected parts of a mask, corners counting, and their labels (h,w)."""
+    """The 8-connected parts of a mask, and their labels (h,w)."""
     from scipy import ndimage
 
     labels, count = ndimage.label(lit, np.ones((3, 3)))
@@ -108,7 +109,7 @@ def _pieces(lit: np.ndarray) -> tuple[list[Piece], np.ndarray]:
 
 
 def _span(lit: np.ndarray) -> int:
-    """The longer side of the box of what is lit."""
+    """The longer side of the box of all lit pixels."""
     sides = [np.flatnonzero(lit.any(axis)) for axis in (0, 1)]
     return max(int(side[-1] - side[0] + 1) for side in sides)
 
@@ -123,7 +124,7 @@ def _is_page(lit: np.ndarray, strokes: np.ndarray) -> bool:
 
 
 def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
-    """Rows of text at the top and at the bottom, one after another."""
+    """Consecutive rows of text at the top and at the bottom."""
     found, rows = np.zeros_like(lit), rows_of(lit)
     most = CAPTION_SHARE * _span(lit)
     for end in (-1, 0):
@@ -133,7 +134,7 @@ def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
 
 
 def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndarray:
-    """Few tiny pieces, far from anything, of a picture that has no other ones so small."""
+    """A few tiny pieces, far from anything, if the picture has hardly any others that small."""
     from scipy import ndimage
 
     none, span = np.zeros_like(lit), _span(lit)
@@ -153,8 +154,8 @@ def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndar
 
 
 def _other_shapes(lit: np.ndarray, pieces: int) -> tuple[np.ndarray, int]:
-    """All shapes but the largest, where there are a few solid ones of unequal size, well apart, and not much besides;
-    and their number."""
+    """All shapes but the largest, if there are only a few solid shapes of unequal size, well apart; and the number of
+    shapes."""
     from scipy import ndimage
 
     none, gap = np.zeros_like(lit), SHAPE_GAP * _span(lit)
@@ -186,13 +187,13 @@ def _sides(shape: np.ndarray) -> tuple[int, int]:
 
 
 def _equal(sides: list[tuple[int, int]]) -> bool:
-    """Whether all are of one size."""
+    """Whether all have the same size."""
     low, high = np.min(sides, 0), np.max(sides, 0)
     return bool((high - low <= SAME_SIZE * high + 1).all())
 
 
 def _solid(shape: np.ndarray) -> bool:
-    """Whether a shape hangs together, but for gaps of a pixel or two and crumbs."""
+    """Whether a shape is connected, except for gaps of a pixel or two and crumbs."""
     from scipy import ndimage
 
     closed = ndimage.binary_dilation(shape, np.ones((3, 3)))
@@ -200,7 +201,7 @@ def _solid(shape: np.ndarray) -> bool:
 
 
 def _nearer(dropped: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """What is left out, and whatever is nearer to that than to the shape, such as smooth edges."""
+    """What is left out, with everything nearer to it than to the shape, such as smooth edges."""
     from scipy import ndimage
 
     nearest = ndimage.distance_transform_edt(~(dropped | kept), return_distances=False, return_indices=True)

@@ -1,4 +1,4 @@
-"""Where a picture lies on the canvas, so that what is found on the canvas can be laid over the picture."""
+"""The position of a picture on the canvas, so that results on the canvas can be laid over the picture."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class Placement:
         return _pairs(points) * [self.side / 2, -self.side / 2] + [(x0 + x1) / 2, (y0 + y1) / 2]
 
     def view(self) -> View:
-        """The smallest square view that has its upper left corner at the picture's and holds all of the picture.
+        """The smallest square view that shares the picture's upper left corner and holds all of the picture.
 
-        Rendered at a resolution of max(size), each of its pixels is a pixel of the picture.
+        Rendered at a resolution of max(size), its pixels are the picture's pixels.
         """
         longer = max(self.size)
         x, y = self.to_canvas((longer / 2, longer / 2)).tolist()

@@ -1,4 +1,4 @@
-"""Pictures in and out: reading a target, checked, white on black, centred and padded; writing a PNG."""
+"""Read a picture as a target (checked, white on black, centred and padded), and write a PNG."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from .sampling import resample, window
 
 __all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_target", "write_image"]
 
-PADDING = 0.25                           # of the canvas, in all; the shape's longer side spans the rest
-SEEN = 1 / 512                           # level up to which nothing is lit, where there is no noise
-SEEN_IN_NOISE, SEEN_IN_JPEG = 0.1, 0.25  # the same where there is, and in a file that keeps pixels with errors
+PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
+SEEN = 1 / 512                           # level up to which nothing counts as lit if there is no noise
+SEEN_IN_NOISE, SEEN_IN_JPEG = 0.1, 0.25  # the same level with noise, and in a file that stores pixels with errors
 
 
 @dataclass(frozen=True, eq=False)
 class ReadImage:
-    """A picture brought onto the canvas, and what was done to it.
+    """A picture placed on the canvas, and what was done to it.
 
-    image (R,R) float32 in [0,1], white shape on black; inverted, whether the picture was black on white; source_size
-    (width, height) in pixels, upright; crop_box (x0, y0, x1, y1), the square of the picture that fills the canvas, in
-    its pixels from the upper left corner, which may reach beyond it; scale, target pixels per picture pixel; notes,
-    sentences for the log; warnings, those of the notes that say what may spoil a result; doubtful, whether the shape
-    may as well be what was taken for the background; unclear, why the picture shows no clear shape, in words, empty
-    where it does; source, the picture as it was given.
+    image: (R,R) float32 in [0,1], white shape on black; inverted: whether the picture was black on white; source_size:
+    (width, height) in pixels, upright; crop_box: (x0, y0, x1, y1), the square of the picture that fills the canvas, in
+    pixels from its upper left corner (it may reach beyond the picture); scale: target pixels per picture pixel; notes:
+    sentences for the log; warnings: the notes about what may spoil a result; doubtful: whether what was taken for the
+    background may be the shape; unclear: why the picture shows no clear shape, in words, empty if it shows one; source:
+    the given picture.
     """
 
     image: Tensor
@@ -55,7 +55,7 @@ class ReadImage:
 
     @property
     def placement(self) -> Placement:
-        """What takes pixels of the picture to the canvas and back."""
+        """The mapping between pixels of the picture and the canvas."""
         return Placement(self.source_size, self.crop_box)
 
 
@@ -71,27 +71,27 @@ def read_target(
 ) -> ReadImage:
     """Read a picture as a target (resolution, resolution), white on black.
 
-    source: a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file of up to 20 000² pixels (16-bit colour at 8 bits a channel,
-    of several frames the first), or an array or tensor (H,W) grey, (H,W,3) RGB or (H,W,4) RGBA of bool, uint8, uint16
-    or floats in [0,1]; at least 16 px a side.
+    source: a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file of up to 20 000² pixels (16-bit colour is read at 8 bits per
+    channel, and only the first of several frames), or an array or tensor (H,W) grey, (H,W,3) RGB or (H,W,4) RGBA of
+    bool, uint8, uint16 or floats in [0,1]; at least 16 px per side.
     Colour becomes luminance (BT.709), unless `clean` finds a pen. Transparent parts are laid on black or white,
-    whichever the visible part stands out from; where the visible part has one colour, the alpha channel itself is the
-    picture.
+    whichever contrasts with the visible part. If the visible part has one colour, the alpha channel is the picture.
     invert: True for a black shape on white, False for white on black, "auto" to judge by the border: its median is
-    the background, and the shape is what deviates from it, brighter or darker, by summed squares.
-    threshold: in (0,1), makes every pixel of the picture, once white on black, 0 or 1 before it is resized.
-    padding: in [0,1), the part of the canvas that the shape's longer side leaves free.
-    frame: "fit" centres the shape's bounding box on the canvas. The box holds what exceeds the background by a tenth
-    of the contrast and by six standard deviations of the border's noise, so that JPEG artefacts do not count; its edge
-    pixels count by their level, so that smooth edges are found between pixels. "keep" takes a square picture as framed.
-    clean: with "fit", look for the one shape and its own levels, and say so in the notes. In a coloured picture levels
-    are distances from the background's colour, that of the pen being 1. The background becomes 0, and so does its
-    noise; a shape of one flat colour becomes 1. Axes, frames, text, specks and, of several solid shapes, all but the
-    largest are left out. A drawing of a code on black comes through as it is.
-    Resizing is exact area averaging, or linear interpolation where the picture is enlarged.
-    Beside the file's pixels as Pillow holds them, 1 to 4 bytes each (of a large JPEG those of a smaller one), the
-    memory is that of some rows, an overview of a million pixels and the result.
-    Raises `InputError` on whatever cannot be used, before any work on the pixels, and on pictures of noise.
+    the background, and the shape is what deviates from it more, brighter or darker, by summed squares.
+    threshold: in (0,1), makes every pixel of the white-on-black picture 0 or 1 before it is resized.
+    padding: in [0,1), the share of the canvas that the shape's longer side leaves free.
+    frame: "fit" centres the shape's bounding box on the canvas. The box holds all pixels that exceed the background by
+    a tenth of the contrast and by six standard deviations of the border's noise, so that JPEG artefacts do not count.
+    Its edge pixels count by their level, so smooth edges are found between pixels. "keep" keeps a square picture's
+    frame.
+    clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
+    levels are distances from the background's colour, with 1 for the pen's colour. The background and its noise become
+    0; a shape of one flat colour becomes 1. Axes, frames, text, specks and all but the largest of several solid shapes
+    are left out. A drawing of a code on black stays as it is.
+    Resizing is exact area averaging, or linear interpolation if the picture is enlarged.
+    Pillow holds the file's pixels at 1 to 4 bytes each (for a large JPEG, those of a smaller one). Beside that, the
+    memory is for some rows, an overview of a million pixels, and the result.
+    Raises `InputError`, before any work on the pixels, if anything cannot be used; also on pictures of noise.
     """
     resolution = check_resolution(resolution)
     check_options(invert, threshold, padding, frame, clean)
@@ -125,7 +125,7 @@ def read_target(
 @dataclass(frozen=True, eq=False)
 class _Shape:
     """A picture white on black, its profile, the background's level, whether it was black on white, and whether its
-    background is of one level, without noise."""
+    background has a single level without noise."""
 
     grey: Bands
     profile: Profile
@@ -134,11 +134,11 @@ class _Shape:
     exact: bool = True
 
     def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> _Shape:
-        """With levels that a function that never falls has changed."""
+        """The shape after a monotonic function of its levels."""
         return replace(self, grey=self.grey.map(rising), profile=self.profile.map(rising))
 
     def binary(self, threshold: float, name: str) -> _Shape:
-        """Black and white. Raises `InputError` on a threshold that leaves nothing of either."""
+        """The shape in black and white. Raises `InputError` if the threshold leaves nothing of either."""
         if not self.profile.high >= threshold:
             raise InputError(f"the threshold {threshold:g} leaves nothing of {name}: its highest level, white on black,"
                              f" is {float(self.profile.high):.3f}; lower it")
@@ -153,7 +153,7 @@ def _binary(levels: np.ndarray, threshold: float) -> np.ndarray:
 
 
 def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: bool) -> _Shape:
-    """The picture in levels, white on black."""
+    """The levels of the picture, white on black."""
     grey, colours = luminance(pixels, invert, name, notes)
     if not clean:
         return _as_it_is(grey, invert, name, notes)
@@ -162,7 +162,7 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
     graded = tone.Flat.of(overview) is None
     seen = SEEN_IN_JPEG if shape.grey.lossy else SEEN if shape.exact else SEEN_IN_NOISE
     dropped = beside_the_shape(overview, seen, beside, graded=graded)
-    if dropped is not None and colours is not None:  # what is left out had a say in the shape's colour
+    if dropped is not None and colours is not None:  # what is left out influenced the shape's colour
         empty = background_colour(colours, overview.highest <= seen, overview.block)
         colours, tones = colours.without(dropped, overview.block, empty), Notes()
         shape, _ = _toned(colours.map(luminance_of), colours, invert, name, tones, None)
@@ -175,21 +175,21 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
 
 
 def _as_it_is(grey: Bands, invert: bool | str, name: str, notes: Notes, overview: Overview | None = None) -> _Shape:
-    """Luminance, white on black."""
+    """The luminance, white on black."""
     profile = Profile.of(grey)
     tone.check_contrast(profile, name)
     level, inverted, shape_reaches_border = tone.background(grey, profile, invert, notes, overview)
     if inverted:
         grey, profile, level = grey.map(lambda band: 1 - band), profile.inverted(), 1 - level
-    if shape_reaches_border:  # against the judgement
+    if shape_reaches_border:  # evidence against the judgement
         level = float(profile.low)
     return _Shape(grey, profile, level, inverted)
 
 
 def _toned(grey: Bands, colours: Bands | None, invert: bool | str, name: str, notes: Notes,
            doubts: Notes | None) -> tuple[_Shape, Overview]:
-    """The shape's own levels on black, a flat colour white; and its overview. Noise is refused, and a picture without
-    a clear shape told of in `doubts`, where there are any to be had."""
+    """The shape's own levels on black, with a flat colour as white; and its overview. Raises `InputError` on noise. If
+    `doubts` is given, it gets a note on a picture without a clear shape."""
     pen = Pen.of(colours, invert) if colours is not None else None
     if pen is not None and colours is not None:
         grey = colours.map(pen.levels)
@@ -229,10 +229,10 @@ def _quiet(levels: np.ndarray, noise: np.float32) -> np.ndarray:
 
 
 def read_colour(source: str | Path | np.ndarray | Tensor, backdrop: float = 0.0) -> np.ndarray:
-    """The upright picture in its colours at its own size, (H,W,3) uint8.
+    """The upright picture in its own colours and size, (H,W,3) uint8.
 
-    source: as for `read_target`; backdrop: the grey level in [0,1] that transparent parts are laid on. Raises
-    `InputError` where the picture cannot be read.
+    source: as for `read_target`; backdrop: the grey level in [0,1] behind transparent parts. Raises `InputError` if the
+    picture cannot be read.
     """
     pixels = _open(source, Notes(), "the image")
 
@@ -249,7 +249,7 @@ def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8
     """Write an image (H,W) or (H,W,3), of bool, uint8, uint16 or floats in [0,1], as a PNG; return the absolute path.
 
     16 bits are for grey images. The file appears whole or not at all. Raises `InputError` on another suffix, shape or
-    range, on 16-bit colour, and where the file cannot be written.
+    range, on 16-bit colour, and if the file cannot be written.
     """
     path = Path(path).absolute()
     if path.suffix.lower() != ".png":

@@ -1,4 +1,4 @@
-"""Files that are often taken for pictures: what they are, by their content or their name, and what to do with them."""
+"""Files that are often mistaken for pictures: what they are, by content or name, and what to do with them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SUFFIXES = {
 
 
 def known_as(path: Path) -> str | None:
-    """What a file that is no picture is, and the remedy; None where it is not known."""
+    """What a file that is not a picture is, and the remedy; None if unknown."""
     try:
         with open(path, "rb") as file:
             head = file.read(HEAD_BYTES)

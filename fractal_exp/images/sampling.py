@@ -1,4 +1,4 @@
-"""The square of a picture that fills the canvas, and that square at the target's resolution."""
+"""Find the square of a picture that fills the canvas, and resample it at the target's resolution."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from .bands import Bands, Profile
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-SHAPE_LEVEL = 0.1                        # of the contrast: what lies above it belongs to the shape
+SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 
 
 def window(profile: Profile, level: float, padding: float, notes: list[str], scale: float = 1.0
            ) -> tuple[float, float, float]:
     """The square (x, y, side) of the picture that fills the canvas: the shape's box, centred, with its padding.
 
-    scale: pixels of the file for each pixel of the picture, for the note.
+    scale: pixels of the file per pixel of the picture, for the note.
     """
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level) / contrast
@@ -39,7 +39,7 @@ def window(profile: Profile, level: float, padding: float, notes: list[str], sca
 
 
 def resample(grey: Bands, x: float, y: float, side: float, resolution: int, fill: float) -> np.ndarray:
-    """The square at (x, y) of a picture (H,W) as (R,R); beyond the picture it is `fill`."""
+    """The square at (x, y) of a picture (H,W), resampled to (R,R), with `fill` beyond the picture."""
     rows = _weights(y, side, resolution, grey.height).tocsc()
     columns = _weights(x, side, resolution, grey.width)
     inside, first = np.zeros((resolution, resolution), np.float32), 0
@@ -52,16 +52,16 @@ def resample(grey: Bands, x: float, y: float, side: float, resolution: int, fill
 
 
 def _weights(start: float, side: float, resolution: int, count: int) -> csr_array:
-    """How much each of `count` source pixels gives to each target pixel, (R, count) float32, sparse.
+    """The weight of each of `count` source pixels in each target pixel, (R, count) float32, sparse.
 
-    Shrinking, by the length that the two share, which is exact area averaging; enlarging, by linear interpolation
-    between the centres of source pixels. At equal size both are the same.
+    Shrinking is exact area averaging: the weight is the length that both pixels share. Enlarging is linear
+    interpolation between the centres of source pixels. At equal size both are the same.
     """
     from scipy.sparse import csr_array
 
     step = side / resolution
     edges = start + step * np.arange(resolution + 1)
-    if step >= 1:  # a source pixel reaches into two target pixels at most
+    if step >= 1:  # a source pixel reaches into at most two target pixels
         pixels = np.tile(np.arange(count), 2)
         targets = np.floor((pixels - start) / step).astype(np.int64) + np.repeat([0, 1], count)
         known = (targets >= 0) & (targets < resolution)

@@ -1,22 +1,22 @@
-"""Rows of text in a mask: glyphs of many forms on one line."""
+"""Find rows of text in a mask: glyphs of many forms on one line."""
 
 from __future__ import annotations
 
 import numpy as np
 
-GLYPHS = 4              # in a row of text, at least
-GLYPH_PX = 5            # height of most of them, at least
-HEIGHTS = (0.4, 1.05)   # of most glyphs, over the row's height without its longest descenders
-MOST = 0.7              # the share that is meant by most
-WIDEST = 2.5            # width over height of most glyphs, and of each up to three times that
-LONG_ROW = 2.5          # length over height of a row
-BASELINE = 0.2          # of the row's height: within it most glyphs end at one line
-FILLS = (0.15, 0.9)     # share of a glyph's box that is lit, of most
-VARIETY = 0.12          # standard deviation of the glyphs' lit pixels over their mean
+GLYPHS = 4              # minimum glyphs in a row of text
+GLYPH_PX = 5            # minimum height of most glyphs
+HEIGHTS = (0.4, 1.05)   # range of most glyphs' heights, relative to the row without its longest descenders
+MOST = 0.7              # the share that "most" means
+WIDEST = 2.5            # maximum width over height of most glyphs, and three times as much for every glyph
+LONG_ROW = 2.5          # minimum length over height of a row
+BASELINE = 0.2          # share of the row's height within which most glyphs end at one line
+FILLS = (0.15, 0.9)     # range of the lit share of most glyphs' boxes
+VARIETY = 0.12          # minimum standard deviation of the glyphs' lit pixels over their mean
 
 
 def rows_of(lit: np.ndarray) -> list[slice]:
-    """The rows of a mask between dark rows, from the top."""
+    """The row ranges of a mask between dark rows, from the top."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], lit.any(1), [False]]).astype(np.int8)))
     joined: list[slice] = []
     for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -28,7 +28,7 @@ def rows_of(lit: np.ndarray) -> list[slice]:
 
 
 def is_text(row: np.ndarray) -> bool:
-    """Whether a mask, cut to some rows, holds a row of text and nothing else."""
+    """Whether a mask, cut to some rows, holds one row of text and nothing else."""
     from scipy import ndimage
 
     labels, count = ndimage.label(row, np.ones((3, 3)))

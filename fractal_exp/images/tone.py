@@ -1,4 +1,4 @@
-"""The levels of a shape, white on black: which side is the background, its noise, and the level of a flat colour."""
+"""The tone of a shape: which side is the background, the background's noise, and the level of a flat colour."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from .bands import Bands, Overview, Profile
 from .checks import Notes
 from .colours import MIN_CONTRAST
 
-STEADY = 0.75           # share of the border that is near the background's level, of a picture that has one
-MOST_OF_PAPER = 0.7     # share of a picture that is of one level, which is then the background's
+STEADY = 0.75           # minimum share of the border near the background's level, in a picture that has a background
+MOST_OF_PAPER = 0.7     # share of a picture with one level from which that level is the background's
 NOISES = 4.0            # standard deviations of the border's noise that count as background
-NOISE_SHARE = 0.8       # quantile of the border's deviations that is about one of them: most of a noisy border deviates
-MOST_NOISE = 0.25       # level up to which anything counts as noise of the background
-RINGING = 0.9           # quantile of the levels beside a shape, but not of it,
-RINGINGS = 1.5          # and so many times of it a JPEG's errors reach
-MOST_RINGING = 0.12     # level up to which they count as such
-NEAR_PX, APART_PX = 8, 2  # beside a shape: within a JPEG's block, and off its smooth edge
-FLAT_PX = 64            # pixels lit all around that tell a shape's level; with fewer, all lit pixels do
-FLAT_WIDTH = 0.012      # half the width of the peak of levels of a flat colour,
-FLAT_SHARE = 0.6        # the share of pixels in it,
-FLAT_ABOVE = 0.03       # and the share that may be brighter by more than FLAT_MORE
+NOISE_SHARE = 0.8       # quantile of the border's deviations that estimates its noise: most of a noisy border deviates
+MOST_NOISE = 0.25       # maximum level that counts as noise of the background
+RINGING = 0.9           # quantile of the levels beside a shape that measures a JPEG's errors
+RINGINGS = 1.5          # factor on that quantile up to which the errors reach
+MOST_RINGING = 0.12     # maximum level that counts as such an error
+NEAR_PX, APART_PX = 8, 2  # "beside a shape": within a JPEG's block of it, but off its smooth edge
+FLAT_PX = 64            # minimum pixels lit all around that determine a shape's level; with fewer, all lit pixels do
+FLAT_WIDTH = 0.012      # half the width of the peak of levels of a flat colour
+FLAT_SHARE = 0.6        # minimum share of pixels in the peak
+FLAT_ABOVE = 0.03       # maximum share of pixels brighter than the peak by more than FLAT_MORE
 FLAT_MORE = 0.06
 FLAT_RANGE = (0.15, 0.98)  # levels of flat colours that are raised to white
 
 
 def check_contrast(profile: Profile, name: str) -> None:
-    """Raise `InputError` if there is nothing on the picture."""
+    """Raise `InputError` if the picture shows nothing."""
     low, high = float(profile.low), float(profile.high)
     if high - low < MIN_CONTRAST:
         kind = "empty (all black)" if high < MIN_CONTRAST else "all white" if low > 1 - MIN_CONTRAST else "evenly grey"
@@ -40,10 +40,10 @@ def check_contrast(profile: Profile, name: str) -> None:
 
 def background(grey: Bands, profile: Profile, invert: bool | str, notes: Notes, overview: Overview | None
                ) -> tuple[float, bool, bool]:
-    """The background's level, whether the picture is to be inverted, so that its shape is white, and whether even then
-    most of what deviates from the background is darker.
+    """The background's level; whether the picture must be inverted to make its shape white; and whether even then most
+    of what deviates from the background is darker.
 
-    With an overview, the level is that of most of the picture where the border has none, as on a scanned paper.
+    With an overview, if the border has no common level, as on a scanned paper, most of the picture gives the level.
     """
     level, contrast = float(np.median(profile.border)), float(profile.high - profile.low)
     if overview is not None and (np.abs(profile.border - level) < contrast / 4).mean() < STEADY:
@@ -73,8 +73,8 @@ def say_polarity(inverted: bool, invert: bool | str, doubtful: bool, notes: Note
 
 
 def above_background(profile: Profile, level: float, notes: Notes) -> Callable[[np.ndarray], np.ndarray] | None:
-    """What takes the background, of this level, to 0 and white to 1, and the background's noise, as its border shows
-    it, to 0; None if there is nothing to be done."""
+    """A function of levels that takes the background's level and its noise, measured on the border, to 0, and white to
+    1; None if nothing needs to change."""
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level)
     away = away[away < contrast / 4]
@@ -95,7 +95,7 @@ def above_background(profile: Profile, level: float, notes: Notes) -> Callable[[
 
 
 def ringing(overview: Overview) -> float:
-    """The level that a JPEG's errors reach beside the shape; 0 if there are none to be seen."""
+    """The level that a JPEG's errors reach beside the shape; 0 if there are none."""
     from scipy import ndimage
 
     lit = overview.mean
@@ -107,7 +107,7 @@ def ringing(overview: Overview) -> float:
 
 @dataclass(frozen=True)
 class Flat:
-    """A shape of one level; `inner`: whether pixels lit all around told so."""
+    """A shape of one level. `inner`: whether pixels that are lit all around determined it."""
 
     level: float
     inner: bool
@@ -137,8 +137,8 @@ class Flat:
 
 
 def levelled(overview: Overview, notes: Notes, *, coloured: bool) -> float:
-    """The factor that makes a shape of one flat colour white; 1 for any other. coloured: levels are distances from the
-    background's colour, of which none stands for itself."""
+    """The factor that makes a shape of one flat colour white; 1 for any other shape. coloured: levels are distances
+    from the background's colour, so no level has a meaning of its own."""
     flat = Flat.of(overview)
     most = 1.0 if coloured else FLAT_RANGE[1]
     if flat is None or not FLAT_RANGE[0] <= flat.level < most:
@@ -149,8 +149,7 @@ def levelled(overview: Overview, notes: Notes, *, coloured: bool) -> float:
 
 
 def check_noise(overview: Overview, name: str) -> None:
-    """Raise `InputError` on a picture of noise: neighbouring pixels that have nothing to do with one another, evenly
-    everywhere."""
+    """Raise `InputError` on a picture of noise: neighbouring pixels are independent, evenly everywhere."""
     lit = overview.mean
     side = min(lit.shape)
     if side < 32:
@@ -170,7 +169,7 @@ def check_noise(overview: Overview, name: str) -> None:
 
 
 def check_clear(overview: Overview, profile: Profile, level: float, notes: Notes) -> None:
-    """Note if the picture has no background to stand out from, as most photographs have none."""
+    """Add a note if the picture has no background, as in most photographs."""
     contrast = float(profile.high - profile.low)
     steady = float((np.abs(profile.border - level) < contrast / 4).mean())
     spread = float(np.abs(profile.border - level).mean()) / contrast

@@ -106,7 +106,12 @@ class Pretrained(Method):
 
     def _described(self, found: files.Weights) -> nn.Module:
         try:
+            with torch.device("meta"):  # a recipe may ask for any amount of memory: its shapes are compared first
+                sketch = self.build(found.recipe)
+            found.check(sketch)
             return self.built(found.recipe)
+        except InputError:
+            raise
         except Exception as error:  # whatever a stranger's recipe makes a constructor raise
             first = (str(error).splitlines() or [""])[0]
             raise InputError(f"the recipe in {found.source} describes no network of {self.name}: "

@@ -1,7 +1,7 @@
-"""Who computes an operation: the registry of backends and the choice among them.
+"""The registry of backends that compute the operations, and the choice among them.
 
-Beside each operation lies a module for each backend, which has the operation in the form of `reference`. It is imported
-at its first use, so that nobody waits for a compiler that is not needed.
+The folder of an operation has a module for each backend, with the same functions as `reference`. It is imported at its
+first use, so that nobody waits for a compiler that is not needed.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Backend:
-    """Where a backend lives, which tensors it takes, and the same in words."""
+    """A backend's module, the test for the tensors that it accepts, and a description of them."""
 
     module: str
     takes: Callable[[Tensor], bool]
     needs: str
 
 
-BACKENDS: dict[str, Backend] = {  # "auto" takes the first that can
+BACKENDS: dict[str, Backend] = {  # "auto" takes the first that accepts the tensor
     "cpu": Backend("cpu", lambda t: t.device.type == "cpu" and t.dtype == torch.float32, "float32 tensors on the CPU"),
     "cuda": Backend("cuda", lambda t: (t.device.type == cuda_launch.DEVICE and t.dtype == torch.float32
                                        and cuda_launch.INSTALLED),
@@ -47,9 +47,9 @@ def check_name(name: str) -> None:
 
 
 def choose(name: str, tensor: Tensor) -> str:
-    """The name of the backend that will serve: `name` itself, or for "auto" the first that takes the tensor.
+    """The name of the backend to use: `name` itself, or for "auto" the first that accepts the tensor.
 
-    Raises `InputError` if there is no such backend or it cannot take the tensor's device and dtype.
+    Raises `InputError` if there is no such backend or it does not accept the tensor's device and dtype.
     """
     check_name(name)
     candidates = BACKENDS if name == "auto" else [name]

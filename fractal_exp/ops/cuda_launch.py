@@ -1,7 +1,7 @@
-"""Kernels queued on torch's current stream: no copy, no wait, and nothing that a CUDA graph could not record.
+"""Queue kernels on torch's current stream, without copies, waits, or anything that a CUDA graph cannot record.
 
-With NUMBA_ENABLE_CUDASIM=1 in the environment numba runs the same kernels as plain Python on CPU tensors, slowly: that
-is how they are checked where there is no GPU.
+With NUMBA_ENABLE_CUDASIM=1 in the environment, numba runs the same kernels slowly as plain Python on CPU tensors. This
+is how they are tested without a GPU.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 SIMULATED = os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
-DEVICE = "cpu" if SIMULATED else "cuda"  # where the tensors of the kernels lie
+DEVICE = "cpu" if SIMULATED else "cuda"  # device of the kernels' tensors
 INSTALLED = find_spec("numba_cuda") is not None
 
 
@@ -39,22 +39,22 @@ def launch(kernel: Any, blocks: int, threads: int, first: Tensor, *rest: Tensor 
 
 
 def blocks_of(count: int, threads: int) -> int:
-    """The number of blocks that have a thread for each of `count`."""
+    """The number of blocks that together have at least `count` threads."""
     return -(-count // threads)
 
 
 @functools.lru_cache(maxsize=64)
 def _stream(handle: int) -> Any:
-    """numba's stream of a CUDA handle, one and the same for every call, so that numba finds its launch prepared."""
+    """numba's stream for a CUDA handle. It is the same object at every call, so numba can reuse its prepared launch."""
     from numba import cuda
 
-    # Chaos games are long and few: their grids are small on purpose.
+    # Chaos games are few and long, so their grids are small on purpose.
     warnings.filterwarnings("ignore", message="Grid size")
     return cuda.external_stream(handle) if handle else cuda.default_stream()
 
 
 def _converted(arguments: tuple, convert: Callable[[Tensor], Any]) -> list:
-    """The arguments with each tensor converted; a NamedTuple stays one, which the kernel reads by its fields."""
+    """The arguments with each tensor converted. A NamedTuple stays one, because the kernel reads it by fields."""
     return [type(argument)(*_converted(argument, convert)) if isinstance(argument, tuple)
             else convert(argument.detach()) if isinstance(argument, Tensor) else argument for argument in arguments]
 

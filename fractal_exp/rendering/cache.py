@@ -1,4 +1,4 @@
-"""Renderings kept in a folder: every method is judged on the same images, so they are drawn once."""
+"""A folder cache of renderings: every method is judged on the same images, so they are drawn only once."""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from .still import render_with_info
 
 log = logging.getLogger(__name__)
 
-SAMPLER_VERSION = 1  # to be raised when the renderer draws other points from a seed
+SAMPLER_VERSION = 1  # raise it when the renderer draws other points from the same seed
 
 
 @dataclass(frozen=True)
 class ImageCache:
-    """Occupancy images by what determines them, as the counts of lit parts: exact, and small. None keeps nothing.
+    """Occupancy images, keyed by everything that determines them. They are stored as exact, small counts of lit parts.
+    Without a folder (None), nothing is stored.
 
-    They are drawn on `device`; those of a GPU hold other points, and are kept apart.
+    Images are drawn on `device`. A GPU draws other points, so its images are stored separately.
     """
 
     folder: str | Path | None
@@ -36,7 +37,7 @@ class ImageCache:
 
     def render(self, code: IFS, view: View, *, resolution: int, points_in_view: int, supersample: int, seed: int
                ) -> Tensor:
-        """The image of `render`, read from the folder if it is there. Raises `InputError` if it cannot be written."""
+        """The image of `render`, from the folder if it is there. Raises `InputError` if it cannot be written."""
         size = {"resolution": resolution, "points_in_view": points_in_view, "supersample": supersample, "seed": seed}
         if self.folder is None:
             return _draw(code, view, size, self.device)
@@ -51,7 +52,7 @@ class ImageCache:
 
 
 def _draw(code: IFS, view: View, size: dict[str, Any], device: str) -> Tensor:
-    """`render`, silent about views that hold nothing: among random views there are always some."""
+    """`render` without warnings about empty views, because random views always include some."""
     image, info = render_with_info(code, view, **size, device=device)
     if info.reason is not None and not info.empty:
         log.warning(info.reason)
@@ -68,7 +69,7 @@ def _key(code: IFS, view: View, size: dict[str, int], device: str) -> str:
 
 
 def _read(path: Path, resolution: int) -> np.ndarray | None:
-    """The counts of lit parts (R,R), or None, which is said, if the file is damaged; it is then drawn and kept anew."""
+    """The counts of lit parts (R,R). If the file is damaged, log a warning and return None, to draw the image again."""
     try:
         check_file(path, "the cached image")
         with zipfile.ZipFile(path) as archive, archive.open("lit.npy") as file:
@@ -79,7 +80,7 @@ def _read(path: Path, resolution: int) -> np.ndarray | None:
         with np.load(path, allow_pickle=False) as arrays:
             return arrays["lit"]
     except Exception as error:  # on damaged files NumPy and zipfile raise almost anything
-        log.warning("%s is damaged (%s) and is drawn anew", path, error)
+        log.warning("%s is damaged (%s) and is drawn again", path, error)
         return None
 
 

@@ -1,4 +1,4 @@
-"""Zooms as films: every frame drawn anew at its own view."""
+"""Zooms as films. Every frame is rendered at its own view."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from ..runtime.files import replacing
 from .still import render_with_info, tone_map, white_level
 
 SUFFIXES = (".mp4", ".gif")
-MEMORY = 0.9  # of the white level of a density film, from one frame to the next
+MEMORY = 0.9  # weight of the last frame's white level in a density film
 
 
 def frames(code: IFS, views: Sequence[View], *, resolution: int = 720, points_in_view: int | None = None,
            supersample: int = 8, mode: str = "occupancy") -> Iterator[Tensor]:
-    """The picture (R,R) in [0,1] of each view, one after another; arguments and errors are those of `render`.
+    """The picture (R,R) in [0,1] of each view, one after another, with the arguments and errors of `render`.
 
     Density is tone mapped with a white level that follows the scene slowly, so that the film does not flicker.
     """
@@ -38,7 +38,7 @@ def frames(code: IFS, views: Sequence[View], *, resolution: int = 720, points_in
 
 
 def check_film(path: str | Path, resolution: int, fps: int) -> Path:
-    """The absolute path of a film that can be written, or `InputError`."""
+    """The absolute path of a film. Raises `InputError` if it cannot be written."""
     path = Path(path).absolute()
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"a film is an {' or '.join(SUFFIXES)} file, got {path.name!r}")
@@ -66,7 +66,7 @@ def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int = 30) -
         options = {"fps": fps, "codec": "libx264", "quality": 8, "pixelformat": "yuv420p", "macro_block_size": 2}
     with (replacing(path, f".partial{path.suffix}") as partial,
           imageio.get_writer(partial, mode="I", **options) as film):
-        writer: Any = film  # declared as what reads and writes have in common
+        writer: Any = film  # its declared type is the common base of readers and writers
         for picture in pictures:
             writer.append_data((picture * 255).round().to(torch.uint8).numpy())
     return path

@@ -1,6 +1,6 @@
-"""A PNG written band by band, so that a picture may be larger than the memory.
+"""Write a PNG band by band, so that a picture may be larger than memory.
 
-No library at hand writes a PNG piecewise, nor grey with alpha at 16 bits; the format itself is small (ISO 15948).
+Our libraries can write neither a PNG in pieces nor grey with alpha at 16 bits. The format itself is small (ISO 15948).
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from ..errors import InputError
 from ..runtime.files import replacing
 
 GREY, GREY_ALPHA = 0, 4   # colour types
-FILTER_UP = 2             # a row is stored as its difference to the row above
+FILTER_UP = 2             # a row is stored as its difference from the row above
 LEVEL = 6                 # of compression
-ROWS = 32                 # that are packed at once
+ROWS = 32                 # packed at once
 
 
 class PngWriter:
     """Write a grey image of `width` × `height` pixels in bands of whole rows, from the top.
 
-    bits: 8 or 16. transparent: the image becomes the opacity of pure white, so that it can be laid on anything. As a
-    context manager: the file appears when all rows are written and the block ends without an error. Raises
-    `InputError` on another suffix than .png or other bits, and where the file cannot be written.
+    bits: 8 or 16. transparent: the image becomes the opacity of pure white, so that it can be laid over anything. Use
+    it as a context manager: the file appears when all rows are written and the block ends without an error. Raises
+    `InputError` on a suffix other than .png or other bits, and if the file cannot be written.
     """
 
     def __init__(self, path: str | Path, width: int, height: int, *, bits: int = 8, transparent: bool = False):
@@ -73,7 +73,7 @@ class PngWriter:
         self._chunk(b"IDAT", self._deflate.compress(filtered.tobytes()))
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: object) -> None:
-        with self._stack:  # closes the file, then puts it into its place or removes it
+        with self._stack:  # closes the file, then moves it into place or removes it
             if error is not None:
                 raise error
             self._finish()

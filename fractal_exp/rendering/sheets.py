@@ -1,4 +1,4 @@
-"""Pictures for the eye: comparison strips and contact sheets, as RGB arrays."""
+"""Comparison strips and contact sheets, as RGB arrays."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from .still import render_with_info
 LEAST_FONT = 9                             # pixels high
 GAP = 4                                    # pixels between pictures
 SHADE = 40                                 # grey level of a silhouette
-MISSING = np.array([1.0, 0.55, 0.1])       # orange: in the target alone
-EXTRA = np.array([0.2, 0.6, 1.0])          # blue: in the result alone
+MISSING = np.array([1.0, 0.55, 0.1])       # orange: only in the target
+EXTRA = np.array([0.2, 0.6, 1.0])          # blue: only in the result
 COLUMNS = ("target", "result", "orange: missing, blue: too much")
 
 
 def difference(image: Tensor, truth: Tensor) -> np.ndarray:
-    """Where an image (H,W) in [0,1] differs from the truth: (H,W,3), orange where it lacks, blue where it exceeds."""
+    """Where an image (H,W) in [0,1] differs from the truth: (H,W,3), orange where it is darker, blue where brighter."""
     signed = (truth.double() - image.double()).numpy()[..., None]
     return np.maximum(signed, 0) * MISSING + np.maximum(-signed, 0) * EXTRA
 
 
 def comparison_strip(images: Tensor, truth: Tensor, captions: Sequence[str], side: int = 320) -> np.ndarray:
-    """Target | result | difference, a row for each pair of images (V,R,R): (H,W,3) uint8.
+    """Target | result | difference, one row for each pair of images (V,R,R): (H,W,3) uint8.
 
-    captions has one line a row; every picture is scaled to `side` pixels. Raises `InputError` if the numbers differ.
+    captions: one line per row. Every picture is scaled to `side` pixels. Raises `InputError` if the numbers differ.
     """
     if images.shape != truth.shape or len(captions) != len(images):
         raise InputError(f"a strip needs as many results as targets and captions, got {tuple(images.shape)}, "
@@ -45,7 +45,7 @@ def comparison_strip(images: Tensor, truth: Tensor, captions: Sequence[str], sid
 
 def contact_sheet(images: Sequence[Tensor] | Tensor, captions: Sequence[str], columns: int = 10, side: int = 160
                   ) -> np.ndarray:
-    """Small pictures of images (R,R) in rows of `columns`, a caption below each: (H,W,3) uint8."""
+    """Small pictures of images (R,R) in rows of `columns`, with a caption below each: (H,W,3) uint8."""
     if len(images) != len(captions) or len(images) == 0:
         raise InputError(f"a contact sheet needs one caption an image, got {len(images)} images and {len(captions)}")
     return _grid([_grey(image) for image in images], captions, columns, side)
@@ -75,7 +75,7 @@ def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, si
 
 
 def _fitted(caption: str, width: int, font: ImageFont.FreeTypeFont) -> tuple[str, ImageFont.FreeTypeFont]:
-    """A caption that is no wider than its picture: in a smaller font, or else without its middle."""
+    """A caption at most as wide as its picture: in a smaller font, or else without its middle."""
     caption = " ".join(caption.split())
     while font.getlength(caption) > width and font.size > LEAST_FONT:
         font = font.font_variant(size=font.size - 1)
@@ -97,7 +97,7 @@ def portrait(code: IFS, side: int = 256) -> bytes | None:
 
 
 def silhouette(code: IFS, view: View, side: int) -> bytes:
-    """A view of a code as the bytes of a PNG: dark grey, as opaque as a pixel is covered."""
+    """A view of a code as the bytes of a PNG: dark grey, with the covered share of a pixel as its opacity."""
     image = render_with_info(code, view, resolution=side)[0]
     opacity = np.rint(255 * image.numpy()).astype(np.uint8)
     file = io.BytesIO()

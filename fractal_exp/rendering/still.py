@@ -25,21 +25,21 @@ from ..runtime.checks import check_count, check_memory, shown
 log = logging.getLogger(__name__)
 
 POINTS_AT_1024 = 50_000_000  # the paper's points per view at 1024²; other resolutions keep the points per pixel
-MAX_ZOOM = 1e12              # beyond, a pixel is no longer large against the rounding of a double
+MAX_ZOOM = 1e12              # above it, a pixel is no longer large compared with the rounding of a double
 MAX_SUPERSAMPLE = 64
-TILE = 8192                  # supersampled pixels a side that are drawn at once
+TILE = 8192                  # maximum supersampled pixels per side that are drawn at once
 MODES = {"occupancy": LIT, "density": COUNTED}
 
-PILOT_POINTS = 65_536        # points wanted to weigh a view: 0.4% accuracy
-WORD = 4                     # work of looking at a word, in points thrown
-SEARCH_WORK = 30_000_000     # points thrown, before a view counts as empty: about a tenth of a second
-WORK, WORK_PER_POINT = 1_000_000_000, 25  # and for a view: about ten seconds at 50 million points
+PILOT_POINTS = 65_536        # points that weigh a view, to 0.4%
+WORD = 4                     # work of visiting a word, in points thrown
+SEARCH_WORK = 30_000_000     # points thrown before a view counts as empty: about a tenth of a second
+WORK, WORK_PER_POINT = 1_000_000_000, 25  # limits for a view: about ten seconds at 50 million points
 
 
 @dataclass(frozen=True)
 class RenderInfo:
-    """What a rendering did: points in the view `requested` and `drawn` (a Poisson number, within 1% of each other for
-    large ones), the `mass` of the invariant measure in the view, and the `reason` if it holds fewer or no points."""
+    """What a rendering did: the points in the view, `requested` and `drawn` (a Poisson number; large ones agree within
+    1%), the `mass` of the invariant measure in the view, and the `reason` if it holds fewer or no points."""
 
     requested: int
     drawn: int
@@ -54,7 +54,7 @@ class RenderInfo:
 
 @dataclass(frozen=True)
 class _Plan:
-    """How many points to throw at the whole attractor so that the view gets its own."""
+    """How many points to throw at the whole attractor so that the view gets the requested number."""
 
     tree: AddressTree
     thrown: float
@@ -83,16 +83,16 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
 
     - view: the window; the whole canvas by default.
     - points_in_view: how many points of the chaos game land in the window, 50 million · (resolution / 1024)² by
-      default. It does not matter how small a part of the attractor is in the window.
-    - supersample: subpixels along a side of a pixel. The mode "density" has none.
+      default, however small the part of the attractor in the window.
+    - supersample: subpixels per side of a pixel; unused in the mode "density".
     - mode: "occupancy" gives the share, in [0,1], of the subpixels of a pixel that a point has hit. "density" gives the
       points in a pixel over their mean in the window, in [0, resolution²]: the density of the invariant measure
       relative to a uniform one. `tone_map` makes an image of it.
-    - device: "cpu" or "cuda". A GPU throws other points of the same distribution. Views in which points have to be
-      searched for are rendered by the CPU in any case.
+    - device: "cpu" or "cuda". A GPU throws other points of the same distribution. The CPU always renders views in which
+      points must be searched for.
 
     The same seed gives the same image on any number of threads. The image carries no gradient; the functions of
-    `fractal_exp.ops` are differentiable. A view without a point of the attractor is black. A view whose points would
+    `fractal_exp.ops` are differentiable. A view without points of the attractor is black. A view whose points would
     take too much work gets fewer. Both are logged as warnings, and `render_with_info` returns them as data.
 
     Raises `InputError` on anything but an IFS, a code that is not contractive, a zoom above 1e12, a size below 1 or too
@@ -108,7 +108,7 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
 def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
                      supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
                      reuse: int = 1) -> tuple[Tensor, RenderInfo]:
-    """`render`, and what it did instead of a warning; `reuse` (CPU only) as in `AddressTree`, for quicker drawings."""
+    """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only)."""
     check_resolution(resolution)
     check_device(device)
     code, view = _drawable(code), _checked(view)
@@ -124,10 +124,10 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
 
 def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points_in_view: int | None = None,
                  supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Iterator[Tile]:
-    """`render` in square tiles, row by row from the top, in memory that does not grow with the resolution.
+    """`render` in square tiles, row by row from the top, with memory that does not grow with the resolution.
 
-    Tiles overhang the right and the lower edge. Arguments and errors are those of `render`; the points are drawn
-    anew for each tile, at one density, so no seam shows.
+    Tiles overhang the right and the lower edge. Arguments and errors are those of `render`. Each tile has its own
+    points, all at the same density, so no seams show.
     """
     check_device(device)
     code, view = _drawable(code), _checked(view)
@@ -139,12 +139,12 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
 
 
 def tile_side(resolution: int, supersample: int) -> int:
-    """The side in pixels of the tiles that `render_tiles` yields: at most 8192 supersampled pixels, evenly cut."""
+    """The side, in pixels, of the tiles from `render_tiles`: at most 8192 supersampled pixels, in equal parts."""
     return math.ceil(resolution / math.ceil(resolution * supersample / TILE))
 
 
 def white_level(density: Tensor) -> float:
-    """The density that becomes white in a picture: the 99.9th percentile of the pixels that are not empty."""
+    """The density that becomes white in a picture: the 99.9th percentile of the pixels with points."""
     lit = density[density > 0]
     return float(np.quantile(lit.numpy(), 0.999)) if len(lit) else 1.0
 
@@ -159,7 +159,7 @@ def tone_map(density: Tensor, white: float | None = None) -> Tensor:
 
 
 def _drawable(code: IFS) -> IFS:
-    """The code without gradients. Raises `InputError`, with the way to a code, on anything else."""
+    """The code without gradients. Raises `InputError`, with a hint how to get a code, on anything else."""
     if isinstance(code, str | os.PathLike):
         known = str(code) in codes.names()
         remedy = f"fractal_exp.codes.known({str(code)!r})" if known else f"IFS.load({str(code)!r})"
@@ -193,10 +193,10 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
 
 
 def _address_tree(code: IFS, reuse: int = 1) -> AddressTree:
-    """The code with the smallest rectangle that is certain to hold its attractor."""
+    """The code with the smallest rectangle that certainly contains its attractor."""
     h = attractor.support_function(code)
     quarter = len(h) // 4
-    # The widths and the middles along direction k and across it.
+    # Widths and middles along direction k and across it.
     along, across = h[:quarter] + h[2 * quarter:3 * quarter], h[quarter:2 * quarter] + h[3 * quarter:]
     k = int((along * across).argmin())
     angle = 2 * math.pi * k / len(h)
@@ -213,10 +213,10 @@ def _window(view: View, size: int) -> Window:
 
 
 def _weigh(tree: AddressTree, window: Window, points: int, seed: int) -> _Plan:
-    """Find how much of the invariant measure lies in the window, by dry throws of growing number."""
+    """Estimate how much of the invariant measure lies in the window, by dry runs with more and more points."""
     if tree.within(window):
         return _Plan(tree, float(points), 1.0)
-    # With endless points under every word the tree is searched, not sampled, and the budget ends it at the first leaf.
+    # With infinitely many points, the tree is searched, not sampled, and the budget ends the search at the first leaf.
     if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK / 32).finished:
         return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is black")
     allowed = WORK + WORK_PER_POINT * points
@@ -225,7 +225,7 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int) -> _Plan:
         attempt += 1
         tally = tree.scatter(window, thrown, seed=(seed, 1, attempt))
         work = tally.thrown + WORD * tally.visited + 1
-        # Words are shared, so that work grows less than in proportion to the points: what follows is a bound.
+        # Words are shared, so work grows less than proportionally to the points: what follows is a bound.
         work_per_point = work / max(tally.kept, 1)
         if tally.kept >= PILOT_POINTS and work_per_point * points <= allowed:
             break
@@ -263,8 +263,8 @@ def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: i
 
 def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
                     ) -> tuple[np.ndarray, int]:
-    """The points' share of the factor² parts of each pixel for LIT, their number for COUNTED, and how many there are
-    in the window."""
+    """The lit share of the factor² parts of each pixel for LIT, or the number of its points for COUNTED; and the number
+    of points in the window."""
     canvas = histogram.planes(window.size, mode)
     drawn = plan.tree.scatter(window, plan.thrown, seed=seed, canvas=canvas, mode=mode).kept
     if mode == COUNTED:
@@ -291,7 +291,7 @@ SCATTER = {"cpu": _scatter_on_cpu, "cuda": _scatter_on_cuda}
 
 
 def check_device(device: str) -> None:
-    """Raise `InputError` unless images can be drawn on this device here."""
+    """Raise `InputError` unless images can be drawn on this device."""
     try:
         kind = torch.device(device).type
     except RuntimeError:
@@ -304,7 +304,7 @@ def check_device(device: str) -> None:
 
 
 def check_resolution(resolution: int, name: str = "resolution") -> None:
-    """Raise `InputError` unless an image of this resolution, which the message calls `name`, can be drawn here."""
+    """Raise `InputError` unless an image of this resolution can be drawn. The message calls the resolution `name`."""
     check_count(name, resolution)
     check_memory(f"an image of {resolution}² pixels", 8 * int(resolution)**2,  # the image and a copy
                  torch.device("cpu"), f"lower {name}, or draw it in tiles (render_tiles)")

@@ -1,4 +1,4 @@
-"""The camera of an endless zoom: a point of the attractor, and the views on the way to it."""
+"""The camera of an endless zoom: a target point on the attractor, and the views on the way to it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from ..ifs.code import IFS, View
 from ..runtime.seeds import derive
 from .still import MAX_ZOOM, render_with_info
 
-LOOK, LOOK_POINTS = 64, 20_000  # pixels and points of a look about
-CANDIDATES, DEPTHS = 4, 4  # points of each kind that are tried for a film, and views of each
+LOOK, LOOK_POINTS = 64, 20_000  # pixels per side and points of a preview
+CANDIDATES, DEPTHS = 4, 4  # candidate points of each kind for a film, and views of each candidate
 CLOSER = 4            # from one look to the next, on the way to a film's target
-EASE = 0.15           # of the time is spent on gathering speed, and as much on braking
-CENTERED = 0.4        # of the time after which the target is in the middle of the picture
+EASE = 0.15           # share of the time for acceleration, and the same for braking
+CENTERED = 0.4        # share of the time after which the target is in the middle of the picture
 
 
 def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[float, float]:
     """A point (x, y) of the attractor with much to see around it at every zoom up to `end_zoom`.
 
-    A random point often lies in an evenly filled region, or where a view holds nothing but parallel lines. Of
-    `CANDIDATES` random points and as many that lie where about half of each view is lit (`_half_lit_point`), this is
-    the one whose dullest of `DEPTHS` views, evenly spread over the zoom's logarithm, is the richest. The same seed
-    gives the same point; it takes about seventy drawings of 64². Raises `InputError` if the code is not contractive.
+    A random point often lies in an evenly filled region, or where views only show parallel lines. Candidates are
+    `CANDIDATES` random points and as many points about which half of each view is lit (`_half_lit_point`). Each has
+    `DEPTHS` views, evenly spaced in the logarithm of the zoom. The candidate whose dullest view is the richest wins.
+    The same seed gives the same point. It takes about seventy drawings of 64². Raises `InputError` if the code is not
+    contractive.
     """
     points = [find(code, derive(seed, "target", number), end_zoom) for number in range(CANDIDATES)
               for find in (_half_lit_point, lambda code, seed, _: attractor.random_point(code, seed))]
@@ -36,27 +37,27 @@ def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[floa
 
 
 def _look(code: IFS, center: tuple[float, float], zoom: float) -> torch.Tensor:
-    """Which pixels of a small picture are lit."""
+    """The lit pixels of a small picture of a view."""
     return render_with_info(code, View(center, zoom), resolution=LOOK, points_in_view=LOOK_POINTS,
                             supersample=1)[0] > 0
 
 
 def _richness(lit: torch.Tensor) -> float:
-    """How much brightness changes along the direction in which it changes least: the smaller eigenvalue of the mean
-    structure tensor (Förstner and Gülch 1987). It is 0 for a view that is empty, full or of parallel lines."""
+    """The change of brightness along the direction of least change: the smaller eigenvalue of the mean structure tensor
+    (Förstner and Gülch 1987). It is 0 for a view that is empty, full, or shows parallel lines."""
     smooth = avg_pool2d(_without_noise(lit), 3, 1)[0]
     across, down = (smooth[1:, 1:] - smooth[1:, :-1]).flatten(), (smooth[1:, 1:] - smooth[:-1, 1:]).flatten()
     return float(torch.linalg.eigvalsh(torch.stack([across, down]) @ torch.stack([across, down], 1))[0])
 
 
 def _without_noise(lit: torch.Tensor) -> torch.Tensor:
-    """Gaps of a pixel filled (1,R,R): they come from the points thrown, and are no content."""
+    """The picture (1,R,R) with gaps of one pixel filled: they are noise of the points, not content."""
     return max_pool2d(lit.float()[None], 3, 1, 1)
 
 
 def _half_lit_point(code: IFS, seed: int, end_zoom: float) -> tuple[float, float]:
-    """A point found from the whole inwards: in a small picture of a view, each lit pixel is judged by the window that
-    the next view, `CLOSER` times closer, will show about it, and so on down to a 64th of the last view."""
+    """A point found by zooming in from the whole. In a small picture of each view, a lit pixel is judged by the window
+    that the next view, `CLOSER` times closer, shows around it, and so on down to a 64th of the last view."""
     rng = np.random.default_rng(seed)
     (x, y), radius = attractor.bounding_disc(code)
     zoom, near = 1 / max(radius, 1e-6), 1.0
@@ -71,8 +72,8 @@ def _half_lit_point(code: IFS, seed: int, end_zoom: float) -> tuple[float, float
 
 
 def _rich_pixel(lit: torch.Tensor, near: float, rng: np.random.Generator) -> tuple[int, int]:
-    """A lit pixel in the middle part `near` of a picture (R,R) about which the lit share is close to 1/2, drawn from
-    the best tenth."""
+    """A random lit pixel from the middle part `near` of a picture (R,R), among the tenth around which the lit share is
+    closest to 1/2."""
     share = avg_pool2d(_without_noise(lit), LOOK // CLOSER + 1, 1, LOOK // CLOSER // 2, count_include_pad=False)[0]
     place = (torch.arange(LOOK) - (LOOK - 1) / 2).abs() <= near * LOOK / 2
     candidates = (lit & place[:, None] & place).nonzero()
@@ -85,10 +86,10 @@ def _rich_pixel(lit: torch.Tensor, near: float, rng: np.random.Generator) -> tup
 
 
 def nearest_point(code: IFS, to: tuple[float, float]) -> tuple[float, float]:
-    """The point (x, y) of the attractor nearest to `to`, found by looking: a small picture of the whole, then of a few
-    pixels about the lit one that is nearest, and so on down to 1e-12 of the canvas.
+    """The point (x, y) of the attractor nearest to `to`, found in pictures: a small one of the whole, then one of a few
+    pixels around the nearest lit pixel, and so on down to 1e-12 of the canvas.
 
-    Nearest up to a pixel of each picture. Raises `InputError` if the code is not contractive.
+    It is nearest to within a pixel of each picture. Raises `InputError` if the code is not contractive.
     """
     middle, radius = attractor.bounding_disc(code)
     center, zoom = to, 1 / (math.dist(middle, to) + max(radius, 1e-6))
@@ -109,9 +110,9 @@ def zoom_path(target: tuple[float, float], frames: int, *, start: View | None = 
               ) -> list[View]:
     """The views of a zoom into `target` (x, y), from `start` (default: the whole canvas) to `end_zoom`.
 
-    The zoom grows exponentially, at a rate that rises at the beginning and falls at the end; meanwhile the target
-    glides to the middle of the picture and stays there. Raises `InputError` unless frames >= 2 and the end zoom is
-    above the start's and at most 1e12.
+    The zoom grows exponentially, at a rate that rises at the beginning and falls at the end. The target glides to the
+    middle of the picture and stays there. Raises `InputError` unless frames >= 2 and the end zoom is above the start
+    zoom and at most 1e12.
     """
     start = start or View()
     if frames < 2:
@@ -130,7 +131,7 @@ def zoom_path(target: tuple[float, float], frames: int, *, start: View | None = 
 
 
 def _eased(t: float) -> float:
-    """The way made after the time t, both in [0,1]: constant acceleration, constant speed, constant braking."""
+    """The distance covered at time t, both in [0,1]: constant acceleration, constant speed, constant braking."""
     if t > 0.5:
         return 1 - _eased(1 - t)
     speed = 1 / (1 - EASE)

@@ -30,9 +30,9 @@ class Weights:
     source: str
     digest: str
 
-    def fill(self, network: nn.Module) -> None:
-        """Put the tensors into a network. Raises `InputError` unless names and shapes
-        agree and all values are finite."""
+    def check(self, network: nn.Module) -> None:
+        """Raise `InputError` unless the tensors have the names, shapes and types of this network's, which may be on
+        torch's meta device, and all values are finite."""
         state = network.state_dict()
         expected = {name: tuple(value.shape) for name, value in state.items()}
         if odd := sorted(set(self.tensors) ^ set(expected)):
@@ -47,6 +47,10 @@ class Weights:
                                  f"{state[name].dtype}")
             if not bool(torch.isfinite(value).all()):
                 raise InputError(f"{self.source} has NaN or infinite values in {name}")
+
+    def fill(self, network: nn.Module) -> None:
+        """Put the tensors into a network that `check` accepts."""
+        self.check(network)
         network.load_state_dict(dict(self.tensors), assign=True)
 
 

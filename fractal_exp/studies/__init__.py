@@ -1,1 +1,1 @@
-"""From tracked runs to tables: reports of sweeps, beside what was published."""
+"""Reports of sweeps: tables of tracked runs, beside published figures."""

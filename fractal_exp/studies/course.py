@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("row", "sample", "seconds", "f1")
-MOMENTS = 200  # at which the curves of a row are averaged
+MOMENTS = 200  # at which a row's curves are averaged
 
 
 def read_courses(uri: str, sweep: Sweep) -> pd.DataFrame:
     """A line for each code of each finished job: row, sample, the seconds of the fit until then, and its f1 on the
-    whole view. Empty where the sweep keeps no courses. Raises `InputError` on a damaged one."""
+    whole view. Empty if the sweep keeps no courses. Raises `InputError` on a damaged one."""
     import pandas as pd
 
     lines = []
     for job in sweep.jobs[sweep.jobs["status"] == "FINISHED"].itertuples():
         try:
             data = tracking.read_artifact(uri, job.run_id, "course.json")
-        except tracking.NoArtifact:  # a sweep without courses, or a fit that an earlier version finished
+        except tracking.NoArtifact:  # a sweep without courses, or a fit by an earlier version
             continue
         points = parse_json(data, f"the artifact course.json of the run {job.run_id}")
         if not isinstance(points, list) or not all(isinstance(point, dict) and {"seconds", "f1"} <= set(point)
@@ -45,7 +45,7 @@ def mean_course(part: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
     first = max(each["seconds"].iloc[0] for each in samples)
     last = max(part["seconds"].max(), first)
     moments = np.geomspace(max(first, 1e-3), max(last, 1e-3), MOMENTS)
-    moments[0], moments[-1] = first, last  # rounding must not come before the first code
+    moments[0], moments[-1] = first, last  # rounding must not put a moment before the first code
     curves = [each["f1"].to_numpy()[np.searchsorted(each["seconds"].to_numpy(), moments, side="right") - 1]
               for each in samples]
     return moments, np.mean(curves, 0)

@@ -1,5 +1,5 @@
-"""What the paper's tables say, to stand beside measured rows. Its suites were drawn without a seed and cannot be drawn
-again: another sample of the same distribution."""
+"""The figures of the paper's tables, shown beside measured rows. The paper drew its suites without a seed, so ours are
+another sample of the same distribution."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ COLUMNS = ("f1", "iou", "psnr", "ssim", "lpips")
 
 @dataclass(frozen=True)
 class PublishedTable:
-    """A table of the paper: its source, and by row the scores (in the order of COLUMNS) and the seconds, if told.
+    """A table of the paper: its source, and for each row the scores (in the order of COLUMNS) and any seconds.
 
-    A row has the name that our row of the same meaning has.
+    A row has the name of our row with the same meaning.
     """
 
     source: str

@@ -1,4 +1,4 @@
-"""From tracked runs to tables: what a sweep's jobs came to, row by row, beside what was published."""
+"""The table of a sweep: the results of its jobs, row by row, beside published figures."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ SCORE = re.compile(rf"metrics\.(?:eval/|(?:trivial/)?({'|'.join(TRIVIAL_ROWS)})[
 class Sweep:
     """A sweep as the tracking store has it.
 
-    jobs: one row a job, in the order of the plan: job, row, sample, status (FINISHED, FAILED, KILLED, RUNNING, or
-    ABSENT for a job that never got a run), reason, seconds, evaluations (NaN where the method counts none), run_id,
+    jobs: one row per job, in the order of the plan: job, row, sample, status (FINISHED, FAILED, KILLED, RUNNING, or
+    ABSENT for a job without a run), reason, seconds, evaluations (NaN if the method does not count them), run_id,
     views_judged and views_empty, then the means over views f1, iou, psnr, ssim and the perceptual distance, and the
-    same of an all white and an all black image and of the truth drawn anew as white/f1 … black/f1 … truth/f1 …. views:
-    their kind, None in a sweep of before it was kept.
+    same for an all white image, an all black image and the truth drawn again, as white/f1 … black/f1 … truth/f1 ….
+    views: their kind, or None in an old sweep that did not store it.
     """
 
     study: str
@@ -90,7 +90,7 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
 
 
 def _plan(uri: str, study: str, run_id: str) -> tuple[dict[str, Any], list[str]]:
-    """What a sweep is about, and the names of its jobs."""
+    """The description of a sweep, and the names of its jobs."""
     remedy = f"the same fractal-sweep {study} command again writes it anew"
     name = f"the artifact {{}} of the run {run_id}"
     about = parse_record(tracking.read_artifact(uri, run_id, "sweep.json"), name.format("sweep.json"), remedy,
@@ -118,9 +118,9 @@ def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
     """The table: a row for each row of the sweep, then the trivial images, then the published rows (column `source`).
 
     For each metric: its mean over the finished jobs of the row, NAME_low and NAME_high (bootstrap 95% interval over
-    samples, NaN for one), NAME_std, the spread over samples. `finished`, `failed` and `unfinished` count jobs; seconds
-    is the mean time of a fit, evaluations the mean number of images drawn for it. `wins` of `compared` samples have a
-    higher F1 than the baseline's on the same sample. Absent numbers are NaN.
+    samples, NaN for one sample), and NAME_std, the spread over samples. `finished`, `failed` and `unfinished` count
+    jobs; seconds is the mean time of a fit, evaluations the mean number of images drawn for it. `wins` of `compared`
+    samples have a higher F1 than the baseline on the same sample. Absent numbers are NaN.
     """
     import pandas as pd
 
@@ -165,7 +165,7 @@ def _scores(jobs: pd.DataFrame, metrics: list[str], seed: int, prefix: str = "")
 
 
 def same_rows(sweep: Sweep) -> list[list[str]]:
-    """Groups of rows whose jobs all came to the same scores: what they vary made no difference."""
+    """Groups of rows whose jobs all have the same scores: what these rows vary made no difference."""
     scores = [name for name in sweep.jobs if name.startswith("metric.") and "/" not in name]
     finished = sweep.jobs[sweep.jobs["status"] == "FINISHED"].sort_values("sample")
     groups: dict[tuple, list[str]] = {}
@@ -175,7 +175,7 @@ def same_rows(sweep: Sweep) -> list[list[str]]:
 
 
 def spread(sweep: Sweep, metric: str = "f1") -> pd.DataFrame:
-    """One metric of every finished job: rows of the table by samples, in the order of the plan."""
+    """One metric of every finished job, by row of the table and sample, in the order of the plan."""
     finished = sweep.jobs[sweep.jobs["status"] == "FINISHED"]
     table = finished.pivot_table(index="row", columns="sample", values=f"metric.{metric}", sort=False)
     order = list(dict.fromkeys(sweep.jobs["sample"].dropna()))

@@ -1,4 +1,4 @@
-"""The figure of a sweep: rows of the table as rows of pictures, each sample whole and zoomed."""
+"""The figure of a sweep: a row of pictures for each row of the table, each sample whole and zoomed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LARGEST = 24  # rows of pictures
 GAP = 6       # pixels between a picture and what is beside it
 WIDEST = 220  # pixels of the column of row names
 BACKGROUND, INK, EMPTY = (32, 32, 32), (225, 225, 225), (56, 56, 56)
-VIEWS = {"whole": "result", "zoomed": "zoomed"}                 # heading of a column -> the job's artifact
+VIEWS = {"whole": "result", "zoomed": "zoomed"}                 # column heading -> the job's artifact
 TARGETS = {"whole": "target", "zoomed": "zoomed_target"}
 
 
@@ -35,7 +35,7 @@ class Label:
 
 @dataclass(frozen=True)
 class Pair:
-    """The whole and the zoomed picture of one job, None where there is none, and the line below them."""
+    """The whole and the zoomed picture of one job (or None), and the line below them."""
 
     pictures: tuple[Image.Image | None, ...]
     caption: str
@@ -66,10 +66,10 @@ def figure(uri: str, sweep: Sweep, *, samples: int = 2, side: int = 160) -> np.n
 
 def layout(title: str, samples: Sequence[str], rows: Sequence[tuple[str, list[Pair]]], side: int
            ) -> tuple[tuple[int, int], list[Label], list[tuple[Image.Image | None, int, int]]]:
-    """Where everything lies: the size of the sheet, its texts, and its pictures with their upper left corners.
+    """The layout: the size of the sheet, its texts, and its pictures with their upper left corners.
 
-    The title stands at the top, the sample and the two views above their columns, the name of a row on its left, the
-    score below its pair. No text is wider than its place: names are broken into lines, and cut where they are too many.
+    The title is at the top, the sample and the two views above their columns, the name of a row on its left, the score
+    below its pair. No text is wider than its place: long names are broken into lines, and cut if there are too many.
     """
     font = font_for(side)
     line = line_height(font)
@@ -113,7 +113,7 @@ def broken(text: str, length: Callable[[str], float], room: float) -> list[str]:
 
 
 def font_for(side: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """The font beside pictures of `side` pixels."""
+    """The font for pictures of `side` pixels."""
     from PIL import ImageFont
 
     return ImageFont.load_default(size=max(11, side // 13))
@@ -125,7 +125,7 @@ def line_height(font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> int:
 
 
 def _pair(uri: str, found: pd.DataFrame) -> Pair:
-    """The pictures of the job of one row and sample, if there is one."""
+    """The pictures of the job for one row and sample, if there is one."""
     if not len(found):
         return Pair((None, None), "no result")
     job = found.iloc[0]

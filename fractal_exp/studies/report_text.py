@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 TITLES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS"}
 DIGITS = {"psnr": 2}
-RELEASED = "released"  # the kind of views that the published rows were judged on
+RELEASED = "released"  # the kind of views on which the published rows were judged
 
 
 def describe(sweep: Sweep) -> str:
-    """What was measured, in one line: scale, samples, what the brackets mean."""
+    """One line on what was measured: scale, samples, the meaning of the brackets."""
     samples, views = sweep.jobs["sample"].dropna().nunique(), f" (views={sweep.views})" if sweep.views else ""
     empty, judged = (int(sweep.jobs[f"views_{name}"].sum()) for name in ("empty", "judged"))
     means = (f"1 sample, mean over views{views}" if samples == 1 else
@@ -30,7 +30,7 @@ def describe(sweep: Sweep) -> str:
 
 
 def cells(sweep: Sweep, table: pd.DataFrame, source: str) -> tuple[list[str], list[list[str]]]:
-    """Head and rows of the part of the table from one source, as texts; columns that hold nothing are left out."""
+    """Head and rows of the part of the table from one source, as texts, without empty columns."""
     part = table[table["source"] == source]
     names = [name for name in [*sweep.metrics, *(set(TITLES) - set(sweep.metrics))]
              if name in part and part[name].notna().any()]
@@ -92,7 +92,7 @@ def failures(sweep: Sweep) -> list[str]:
 
 
 def markdown(sweep: Sweep, table: pd.DataFrame) -> str:
-    """The whole table as Markdown: measured, trivial and published rows apart, then the jobs that did not finish."""
+    """The whole table as Markdown: measured, trivial and published rows separately, then the unfinished jobs."""
     blocks = [f"# {sweep.title}"]
     for caption, head, rows in _parts(sweep, table):
         widths = [max(len(text) for text in column) for column in zip(head, *rows, strict=True)]
@@ -108,7 +108,7 @@ def markdown(sweep: Sweep, table: pd.DataFrame) -> str:
 def latex(sweep: Sweep, table: pd.DataFrame) -> str:
     """The whole table as LaTeX: a table environment that needs the package booktabs."""
     parts = _parts(sweep, table)
-    order = ["", *TITLES.values()]  # a score that only the published rows have stands among the scores
+    order = ["", *TITLES.values()]  # scores that only published rows have stay among the scores
     heads = sorted(dict.fromkeys(title for _, head, _ in parts for title in head),
                    key=lambda title: order.index(title) if title in order else len(order))
     lines = [r"\begin{table}", r"\centering", rf"\caption{{{_escape(f'{sweep.title}: {describe(sweep)}')}.}}",

@@ -1,4 +1,4 @@
-"""Formats of files that hold codes, chosen by the end of the file's name."""
+"""File formats for codes, chosen by the file's suffix."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def save(codes: Sequence[IFS], path: str | Path, format: str | None = None) -> P
 
 
 def of_file(path: str | Path, key: str | None = None) -> CodeFormat:
-    """The format in which a file is written: that of this key, or else of the path's suffix, JSON if it has none.
+    """The format in which a file is written: by key, or else by the path's suffix; JSON if it has no suffix.
 
     Raises `InputError` if there is none.
     """

@@ -1,4 +1,4 @@
-"""What formats of codes share: the class to derive from, choosing among several codes, and numbers read with care."""
+"""What all formats share: the base class, the choice among several codes, and safe reading of numbers."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ import torch
 from ...errors import InputError, did_you_mean
 from ..code import IFS
 
-MOST_MAPS = 10_000   # of one code; more is no code that anybody drew
+MOST_MAPS = 10_000   # of one code; nobody drew a code with more
 MOST_LISTED = 12     # names in an error message
-NORMALISED = 1e-3    # weights whose sum is nearer to 1 stay as they are
+NORMALISED = 1e-3    # weights whose sum is closer to 1 than this stay as they are
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -24,7 +24,7 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 class Entry:
     """One code of a file: its name, if it has one, and `read`, which makes the code or raises `InputError`.
 
-    A code that nobody asks for is not made, so that one bad entry does not close a file of a hundred good ones.
+    Only the code that is asked for is made, so one bad entry does not spoil a file of a hundred good ones.
     """
 
     name: str | None
@@ -34,9 +34,9 @@ class Entry:
 class CodeFormat:
     """A format of files that hold codes.
 
-    key: its name in `IFS.save(path, format=…)` and `fractal-convert --to`. suffixes: how its files' names end, in lower
-    case, the usual one first. several: whether a file may hold more than one code. A format overrides `entries` if it
-    is read and `write` if it is written.
+    key: its name in `IFS.save(path, format=…)` and `fractal-convert --to`. suffixes: of its files, in lower case, the
+    usual one first. several: whether a file may hold more than one code. A format overrides `entries` if it can be read
+    and `write` if it can be written.
     """
 
     key: str
@@ -44,7 +44,7 @@ class CodeFormat:
     several = False
 
     def entries(self, data: bytes) -> list[Entry]:
-        """The codes in a file's bytes, which are data from anywhere. Raises `InputError`."""
+        """The codes in a file's bytes, which may come from anywhere. Raises `InputError`."""
         raise InputError(f"{self.key} files are written, not read; keep the code's JSON file beside them")
 
     def write(self, codes: Sequence[IFS]) -> bytes:
@@ -53,9 +53,9 @@ class CodeFormat:
 
 
 def choose(entries: Sequence[Entry], name: str | None) -> IFS:
-    """The code that is called `name`, or #1, #2 … in the order of the file; without a name the only one.
+    """The code called `name`, or numbered #1, #2 … in the order of the file; without a name, the only code.
 
-    Raises `InputError`, which lists the names, if none or several answer to it.
+    Raises `InputError`, with a list of the names, if no code or several codes match.
     """
     if not entries:
         raise InputError("the file holds no code")
@@ -76,7 +76,7 @@ def choose(entries: Sequence[Entry], name: str | None) -> IFS:
 
 
 def listed(entries: Sequence[Entry]) -> str:
-    """Names of entries for an error message: the first twelve, a number where there is no name."""
+    """Names of entries for an error message: the first twelve, with numbers for entries without a name."""
     names = [f"#{i + 1}" if entry.name is None else reprlib.repr(entry.name)
              for i, entry in enumerate(entries[:MOST_LISTED])]
     more = len(entries) - len(names)
@@ -84,9 +84,9 @@ def listed(entries: Sequence[Entry]) -> str:
 
 
 def text_of(data: bytes) -> str:
-    """A file's bytes as text, UTF-8 with or without a mark at its start, without the 0x1A that DOS ends files with.
+    """A file's bytes as UTF-8 text, without a byte order mark and without the final 0x1A of DOS files.
 
-    Raises `InputError` if it is empty or anything else.
+    Raises `InputError` if it is empty or not UTF-8.
     """
     try:
         text = data.rstrip(b"\x1a").decode("utf-8-sig")
@@ -117,7 +117,7 @@ def numbers_of(text: str, count: int, what: str) -> list[float]:
 
 
 def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any]) -> IFS:
-    """The contractive code of rows a b c d e f and of weights, which are divided by their sum unless that is 1.
+    """The contractive code with rows a b c d e f and weights, which are divided by their sum unless it is 1.
 
     Raises `InputError`.
     """
@@ -134,19 +134,19 @@ def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any]) ->
 
 
 def check_count(maps: int) -> None:
-    """Raise `InputError` unless a code may have so many maps."""
+    """Raise `InputError` unless a code may have this number of maps."""
     if not 1 <= maps <= MOST_MAPS:
         raise InputError(f"a code has from 1 to {MOST_MAPS} maps, got {maps}" if maps else "the code has no map")
 
 
 def only_one(codes: Sequence[IFS], key: str) -> IFS:
-    """The code of a file that holds one. Raises `InputError` on several."""
+    """The only code for a file that holds one. Raises `InputError` if there are several."""
     if len(codes) != 1:
         raise InputError(f"a {key} file holds one code, got {len(codes)}; write one file a code")
     return codes[0]
 
 
 def plain(text: Any, most: int = 200) -> str:
-    """A note on one line without control characters, cut to `most` characters; empty if it is no text."""
+    """A note on one line without control characters, cut to `most` characters; empty if it is not text."""
     words = " ".join(text.split()) if isinstance(text, str) else ""
     return "".join(letter for letter in words if letter.isprintable())[:most]

@@ -1,11 +1,11 @@
-"""Colours of maps, alike in every format that has colours."""
+"""Colours of maps, the same in all formats with colours."""
 
 from __future__ import annotations
 
 import numpy as np
 
 COLOURS = 256  # of a palette
-# Bright on black and not pale on white; neighbours differ in lightness too, so that they differ in grey.
+# Bright on black and not pale on white. Neighbours also differ in lightness, so they differ in grey.
 ANCHORS = np.array([[38, 110, 214], [18, 164, 150], [96, 188, 64], [240, 178, 36], [232, 98, 60], [196, 60, 140]])
 
 

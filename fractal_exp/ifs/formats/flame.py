@@ -15,12 +15,12 @@ from .base import CodeFormat, Entry, code_of, number_of, numbers_of, plain, text
 from .colours import COLOURS, place, ramp
 from .flame_xml import Flame, flames
 
-SIZE = 1024                  # pixels a side of what is written
+SIZE = 1024                  # pixels per side of the written picture
 FLIP = np.diag([1.0, -1.0])  # flam3's y points down
-# Attributes of an xform that leave the points where they are. All others are variations, or their parameters.
+# Attributes of an xform that do not move points. All others are variations or their parameters.
 HARMLESS = {"weight", "coefs", "post", "linear", "opacity", "plotmode", "chaos", "color", "color_speed", "symmetry",
             "var_color", "animate", "name"}
-# Of the quality 48, points a pixel, is the picture that `render` draws; more light up rare points too.
+# Quality 48 (points per pixel) gives the picture that `render` draws; a higher one lights up rare points too.
 LOOK = {"supersample": "2", "filter": "0.1", "filter_shape": "gaussian", "quality": "48", "background": "0 0 0",
         "brightness": "4", "gamma": "4", "gamma_threshold": "0.01", "vibrancy": "1", "estimator_radius": "0",
         "estimator_minimum": "0", "estimator_curve": "0.4", "palette_mode": "linear", "interpolation": "linear"}
@@ -30,14 +30,15 @@ IDENTITY = "1 0 0 1 0 0"
 class FlameFile(CodeFormat):
     """flam3's XML, read if all maps are affine, and written with weights, camera, palette and colours.
 
-    The picture stays what `flam3-render` draws: flam3's y axis points down, so maps are mirrored both ways. A map is
-    its `coefs`, times the weight of `linear`, then `post`. A `finalxform` that is affine and invertible is conjugated
-    into the maps. Refused by name is what no code holds: other variations, `symmetry`, xaos (`chaos`), hidden maps.
+    The picture is the one that `flam3-render` draws. flam3's y axis points down, so maps are mirrored both ways. A map
+    is its `coefs`, times the weight of `linear`, then `post`. An affine, invertible `finalxform` is conjugated into the
+    maps. What no code can hold is refused by name: other variations, `symmetry`, xaos (`chaos`), hidden maps.
 
-    Read: maps in the file's coordinates, weights as probabilities; `meta` gets `name` and `camera` with the center and
-    zoom of a `View` on the file's window. Palette, colours, quality, rotation of the camera and edit history are lost.
+    Reading gives maps in the file's coordinates, and weights as probabilities. `meta` gets `name`, and `camera` with
+    the center and zoom of a `View` on the file's window. Palette, colours, quality, camera rotation and edit history
+    are lost.
 
-    Written: `meta["name"]` alone of the notes, and a code without probabilities with those of the chaos game. The
+    Writing keeps only `meta["name"]` of the notes. A code without probabilities gets those of the chaos game. The
     camera shows the canvas [-1,1]², or a square around an attractor that does not fit into it.
     """
 
@@ -61,7 +62,7 @@ def _code(flame: Flame) -> IFS:
         if flame.problem is not None:
             raise InputError(flame.problem)
         weights = [number_of(xform.get("weight", "0"), "a weight") for xform in flame.xforms]
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused with the code
+        with np.errstate(over="ignore", invalid="ignore"):  # the code refuses values that are not finite
             affine = [_affine(xform, f"xform {i + 1}") for i, xform in enumerate(flame.xforms)]
             rows = [_row(*_through(flame.final, linear, offset)) for linear, offset in affine]
         return code_of(rows, weights or None, _meta(flame))
@@ -103,7 +104,7 @@ def _coefs(text: str, what: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _through(final: Mapping[str, str] | None, linear: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """G f G⁻¹: the attractor of all these is the final map G of the attractor."""
+    """The maps G f G⁻¹. Their attractor is the image of the attractor under the final map G."""
     if final is None:
         return linear, offset
     outer, shift = _affine(final, "finalxform")
@@ -118,7 +119,7 @@ def _row(linear: np.ndarray, offset: np.ndarray) -> list[float]:
 
 
 def _meta(flame: Flame) -> dict[str, Any]:
-    """Name and camera; flam3's defaults make a camera that shows the canvas."""
+    """Name and camera. flam3's defaults give a camera that shows the canvas."""
     width, height = numbers_of(flame.attributes.get("size", "100 100"), 2, "size")
     x, y = numbers_of(flame.attributes.get("center", "0 0"), 2, "center")
     scale = number_of(flame.attributes.get("scale", "50"), "scale")
@@ -141,7 +142,7 @@ def _element(code: IFS, tree: Any) -> Any:
         "zoom": "0", "rotate": "0", **LOOK})
     chances = code.sampling_probabilities().tolist() if data["probabilities"] is None else data["probabilities"]
     for i, (((a, b), (c, d)), (e, f), chance) in enumerate(zip(data["linear"], data["offset"], chances, strict=True)):
-        numbers = (a, 0.0 - c, 0.0 - b, d, e, 0.0 - f)  # 0 - x has no minus zero
+        numbers = (a, 0.0 - c, 0.0 - b, d, e, 0.0 - f)  # 0 - x is never minus zero
         tree.SubElement(root, "xform", {
             "weight": repr(chance), "color": f"{place(i, len(code)):.6g}", "color_speed": "0.5", "opacity": "1",
             "linear": "1", "coefs": " ".join(map(repr, numbers))})
@@ -152,11 +153,11 @@ def _element(code: IFS, tree: Any) -> Any:
 
 
 def camera_of(code: IFS) -> View:
-    """The canvas, or if the attractor does not lie in it a square that it spans to three quarters.
+    """The canvas; or, if the attractor does not fit into it, a square of which the attractor spans three quarters.
 
     Raises `InputError` if the code is not contractive.
     """
-    from .. import attractor  # it brings numba, which reading needs not
+    from .. import attractor  # imports numba, which reading does not need
 
     x0, y0, x1, y1 = (float(side) for side in attractor.visible_box(code))
     if max(map(abs, (x0, y0, x1, y1))) <= 1:

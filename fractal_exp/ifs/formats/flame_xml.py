@@ -1,4 +1,4 @@
-"""The XML of `.flame` files, read as it streams: no document type, no entity, no great depth."""
+"""Streaming reader for the XML of `.flame` files, without document types, entities or deep nesting."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from .base import check_count, plain
 DEEPEST = 64
 ROOT = "flame"
 COLOURING = {"palette", "color", "colors"}
-IGNORED = {"edit"}  # the history, with all that stands in it
+IGNORED = {"edit"}  # the edit history, with its content
 
 
 @dataclass
 class Flame:
-    """A `flame` element: its attributes, those of its maps and of the final map, and a problem that bars reading it."""
+    """A `flame` element: attributes of itself, its maps and its final map, and any problem that prevents reading it."""
 
     attributes: dict[str, str]
     xforms: list[dict[str, str]] = field(default_factory=list)
@@ -30,7 +30,7 @@ class Flame:
 
 
 def flames(text: str) -> list[Flame]:
-    """The flames of a file. Raises `InputError` if it is no XML, or XML of a kind that could do harm."""
+    """The flames of a file. Raises `InputError` if it is not XML, or XML that could do harm."""
     handler = _Handler()
     parser = expat.ParserCreate("utf-8")
     parser.StartElementHandler, parser.EndElementHandler = handler.start, handler.end
@@ -77,7 +77,7 @@ class _Handler:
 
 
 def _take(flame: Flame, path: list[str], attributes: dict[str, str]) -> None:
-    """Note an element inside a flame; path: its name after those of what it stands in."""
+    """Record an element inside a flame. path: the names of the elements around it, then its own."""
     if path == ["xform"]:
         flame.xforms.append(attributes)
         check_count(len(flame.xforms))

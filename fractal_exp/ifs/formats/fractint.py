@@ -22,14 +22,14 @@ IN_3D = 13                             # numbers of a map in space
 class Fractint(CodeFormat):
     """FRACTINT's text files: `name { a b c d e f p … }`, x' = a x + b y + e, y' = c x + d y + f.
 
-    After Fractint's documentation (`name` before a brace, `;` begins a comment, a map is seven numbers, an entry called
-    `comment` is a comment, `(3D)` after the name marks a code in space) and that of the IFS Construction Kit (six
-    numbers a line are a map without a probability; commas may separate; names may have spaces). Probabilities are
-    divided by their sum if it is not 1. Entries in space are refused by name.
+    It follows the documentation of Fractint (`name` before a brace, `;` begins a comment, a map is seven numbers, an
+    entry called `comment` is a comment, `(3D)` after the name marks a code in space) and of the IFS Construction Kit
+    (six numbers per line are a map without a probability, commas may separate them, names may have spaces).
+    Probabilities are divided by their sum if it is not 1. Entries in space are refused by name.
 
-    `meta` keeps `name` and the entry's `comment`. Written are name, title, source and comment, the name with
-    underscores for what the format cannot hold; other notes are lost. A code without probabilities is written with
-    those that the chaos game takes for it, because Fractint needs them.
+    `meta` gets `name` and the entry's `comment`. Name, title, source and comment are written, with underscores for what
+    the format does not allow in names; other notes are lost. Fractint needs probabilities, so a code without any is
+    written with those of the chaos game.
     """
 
     key, suffixes, several = "fractint", (".ifs",), True
@@ -44,7 +44,7 @@ class Fractint(CodeFormat):
 
 @dataclass
 class _Block:
-    """What stands between two braces: the header before, lines without comments, and comments."""
+    """An entry: the header before its braces, the lines between them without comments, and the comments."""
 
     header: str
     lines: list[str] = field(default_factory=list)
@@ -55,7 +55,7 @@ class _Block:
         return plain(self.header.partition("(")[0]) or None
 
     def code(self) -> IFS:
-        """The code. Raises `InputError`, which begins with the entry's name."""
+        """The code. Raises `InputError` that begins with the entry's name."""
         try:
             if "(3D)" in self.header.upper().replace(" ", ""):
                 raise InputError("is a code in space (3D); only codes in the plane are read, of 6 or 7 numbers a map")
@@ -94,7 +94,7 @@ def _blocks(text: str) -> list[_Block]:
 
 
 def _maps(lines: list[str]) -> list[list[float]]:
-    """Rows of six or seven numbers: a line is a map, or seven numbers are, wherever lines end."""
+    """Rows of six or seven numbers. A map is a line, or seven numbers across lines."""
     words = [line.replace(",", " ").split() for line in lines]
     lengths = {len(line) for line in words if line}
     flat = [word for line in words for word in line]
@@ -110,7 +110,7 @@ def _maps(lines: list[str]) -> list[list[float]]:
 
 
 def _written(code: IFS, taken: set[str]) -> str:
-    """An entry, under a name that is not taken yet."""
+    """The text of an entry, under a name that is not taken yet."""
     rows = rows_of(replaced(code, probabilities=code.sampling_probabilities()))
     notes = [plain(line) for key in ("title", "source", "comment")
              for line in (code.meta[key].splitlines() if isinstance(code.meta.get(key), str) else [])]

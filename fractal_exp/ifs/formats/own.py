@@ -13,9 +13,9 @@ from .base import CodeFormat, Entry, check_count, only_one
 
 
 class Json(CodeFormat):
-    """This package's JSON: the maps, the probabilities and `meta`, all of it and every bit.
+    """This package's JSON: maps, probabilities and `meta`, without any loss.
 
-    All three spellings are read; see `IFS.from_json`.
+    All three spellings can be read; see `IFS.from_json`.
     """
 
     key, suffixes = "json", (".json",)
@@ -45,7 +45,7 @@ class Lists(Json):
 
 
 class Rows(Json):
-    """JSON with a row a b c d e f a map, and p if the code has probabilities. `meta` is lost."""
+    """JSON with a row a b c d e f for each map, and p if the code has probabilities. `meta` is lost."""
 
     key, suffixes = "rows", ()
 
@@ -62,7 +62,7 @@ def rows_of(code: IFS) -> list[list[float]]:
 
 
 def dumps(data: Any, indent: int | None = None) -> bytes:
-    """JSON as bytes. Raises `InputError` where `meta` holds what JSON cannot."""
+    """JSON as bytes. Raises `InputError` if `meta` holds anything that JSON cannot."""
     try:
         return (json.dumps(data, indent=indent) + "\n").encode()
     except (TypeError, ValueError, RecursionError) as error:

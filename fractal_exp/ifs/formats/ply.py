@@ -16,15 +16,15 @@ NAMES = {"<f4": "float", "|u1": "uchar"}
 
 
 class Ply(CodeFormat):
-    """200 000 points of the chaos game in the plane z = 0, binary little-endian, coloured by the map that led there.
+    """200 000 points of the chaos game in the plane z = 0, binary little-endian, coloured by their last map.
 
-    Coordinates are the code's own. The maps themselves are lost; nothing is read back: keep the JSON file.
+    Coordinates are the code's own. The maps are lost and the file cannot be read back, so keep the JSON file.
     """
 
     key, suffixes = "ply", (".ply",)
 
     def write(self, codes: Sequence[IFS]) -> bytes:
-        from .. import attractor  # it brings numba, which reading needs not
+        from .. import attractor  # imports numba, which reading does not need
 
         code = only_one(codes, self.key)
         points, maps = attractor.random_points(code, POINTS)

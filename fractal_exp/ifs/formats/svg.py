@@ -12,23 +12,23 @@ from ..code import IFS, View
 from .base import CodeFormat, only_one, plain
 from .colours import place, ramp
 
-PIXELS = 768     # of the shape, a side
-MARGIN = 1.1     # of a window that is larger than the canvas
+PIXELS = 768     # per side of the shape's image
+MARGIN = 1.1     # factor on a window that is larger than the canvas
 CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 class Svg(CodeFormat):
     """A drawing: the attractor in grey, its box, and the image of the box under each map, a parallelogram.
 
-    A dot marks the image of the box's lower left corner, and a thick side that of its lower side, so that turns and
-    flips can be seen. The title of each tells number and probability. x runs to the right and y up; the window is the
-    canvas [-1,1]² if everything fits. Nothing is read back: keep the JSON file.
+    A dot marks the image of the box's lower left corner, and a thick side the image of its lower side, so that
+    rotations and flips can be seen. The title of each map gives its number and probability. x points right and y up;
+    the window is the canvas [-1,1]² if everything fits. The file cannot be read back, so keep the JSON file.
     """
 
     key, suffixes = "svg", (".svg",)
 
     def write(self, codes: Sequence[IFS]) -> bytes:
-        from ...rendering.sheets import silhouette  # it brings numba, which reading needs not
+        from ...rendering.sheets import silhouette  # imports numba, which reading does not need
 
         code = only_one(codes, self.key).check_contractive()
         box = _box_corners(code)

@@ -1,4 +1,4 @@
-"""How far a search has come, told as progress."""
+"""Report the progress of a search."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from .stage import Stage
 from .stages import last_stages, stages_of
 from .state import Candidate, State
 
-ANOTHER_ROUND = 0.5   # the probability that a round is followed by another, as the progress bar takes it
+ANOTHER_ROUND = 0.5   # probability that another round follows, assumed for the progress bar
 
 
 class Course:
-    """All stages that a search may have, with their numbers, and how many moves each is expected to take."""
+    """All stages that a search may have, their numbers, and how many moves each is expected to take."""
 
     def __init__(self, problem: SearchProblem):
         rounds = [stage for number in range(problem.rounds) for stage in stages_of(problem, number)]
@@ -29,29 +29,29 @@ class Course:
         return ANOTHER_ROUND**stage.round * stage.expected_moves
 
     def number(self, stage: Stage) -> int:
-        """Of the stage, from 0 on."""
+        """The stage's number, from 0."""
         return list(self.stages).index(stage.key)
 
     def moves_before(self, stage: Stage) -> int:
-        """Moves that the stages before may take."""
+        """Maximum number of moves of all earlier stages."""
         return sum(each.most_moves for key, each in self.stages.items() if key < stage.key)
 
     def fraction(self, stage: Stage, step: int) -> float:
-        """The part of all expected moves that is done, after so many moves of a stage."""
+        """The share of all expected moves that is done after `step` moves of a stage."""
         before = sum(self._expected(each) for key, each in self.stages.items() if key < stage.key)
         return (before + min(step / max(stage.expected_moves, 1), 1) * self._expected(stage)) / self.total
 
 
 class Teller:
-    """Tells `on_step` what there is to tell: scores and the count of moves after each, a preview now and then, and at
-    the end of a stage its code."""
+    """Reports to `on_step`: scores and the number of moves after each move, sometimes a preview, and the code at the
+    end of each stage."""
 
     def __init__(self, on_step: OnStep | None, problem: SearchProblem, previews: int, render: Callable[[IFS], Tensor]):
         self.on_step, self.problem, self.render, self.course = on_step, problem, render, Course(problem)
         self.every = max(1, int(self.course.total) // previews) if previews else 0
 
     def move(self, stage: Stage, state: State) -> None:
-        """After a move."""
+        """Report a move."""
         if self.on_step:
             step = self.course.moves_before(stage) + state.step
             wanted = self.every and step % self.every == 0
@@ -59,7 +59,7 @@ class Teller:
             self._tell(stage, state.step, state.current, preview=preview)
 
     def stage(self, stage: Stage, state: State) -> None:
-        """After a stage."""
+        """Report the end of a stage."""
         if self.on_step:
             self._tell(stage, stage.most_moves, state.result, code=state.result.code)
 

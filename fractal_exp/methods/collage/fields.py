@@ -1,4 +1,4 @@
-"""Kinds of values that parameters of several components have."""
+"""Types of values that several components have as parameters."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from ...runtime.params import NAME, Amount, Interval, ParamError, Params
 
 
 def ascending(values: Interval) -> Interval:
-    """The two values, if they ascend; raises `ParamError` if not."""
+    """Return the two values; raise `ParamError` unless they ascend."""
     if values[0] > values[1]:
         raise ParamError("", f"{NAME} must be a lower and an upper end, got {list(values)}")
     return values
 
 
 def power_of_two(value: int) -> int:
-    """The value, if it is a power of two; raises `ParamError` if not."""
+    """Return the value; raise `ParamError` unless it is a power of two."""
     if value & (value - 1):
         raise ParamError("", f"{NAME} must be a power of two, got {value}")
     return value
 
 
 def odd(value: int) -> int:
-    """The value, if it is odd; raises `ParamError` if not."""
+    """Return the value; raise `ParamError` unless it is odd."""
     if value % 2 == 0:
         raise ParamError("", f"{NAME} must be odd, got {value}")
     return value
@@ -36,7 +36,7 @@ Sizes = Annotated[tuple[SingularValue, SingularValue], AfterValidator(ascending)
 PositiveShare = Annotated[float, Field(gt=0, le=1)]
 Factor = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(power_of_two)]
-Some = Field(min_length=1)   # of a list that must not be empty
+Some = Field(min_length=1)   # for a list that must not be empty
 
 
 class DescentSteps(Params):
@@ -51,5 +51,5 @@ class DescentSteps(Params):
 
 
 def descent(steps: int, rate: float, largest: float = 0.995) -> DescentSteps:
-    """`DescentSteps` in one line, for defaults."""
+    """Shorthand for `DescentSteps`, for defaults."""
     return DescentSteps(steps=steps, rate=rate, largest=largest)

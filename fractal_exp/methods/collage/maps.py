@@ -1,4 +1,4 @@
-"""Affine maps as rows a b c d e f of tensors (…,6), (x, y) -> (a x + b y + e, c x + d y + f): their algebra."""
+"""Algebra of affine maps (x, y) -> (a x + b y + e, c x + d y + f), stored as rows a b c d e f of tensors (…,6)."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from torch import Tensor
 from ...ifs.code import IFS, PROBABILITY_FLOOR
 from ...ops.collage import BinnedMeasure
 
-SINGULAR = 1e-6  # a determinant that counts as none
+SINGULAR = 1e-6  # a determinant below this counts as zero
 
 
 @dataclass(frozen=True)
 class WeightedMaps:
     """Maps (N,6) with weights.
 
-    weights (N,): relative, a map's probability is its weight over their sum; None: they are tied to |det| + 0.01.
+    weights (N,): relative; the probability of a map is its weight over their sum. None: they are tied to |det| + 0.01.
     """
 
     maps: Tensor
@@ -37,35 +37,35 @@ class WeightedMaps:
 
 
 def from_code(code: IFS) -> Tensor:
-    """(N,6)."""
+    """The maps (N,6) of a code."""
     return torch.cat([code.linear.flatten(1), code.offset], 1)
 
 
 def to_code(maps: Tensor, weights: Tensor | None = None) -> IFS:
-    """The code of maps (N,6), with the probabilities `weights` / sum, or those of |det| + 0.01."""
+    """The code of maps (N,6), with probabilities proportional to `weights`, or to |det| + 0.01 without weights."""
     probabilities = None if weights is None else normalized(weights)
     return IFS(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], probabilities)
 
 
 def normalized(weights: Tensor) -> Tensor:
-    """Weights (N,) over their sum; what is normalised stays as it is, bit for bit."""
+    """Weights (N,) over their sum. Weights that are already normalised stay bit for bit the same."""
     total = weights.sum()
     return weights if abs(float(total) - 1) < 1e-5 else weights / total
 
 
 def volumes(maps: Tensor) -> Tensor:
-    """|det| + 0.01, (…): to which the probability of a map is in proportion."""
+    """|det| + 0.01, (…). Tied probabilities are proportional to it."""
     return (maps[..., 0] * maps[..., 3] - maps[..., 1] * maps[..., 2]).abs() + PROBABILITY_FLOOR
 
 
 def largest_singular(maps: Tensor) -> Tensor:
-    """(…)."""
+    """The larger singular value (…) of each matrix."""
     a, b, c, d = maps[..., :4].unbind(-1)
     return torch.hypot((a + d) / 2, (c - b) / 2) + torch.hypot((a - d) / 2, (c + b) / 2)
 
 
 def smaller_singular(maps: Tensor) -> Tensor:
-    """(…)."""
+    """The smaller singular value (…) of each matrix."""
     a, b, c, d = maps[..., :4].unbind(-1)
     return (torch.hypot((a + d) / 2, (c - b) / 2) - torch.hypot((a - d) / 2, (c + b) / 2)).abs()
 
@@ -92,8 +92,7 @@ def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
 
 
 def root(one: Tensor, order: int) -> Tensor | None:
-    """The map (6,) that does, `order` times in a row, what this one (6,) does; None if it is not real or not
-    contractive."""
+    """The map (6,) whose `order`-fold composition is this one (6,). None if it is not real or not contractive."""
     from scipy.linalg import fractional_matrix_power
 
     matrix = torch.eye(3, dtype=torch.float64)
@@ -106,8 +105,7 @@ def root(one: Tensor, order: int) -> Tensor | None:
 
 
 def preceded(one: Tensor, others: Tensor) -> Tensor:
-    """What maps (n,6) do, undone by one (6,): g such that one∘g is each of them; those that are contractive, and none
-    where one is singular."""
+    """Contractive maps g (k,6) such that one∘g is one of `others` (n,6). Empty if `one` (6,) is singular."""
     if float(volumes(one)) - PROBABILITY_FLOOR < SINGULAR:
         return others[:0]
     inverse = torch.linalg.inv(one[:4].view(2, 2).double())
@@ -118,13 +116,13 @@ def preceded(one: Tensor, others: Tensor) -> Tensor:
 
 
 def composed(one: Tensor, inner: Tensor) -> Tensor:
-    """The map (6,) that does first `inner` (6,), then `one` (6,)."""
+    """The map (6,) one∘inner: first `inner` (6,), then `one` (6,)."""
     matrix = one[:4].view(2, 2)
     return torch.cat([(matrix @ inner[:4].view(2, 2)).flatten(), matrix @ inner[4:] + one[4:]])
 
 
 def inverse(one: Tensor) -> Tensor | None:
-    """What undoes a map (6,), or None where it is singular."""
+    """The inverse (6,) of a map (6,), or None if it is singular."""
     if float(volumes(one)) - PROBABILITY_FLOOR < SINGULAR:
         return None
     matrix = torch.linalg.inv(one[:4].view(2, 2).double())
@@ -140,7 +138,7 @@ def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
 
 
 def thinness(one: Tensor, measure: BinnedMeasure) -> float:
-    """The width of a map's (6,) image of the measure over its length, both standard deviations."""
+    """Width over length of a map's (6,) image of the measure, both as standard deviations."""
     width, length = _extents(one, measure)
     return width / max(length, 1e-6)
 

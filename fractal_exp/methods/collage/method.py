@@ -1,4 +1,4 @@
-"""Collage search as a method: from the measure that an image shows to the code itself."""
+"""Collage search as a method: it recovers a code from the measure that an image shows."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ SMALLEST_INPUT = 32
 
 
 class Collage(Method):
-    """Recover a code by the collage theorem (Barnsley 1985): maps are sought that tile the image with copies of it.
+    """Recover a code by the collage theorem (Barnsley 1985): find maps that tile the image with copies of it.
 
-    docs/collage.md explains the stages. seconds: a limit after which what is left of each stage is skipped; the run can
-    then no longer be repeated bit for bit. seed: of every random number. previews: how many preview images are
-    reported. device: where tensors live. options: the parameters of `CollageParams`, those of a component as a mapping,
-    as in `Collage(maps=4, moves={"root": 0})`. A checkpoint is saved after every stage and at an interruption.
+    docs/collage.md explains the stages. seconds: a time limit, after which the rest of each stage is skipped; a run
+    with a limit cannot be repeated bit for bit. seed: for all random numbers. previews: how many preview images are
+    reported. device: where tensors live. options: the parameters of `CollageParams`; a component takes a mapping, as in
+    `Collage(maps=4, moves={"root": 0})`. A checkpoint is saved after every stage and at an interruption.
 
-    Raises `InputError` on values out of range.
+    Raises `InputError` if a value is out of range.
     """
 
     Params = CollageParams
@@ -76,7 +76,7 @@ class Collage(Method):
             pipeline = Pipeline(problem, told, on_move=moved, on_stage=closed)
             best = pipeline.run()
         except KeyboardInterrupt:
-            if checkpoint:  # not a move further than what was told: the resumed search does not tell it again
+            if checkpoint:  # save only what was reported: the resumed search does not report it again
                 checkpoint.save(told.snapshot())
             raise
         state = pipeline.state
@@ -86,13 +86,13 @@ class Collage(Method):
                                   camera=described(seen_with(levels, best.camera)) if best.camera else None)
 
     def deadline(self) -> Deadline:
-        """The limit of time, from now on."""
+        """The time limit, starting now."""
         return Deadline(self.seconds)
 
 
 def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
            ) -> Collage:
-    """The method at the sizes that two cores finish within a minute. It takes images of any resolution from 32² on."""
+    """The method with sizes that two cores finish within a minute. It takes images of any resolution from 32²."""
     if resolution < SMALLEST_INPUT:
         raise InputError(f"resolution must be at least {SMALLEST_INPUT}, got {resolution}")
     return Collage(seed=seed, seconds=seconds, previews=previews, **options)

@@ -1,7 +1,7 @@
-"""The parameters of collage search, a class a component. docs/collage.md says where each stands in the method.
+"""The parameters of collage search, one class per component. docs/collage.md explains where the method uses each.
 
-A component's class lies in the `params.py` of its folder. Where a docstring names no source, the value was found by
-trial on tuning suites (docs/lab_notes.md). A part is switched off by its own setting: `enabled=false`, a count of 0,
+The class of a component is in the `params.py` of its folder. Where a docstring names no source, the value was found by
+trial on tuning suites (docs/lab_notes.md). Each part has a setting that switches it off: `enabled=false`, a count of 0,
 odds of 0.
 """
 
@@ -23,56 +23,58 @@ BYTES_OF_A_MAP = 12   # six numbers of 16 bits
 
 
 class StageParams(Params):
-    """Rounds, sizes and shares of time."""
+    """Rounds, image sizes and shares of the time limit."""
 
     density_rounds: Positive = 4
-    """Rounds at most, where grey levels are a density."""
+    """Maximum number of rounds where grey levels are a density."""
     other_rounds: Positive = 2
-    """Rounds at most on other images: it is less likely that they show an attractor."""
+    """Maximum number of rounds on other images, which are less likely to show an attractor."""
     drawn_rounds: Positive = 3
-    """The same of pictures that others drew."""
+    """Maximum number of rounds on pictures that others drew."""
     drawn_blur_px: Amount = 3.0
-    """In each later round their measure is blurred by so many pixels more: a construction that ended early looks like
-    its attractor from afar."""
+    """Each later round blurs the measure of such a picture by this many more pixels: from afar, a construction that
+    ended early looks like its attractor."""
     second_round: Amount = 1.2
-    """Noise ratio above which a second round begins,"""
+    """Noise ratio above which a second round begins."""
     later_rounds: Amount = 2.0
-    """and a third and a fourth."""
+    """Noise ratio above which a third or fourth round begins."""
     hopeless: Amount = 0.4
-    """Error of a rendering, radians rms, from which on the image is taken to show no code's attractor."""
+    """Error of a rendering, radians rms, from which the image is assumed to show no attractor."""
     avoid_isometries: bool = True
-    """Whether every other round keeps clear of near-isometries, if a code with one has failed."""
+    """Whether every other round avoids near-isometries: the first, third … of a picture that others drew; the
+    second, fourth … of another image, if a code with a near-isometry has failed."""
     unlike: Share = 0.95
-    """F1 within 1 px below which the code of a picture that others drew is worth another round, and no rounding."""
+    """Likeness (F1 within 1 px) below which the code of a picture that others drew is not rounded, and another
+    round begins."""
     drawn_hopeless: Share = 0.7
-    """F1 within 1 px below which such a picture shows no code, and no other round is worth its time."""
+    """Likeness below which such a picture is assumed to show no code, and no other round begins."""
     isometry: Share = 0.95
-    """Smaller singular value above which a map is a near-isometry,"""
+    """Smaller singular value above which a map counts as a near-isometry."""
     contraction: SingularValue = 0.9
-    """and the largest one that such a round allows."""
+    """Upper limit of the smaller singular value in rounds that avoid near-isometries."""
     largest_side: Annotated[int, Field(ge=64)] = 512
-    """Side in pixels of the image that is searched; a larger one is shrunk."""
+    """Maximum side, pixels, of the image that is searched. A larger one is shrunk."""
     full_side: Annotated[int, Field(ge=64)] = 1024
-    """Side in pixels, at most, of the image on which the code of a larger one is polished in the end; at least
+    """Maximum side, pixels, of the image on which the code of a larger one is polished at the end; at least
     `largest_side`."""
     full_polish: Count = 4
-    """Gauss-Newton steps on it."""
+    """Gauss-Newton steps on that image."""
     search_share: Share = 0.35
-    """Share of a limited time at which the restarts of the first round end,"""
+    """Share of the time limit at which the restarts of the first round end."""
     mixture_share: Share = 0.45
-    """the search from their mixture,"""
+    """Share at which the search from their mixture ends."""
     detail_share: Share = 0.65
-    """stage 2,"""
+    """Share at which stage 2 ends."""
     approach_share: Share = 0.75
-    """the polish of a shrunk image,"""
+    """Share at which the polish on a shrunk image ends."""
     hopeless_share: Share = 0.75
-    """the moves of stage 3 where the code is hopeless, so that time is left for growth,"""
+    """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
     image_share: Share = 0.95
-    """stage 3 and all later rounds,"""
+    """Share at which stage 3 and all later rounds end."""
     full_share: Share = 0.98
-    """the polish at full size,"""
+    """Share at which the polish at full size ends."""
     canonical_share: Share = 0.99
-    """and from which on the last digits are left as they are."""
+    """Share from which the last digits are left as they are."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -88,19 +90,19 @@ class CollageParams(Params):
     """All parameters of collage search."""
 
     maps: Annotated[int, Field(ge=2)] | None = None
-    """Number of maps; null: found."""
+    """Number of maps; null: the search finds it."""
     at_most: Annotated[int, Field(ge=2)] | None = None
-    """Upper bound of the number of maps; null: no bound."""
+    """Maximum number of maps; null: no limit."""
     likeness: Annotated[float, Field(gt=0, le=1)] | None = None
-    """F1 within a pixel that is to be reached, by as few maps of the curve as can be; null: as `growth` says."""
+    """F1 within a pixel that growth must reach, with as few maps of the curve as possible; null: see `growth`."""
     bytes: Annotated[int, Field(ge=24)] | None = None
-    """Bytes that the code may take, 12 for each map (six numbers of 16 bits); null: no bound."""
+    """Maximum size of the code, bytes: 12 for each map (six numbers of 16 bits); null: no limit."""
     rounds: Positive | None = None
-    """Rounds at most; null: as `stages` says for the meaning of the grey levels."""
+    """Maximum number of rounds; null: `stages` says, depending on what grey levels mean."""
     levels: Literal["auto", "density", "linear", "dots", "coverage", "binary"] = "auto"
-    """What grey levels mean: the share of subpixels that a chaos game hits, the number of its points in a pixel up to a
-    factor, the ink of as many dots, the covered share of a pixel, or nothing (black and white). `auto` takes what our
-    own renderer did not draw for coverage, and dots if these explain it better in the end."""
+    """What grey levels mean: the share of subpixels that the chaos game hits, the number of its points in a pixel
+    up to a factor, the ink of as many dots, the covered share of a pixel, or nothing (black and white). `auto`
+    takes images that our renderer did not draw as coverage, or as dots if those explain them better in the end."""
     search: SearchParams = SearchParams()
     population: PopulationParams = PopulationParams()
     births: BirthParams = BirthParams()
@@ -128,12 +130,12 @@ class CollageParams(Params):
 
     @property
     def most_maps(self) -> int | None:
-        """The upper bound of the number of maps, if there is one."""
+        """The maximum number of maps, or None."""
         return self.bytes // BYTES_OF_A_MAP if self.bytes else self.at_most
 
     @property
     def grows_at_once(self) -> bool:
-        """Whether so many maps are asked for that no search is worth while."""
+        """Whether the user asks for so many maps that growth starts without a search."""
         asked = self.maps or (self.bytes or 0) // BYTES_OF_A_MAP
         return self.growth.enabled and asked >= self.growth.at_once
 
@@ -142,8 +144,8 @@ def hydra_config() -> str:
     """conf/method/collage.yaml: `python -m fractal_exp.methods.collage.params > conf/method/collage.yaml`."""
     elsewhere = {"rounds": "${rounds}", "search.restarts": "${restarts}", "search.moves": "${moves}",
                  "search.detail_moves": "${detail_moves}", "moves.count": "${image_moves}"}
-    return f"""# Collage search: the maps of a code, found one by one from the measure that the image shows.
-# Made from fractal_exp/methods/collage/params.py, which states every parameter once; do not edit it here.
+    return f"""# Collage search finds the maps of a code one by one, from the measure that the image shows.
+# This file is generated from the params.py files in fractal_exp/methods/collage. Do not edit it.
 _target_: fractal_exp.methods.collage.method.Collage
 _convert_: all
 seconds: ${{seconds}}

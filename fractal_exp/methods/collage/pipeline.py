@@ -14,32 +14,32 @@ Tell = Callable[[Stage, State], None]
 
 
 class Pipeline:
-    """One search. `state` is where it stands: a search that begins with the state of another goes on from there, bit
-    for bit as if it had never stopped. on_move and on_stage are called after each move and after each stage."""
+    """One search. `state` is its current state. A search that starts from another's state continues it bit for bit, as
+    if it had never stopped. on_move and on_stage are called after each move and after each stage."""
 
     def __init__(self, problem: SearchProblem, state: State, *, on_move: Tell, on_stage: Tell):
         self.problem, self.state = problem, state
         self.on_move, self.on_stage = on_move, on_stage
 
     def run(self) -> Candidate:
-        """The best code that is found."""
+        """Run the search; return the best code found."""
         first = self.state.done[0] if self.state.done else 0
         for number in range(first, self.problem.rounds):
             for stage in stages_of(self.problem, number):
                 self._stage(stage)
-            if self.state.best is not None:  # a round leaves none where another is worth while
+            if self.state.best is not None:  # a round leaves no best code if another round is worth while
                 break
         for stage in last_stages(self.problem):
             self._stage(stage)
         return self.state.result
 
     def _stage(self, stage: Stage) -> None:
-        """The stage from where the state stands, if it is not behind and time is left."""
+        """Run or resume the stage, unless it is done or no time is left."""
         state, deadline = self.state, stage.deadline
         if state.has_done(stage.key) or not stage.is_wanted(state):
             return
         if state.current is None and state.result is not None and deadline.passed:
-            self.state = replace(state.closed(stage.key), stopped="")  # but by the time limit
+            self.state = replace(state.closed(stage.key), stopped="")  # the time limit stopped it
             return
         stage.open(state)
         if state.current is None:

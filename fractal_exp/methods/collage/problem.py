@@ -1,4 +1,4 @@
-"""What all stages of a search share: the image, what its grey levels mean, the parameters, the time."""
+"""What all stages of a search share: the image, the meaning of its grey levels, the parameters, the deadline."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from .params import CollageParams
 
 @dataclass(frozen=True)
 class SearchProblem:
-    """The image `given` (R,R). The search is made on an `image` of at most `stages.largest_side` pixels a side, and its
-    `masses`; `full_side` is the side on which the code of a larger one is polished."""
+    """The image `given` (R,R). The search uses a version of it, `image`, with at most `stages.largest_side` pixels per
+    side, and its `masses`. `full_side` is the side on which the code of a larger image is polished."""
 
     given: Tensor
     levels: Levels
@@ -43,38 +43,38 @@ class SearchProblem:
 
     @property
     def rounds(self) -> int:
-        """How many there may be."""
+        """Maximum number of rounds."""
         stages = self.params.stages
         most = 1 if self.is_crossed else stages.density_rounds if self.levels.is_density else stages.other_rounds
         return self.params.rounds or (most if self.levels.is_exact else stages.drawn_rounds)
 
     @property
     def is_crossed(self) -> bool:
-        """Whether populations of sets are crossed, in the place of stages 1 and 2."""
+        """Whether populations of sets replace stages 1 and 2."""
         return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.largest
 
     def masses_of(self, number: int) -> Tensor:
-        """The masses (R,R) that a round searches."""
+        """The masses (R,R) on which a round searches."""
         sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
         return blurred(self.masses, sigma)
 
     def restarts(self, number: int) -> int:
-        """How many a round has; half as many after the first."""
+        """Number of restarts in a round; rounds after the first have half as many."""
         restarts = self.params.search.restarts
         return (restarts + 1) // 2 if number else restarts
 
     @property
     def is_reduced(self) -> bool:
-        """Whether the search is made on a smaller image than the one given."""
+        """Whether the search uses a smaller image than the given one."""
         return self.image is not self.given
 
     def camera(self, code: IFS, seed: int) -> Camera:
-        """What the image says of its camera if the code is nearly right; nothing where the levels are exact."""
+        """The camera of the image, estimated from a nearly right code; empty if the levels are exact."""
         return estimated(self.image, self.levels, code, self.params, seed)
 
     def objective(self, size: int, code: IFS, seed: int, renderings: int = 1, camera: Camera = ()
                   ) -> ImageObjective:
-        """The image at this size as a judge of codes; `code` is the best so far, seen with this camera."""
+        """The objective at this image size. `code` is the best so far, `camera` the camera that renders it."""
         image, levels = self.given, seen_with(self.levels, camera)
         if size != image.shape[0]:
             image = reduced(image, size, code, levels, self.params, seed)
@@ -82,8 +82,8 @@ class SearchProblem:
 
     def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
                      camera: Camera | None = None) -> ImageSearch:
-        """The search by renderings, at the size of the problem's image; `code` is the best so far, seen with this
-        camera, or the one that suits it best."""
+        """The search by renderings, at the size of the problem's image. `code` is the best so far; without a camera,
+        the one that suits the code best is estimated."""
         seed = derive(self.seed, *path)
         camera = self.camera(code, seed) if camera is None else camera
         objective = self.objective(len(self.image), code, seed, camera=camera)

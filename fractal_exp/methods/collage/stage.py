@@ -1,4 +1,4 @@
-"""What a stage of collage search is."""
+"""The base class of all stages of collage search."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .state import Candidate, Key, State
 
 
 class Stage(ABC):
-    """One search of a round. name: as it is reported; order: the stages of a round in ascending order; ends_at: the
-    parameter in `StageParams` that holds the share of a limited time at which the stage ends. A stage that has not
-    begun by then is skipped."""
+    """One stage of a round. name: shown in reports; order: its place in the round, ascending; ends_at: the parameter in
+    `StageParams` with the share of the time limit at which the stage ends. A stage that has not begun by then is
+    skipped."""
 
     name: str
     order: int
@@ -30,39 +30,39 @@ class Stage(ABC):
 
     @property
     def key(self) -> Key:
-        """Tells the stage from all others; later ones have higher keys."""
+        """Unique key of the stage; later stages have higher keys."""
         return self.round, self.order, self.restart
 
     @property
     def expected_moves(self) -> int:
-        """Moves that it is likely to make."""
+        """Expected number of moves."""
         return 0
 
     @property
     def most_moves(self) -> int:
-        """Moves at most."""
+        """Maximum number of moves."""
         return self.expected_moves
 
     @property
     def deadline(self) -> Deadline:
-        """Rounds after the first share the time of the first one's last stage."""
+        """When the stage ends. Later rounds share the time of the last stage of the first round."""
         stages = self.params.stages
         return self.problem.deadline.until(stages.image_share if self.round else getattr(stages, self.ends_at))
 
     @abstractmethod
     def open(self, state: State) -> None:
-        """Make ready; `state.current` is None when the stage begins, and not when it is resumed."""
+        """Prepare the stage. `state.current` is None at its beginning, but not when it is resumed."""
 
     @abstractmethod
     def begin(self, state: State) -> Candidate:
         """The candidate to start with."""
 
     def is_wanted(self, state: State) -> bool:
-        """Whether there is anything for it to do."""
+        """Whether the stage has anything to do."""
         return True
 
     def step(self, now: Candidate, number: int) -> Candidate:
-        """`now`, or a better one."""
+        """`now`, or a better candidate."""
         return self.search.step(now, number)
 
     def moved(self, state: State) -> State:
@@ -70,20 +70,21 @@ class Stage(ABC):
         return state.moved(self.step(state.current, state.step))
 
     def is_settled(self, state: State) -> bool:
-        """Whether there is nothing left to do, or no hope."""
+        """Whether further moves are unnecessary or hopeless."""
         return False
 
     def close(self, state: State) -> State:
-        """What the stage hands on."""
+        """The state that the stage hands on."""
         return replace(state, best=state.current)
 
     def last_key(self, state: State) -> Key:
-        """The last stage that is done with this one."""
+        """Key of the last stage that counts as done after this one."""
         return self.key
 
     def _smaller_limit(self, state: State) -> float:
-        """The most that the smaller singular value of a map may be. A symmetry of the shape explains its measure as
-        well as the identity does: if a code with a near-isometry has failed, every other round keeps clear of them."""
+        """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
+        identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. In
+        pictures that others drew, the first round and every other one avoid them."""
         stages = self.params.stages
         if stages.avoid_isometries and not self.problem.levels.is_exact:
             return 1.0 if self.round % 2 else stages.contraction
@@ -93,7 +94,7 @@ class Stage(ABC):
         return stages.contraction if suspect else 1.0
 
     def _measure_search(self, state: State, found: Candidate | None, regime: Regime, seed: int) -> MeasureSearch:
-        """On the image's measure, corrected for saturation by what was found."""
+        """The search on the image's measure, which `found` corrects for saturation."""
         problem, masses = self.problem, self.problem.masses_of(self.round)
         if found is not None:
             masses = saturation_corrected(masses, found.code, problem.levels, self.params.saturation, seed)

@@ -1,4 +1,4 @@
-"""The stages of collage search: each goes on from what the one before it found."""
+"""The stages of collage search. Each continues from what the stage before it found."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart
 from .measure.tones import camera_of
 from .problem import SearchProblem
+from .recursion import Recursion
 from .stage import Stage
 from .state import Candidate, State
 
 
 class Approach(Stage):
-    """The code polished on an image that was made smaller, which is known the better the nearer the code is."""
+    """Polish the code on a shrunk image. The nearer the code, the more precisely this image can be computed."""
 
     name, order, ends_at = "approach", 3, "approach_share"
 
@@ -37,8 +38,9 @@ class Approach(Stage):
 
 
 class ImageMoves(Stage):
-    """Refinement, and moves of single maps, judged by renderings; the end of a round. While the error has been halved
-    not long ago there are more moves than asked for. It leaves no best code where another round is worth while."""
+    """Refinement and moves of single maps, judged by renderings; the last stage of a round. Moves go on beyond the
+    number asked for as long as the error keeps being halved. If another round is worth while, `best` is None after it.
+    """
 
     name, order, ends_at = "image", 4, "image_share"
     reached = "the code renders the image as well as the true one would"
@@ -53,7 +55,7 @@ class ImageMoves(Stage):
 
     @property
     def recent(self) -> int:
-        """Moves within which the error must have been halved to go on."""
+        """The search goes on if the error was halved within this many moves."""
         return max(1, round(self.params.moves.recent * self.expected_moves))
 
     def open(self, state: State) -> None:
@@ -66,7 +68,7 @@ class ImageMoves(Stage):
         return self.search.resume(state.best)
 
     def step(self, now: Candidate, number: int) -> Candidate:
-        more = number + 1 - self.expected_moves  # small maps that make up for a wrong one keep it where it is
+        more = number + 1 - self.expected_moves  # cleaning: small maps that compensate for a wrong one keep it in place
         due = more >= 0 and more % self.recent == 0
         return self.search.cleaned(now) if due else self.search.step(now, number)
 
@@ -76,7 +78,7 @@ class ImageMoves(Stage):
         return stuck or self._is_late(state) or self.search.is_settled(state.current, state.step)
 
     def _is_late(self, state: State) -> bool:
-        """Whether the time that is left is better spent on growth."""
+        """Whether the remaining time is better spent on growth."""
         late = self.params.growth.enabled and self.problem.deadline.until(self.params.stages.hopeless_share).passed
         return late and self.search.objective.is_hopeless(state.current.error)
 
@@ -98,16 +100,16 @@ class ImageMoves(Stage):
         return self.search.finish(found)
 
     def _judged_again(self, before: Candidate) -> Candidate:
-        """The best of the rounds before, which was judged by a smaller image if this one is reduced."""
+        """The best of earlier rounds. It is judged again if the image is reduced, as it was judged by a smaller one."""
         return self.search.judged(before) if self.problem.is_reduced else before
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
-        """A wrong code made right by rounding alone; None if another round is worth while."""
+        """The code, if rounding alone corrects it; None if another round is worth while."""
         simple = self.search.simplified(wrong)
         return None if simple is None or self._is_wrong(simple) else simple
 
     def _reason(self, state: State) -> str:
-        """Why there are no more moves; empty if time is up, which the method says itself."""
+        """Why the moves ended. Empty if time is up, which the method reports itself."""
         if self.deadline.passed:
             return ""
         if self.search.is_settled(state.current, state.step):
@@ -122,8 +124,8 @@ class ImageMoves(Stage):
 
 
 class FullSize(Stage):
-    """The code polished on the image at its full resolution, or as much of it as `stages.full_side` allows, where the
-    search was made on a smaller one. Grids are as fine as `image.finest`: a larger rendering only has less noise."""
+    """After a search on a shrunk image, polish the code at full resolution, or at `stages.full_side` if that is less.
+    Grids are at most as fine as `image.finest`: a larger rendering only has less noise."""
 
     name, order, ends_at = "full size", 5, "full_share"
 
@@ -153,7 +155,7 @@ class FullSize(Stage):
 
 
 class LastDigits(Stage):
-    """Of a code that is nearly found: simple numbers rounded, and the frame filled exactly."""
+    """Round a nearly right code to simple numbers and make it fill the frame exactly."""
 
     name, order, ends_at = "last digits", 6, "canonical_share"
 
@@ -184,7 +186,7 @@ class LastDigits(Stage):
         return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
 
     def _is_far(self, found: Candidate) -> bool:
-        """Whether simple numbers near to the found ones would tell nothing."""
+        """Whether the code is too far off for simple numbers to mean anything."""
         hasty = self.objective.hasty()
         shown = hasty.judge(found.maps, found.weights)
         return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
@@ -194,7 +196,7 @@ class LastDigits(Stage):
 
 
 class DrawnMoves(ImageMoves):
-    """In a picture that others drew, of which a code is seen anew with the camera that suits it before it is judged."""
+    """`ImageMoves` for a picture that others drew. The camera is estimated for a code before the code is judged."""
 
     reached = "the code draws the shape to within a pixel"
 
@@ -211,7 +213,7 @@ class DrawnMoves(ImageMoves):
         return self._seen_anew(search.resume(self._without_doubles(state.best)))
 
     def _without_doubles(self, found: Candidate) -> Candidate:
-        """Without maps that only make lines thicker, if there are two others at least."""
+        """The code without maps that only make lines thicker, if at least two others stay."""
         if self.params.maps:
             return found
         points = attractor_points(found.maps, found.probabilities, self.params.moves.parent_points, self.problem.seed)
@@ -233,7 +235,7 @@ class DrawnMoves(ImageMoves):
         return before  # by its own camera
 
     def _mended(self, wrong: Candidate) -> None:
-        """Rounding comes too early."""
+        """None: it is too early for rounding."""
 
     def _is_wrong(self, candidate: Candidate) -> bool:
         objective = self.problem.objective(len(self.problem.image), candidate.code, self.problem.seed,
@@ -243,7 +245,8 @@ class DrawnMoves(ImageMoves):
 
 
 class DrawnLastDigits(LastDigits):
-    """Of a picture that others drew, which tells less of them; what they make superfluous is left out."""
+    """`LastDigits` for a picture that others drew, which determines digits less precisely. Maps that become
+    superfluous are removed."""
 
     @property
     def canonical(self) -> CanonicalParams:
@@ -257,8 +260,8 @@ class DrawnLastDigits(LastDigits):
                       deadline=self.problem.deadline)
 
     def _simplest(self, found: Rendered) -> Rendered:
-        """Of the codes that differ by symmetries of the shape, parents in place of maps, or maps that nobody sees, the
-        simplest, unless it is rendered notably worse."""
+        """The simplest code, unless its rendering is notably worse. Codes may differ by symmetries of the shape, by
+        parents in the place of maps, and by maps that nobody sees."""
         objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
         found = without_unseen(objective, found, self.params.maps or 0, deadline)
         maps = simplest(found.maps, symmetries(objective.image.cpu(), params))
@@ -283,11 +286,13 @@ def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
     search = [*restarts, FromMixture(problem, number), Detail(problem, number)]
     approach = [Approach(problem, number)] if problem.is_reduced else []
     moves = ImageMoves if problem.levels.is_exact else DrawnMoves
-    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, moves(problem, number)]
+    recursion = [Recursion(problem, number)] if Recursion.may_help(problem) and not number else []
+    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, *recursion,
+            moves(problem, number)]
 
 
 def last_stages(problem: SearchProblem) -> list[Stage]:
-    """What comes after all rounds."""
+    """The stages after all rounds."""
     growth = [Growth(problem, problem.rounds)] if problem.params.growth.enabled else []
     if problem.params.grows_at_once:
         return growth

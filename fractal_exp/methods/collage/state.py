@@ -1,4 +1,4 @@
-"""What collage search knows at any moment, and how it is kept in checkpoints."""
+"""The state of collage search, and how checkpoints store it."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
 from .maps import WeightedMaps
 
-VERSION = 8   # of the stages and their scores, which checkpoints name
-CANDIDATES = "current", "best", "before"   # of `State`
+VERSION = 8   # of the stages and their scores; stored in checkpoints
+CANDIDATES = "current", "best", "before"   # fields of `State`
 
-Key = tuple[int, int, int]   # a stage: its round, its order in the round, and which restart it is
+Key = tuple[int, int, int]   # of a stage: its round, its order in the round, and the number of its restart
 
 
 @dataclass(frozen=True)
 class Candidate(WeightedMaps):
-    """A code as the search sees it: its error, and its score; less is better of both. camera: with which it was judged,
-    see `measure.tones`."""
+    """A code as the search sees it, with its error and its score; lower is better. camera: the one that was used to
+    judge it, see `measure.tones`."""
 
     error: float
     score: float = float("inf")
@@ -29,20 +29,19 @@ class Candidate(WeightedMaps):
 
 @dataclass(frozen=True)
 class Grown(WeightedMaps):
-    """A set of maps that was grown. likeness: the F1 within a pixel of what it draws."""
+    """A grown set of maps. likeness: the F1 within a pixel of its drawing."""
 
     likeness: float
 
 
 @dataclass(frozen=True)
 class State:
-    """All that a search needs to go on.
+    """All that a search needs to continue.
 
-    done: the last stage that was closed. Of the stage after it: its moves so far (`step`), its candidate (`current`,
-    None before it begins), and the move at which its error was last halved, with that error. best: of the stages of
-    this round; before: of the rounds before; pool (M,6): the maps of all restarts; scores: those of the restarts of
-    this round, in ascending order; stopped: why the last round ended, in words; curve: sets of
-    more and more maps, that were grown.
+    done: the last closed stage. step: moves made so far in the next stage; current: its candidate, None before it
+    begins; halved: the move at which its error was last halved, and that error. best: the best candidate of this round;
+    before: the best of earlier rounds; pool (M,6): the maps of all restarts; scores: those of this round's restarts, in
+    ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps.
     """
 
     done: Key | None = None
@@ -58,30 +57,30 @@ class State:
 
     @property
     def result(self) -> Candidate | None:
-        """The candidate to return if all ended here."""
+        """The candidate to return if the search ended here."""
         return self.before or self.best
 
     def has_done(self, key: Key) -> bool:
-        """Whether this stage is behind."""
+        """Whether this stage is done."""
         return self.done is not None and key <= self.done
 
     def moved(self, candidate: Candidate) -> State:
-        """After a move."""
+        """The state after a move."""
         step, halved = self.step + 1, self.halved or (0, self.current.error)
         if candidate.error <= halved[1] / 2:
             halved = step, candidate.error
         return replace(self, current=candidate, step=step, halved=halved)
 
     def closed(self, key: Key) -> State:
-        """After a stage."""
+        """The state after a stage."""
         return replace(self, done=key, step=0, current=None, halved=None)
 
     def with_pool(self, maps: Tensor) -> State:
-        """With more maps (n,6) in the pool."""
+        """The state with more maps (n,6) in the pool."""
         return replace(self, pool=maps if self.pool is None else torch.cat([self.pool, maps]))
 
     def snapshot(self) -> Snapshot:
-        """What a checkpoint keeps."""
+        """The snapshot that a checkpoint stores."""
         kept = {name: each for name in CANDIDATES if (each := getattr(self, name)) is not None}
         tensors = {f"{name}/maps": each.maps for name, each in kept.items()}
         tensors |= {f"{name}/weights": each.weights for name, each in kept.items() if each.weights is not None}
@@ -96,12 +95,12 @@ class State:
 
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> State:
-        """The state that a checkpoint kept. Raises `InputError` on one of another version of the search."""
+        """The state of a checkpoint. Raises `InputError` if another version of the search wrote it."""
         tensors, numbers = {name: each.to(device) for name, each in snapshot.tensors.items()}, snapshot.numbers
         version = numbers.get("collage", numbers.get("stages", 1))
         if version != VERSION:
-            raise InputError(f"expected a checkpoint of collage search in its version {VERSION}, got one of version "
-                             f"{version}; start anew with resume=false")
+            raise InputError(f"expected a checkpoint of version {VERSION} of collage search, got version {version}; "
+                             "start over with resume=false")
         kept = {}
         for name in (name for name in CANDIDATES if name in numbers):
             error, score, *camera = numbers[name]

@@ -13,7 +13,7 @@ from ...runtime.checks import check_alike, check_count, check_dense, check_memor
 from .. import backends
 
 MAX_MAPS = 65_536      # a map's index is kept in 16 bits
-BYTES_OF_A_POINT = 10  # two coordinates, and the index of the map that led there
+BYTES_OF_A_POINT = 10  # two coordinates, and the index of the map that produced them
 
 
 def chaos_game(
@@ -30,16 +30,16 @@ def chaos_game(
     """Points of the attractors of IFS codes by the chaos game (Barnsley 1988; Section 4.1 of the paper).
 
     Every trajectory starts at a uniform point of the canvas [-1,1]² and applies a random map `length` times. Its points
-    from `warmup` on are kept, trajectory by trajectory: P = trajectories · (length - warmup). `probabilities` are those
-    of the maps, uniform by default; no gradient flows to them. Gradients reach `linear` and `offset` through all steps,
-    warm-up included. If a code is not contractive, points may run away. They stop at coordinates of ±1e6, where their
-    gradient ends, so that nothing overflows.
+    from `warmup` on are kept, trajectory by trajectory: P = trajectories · (length - warmup). `probabilities` of the
+    maps are uniform by default and get no gradient. Gradients reach `linear` and `offset` through all steps, including
+    warm-up. If a code is not contractive, points may run away. They stop at coordinates of ±1e6, where their gradient
+    ends, so that nothing overflows.
 
-    The random numbers of a trajectory depend on the seed and on its number alone, on every backend and device. With an
-    int, all codes share starts and uniform variates (common random numbers). With a tensor, each code has its own seed.
-    The `cpu` backend repeats bit for bit, points and gradients, on any number of threads, and so does `cuda` on GPUs of
-    one kind. The `torch` backend repeats the points alone. `probabilities` are read on the CPU, which waits for the GPU
-    if they are there. A seed that is to change in a CUDA graph must be a tensor.
+    The random numbers of a trajectory depend only on the seed and its index, on every backend and device. With an int,
+    all codes share starts and uniform variates (common random numbers). With a tensor, each code has its own seed. The
+    `cpu` backend repeats points and gradients bit for bit on any number of threads, and so does `cuda` on GPUs of one
+    kind. The `torch` backend repeats only the points. `probabilities` are read on the CPU, which waits for the GPU if
+    they are there. A seed that changes in a CUDA graph must be a tensor.
 
     Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, warmup outside 0 … length - 1,
     probabilities that are negative or do not sum to 1, counts that take more memory than there is, or a backend that

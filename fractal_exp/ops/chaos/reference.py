@@ -1,7 +1,7 @@
 """The torch twin of the chaos game: the specification, for any device, float32 or float64, by plain autograd.
 
-It takes what the public function has checked and flattened: one leading axis B of codes, `thresholds` instead of
-probabilities, one seed per code. Kernels draw exactly the same random numbers as this.
+The public function has checked and flattened its arguments: one leading axis B of codes, `thresholds` instead of
+probabilities, one seed per code. Kernels draw exactly the same random numbers.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from torch import Tensor
 GOLDEN = -7046029254386353131      # 0x9E3779B97F4A7C15 as a signed integer: 2^64 over the golden ratio
 MIX_1 = -4658895280553007687       # 0xBF58476D1CE4E5B9
 MIX_2 = -7723592293110705685       # 0x94D049BB133111EB
-ESCAPE = 1e6  # the coordinate at which a point that runs away is held
+ESCAPE = 1e6  # coordinate at which a point that runs away is stopped
 
 
 def chaos_game(linear: Tensor, offset: Tensor, thresholds: Tensor, seeds: Tensor, *, trajectories: int, length: int,

@@ -1,8 +1,7 @@
-"""The operations of collage search: a measure pushed through maps, and maps moved until they tile the measure.
+"""The operations of collage search: push a measure through maps, and move maps until they tile the measure.
 
-By the collage theorem (Barnsley 1985) a code whose maps send a measure mu to nearly itself, sum_i w_i f_i#mu ~ mu, has
-nearly mu as its attractor's measure. No chaos game is needed to see how nearly, so that a batch of codes is improved
-in microseconds a step.
+By the collage theorem (Barnsley 1985), if the maps of a code send a measure mu nearly to itself, sum_i w_i f_i#mu ~ mu,
+then its attractor's measure is nearly mu. This needs no chaos game, so a step of a batch of codes takes microseconds.
 """
 
 from __future__ import annotations
@@ -21,19 +20,19 @@ from ..chaos import cumulative_thresholds
 from . import reference
 from .reference import Descent, Target
 
-LARGEST = 32_768  # cells a side: a cell's number is kept in 32 bits
-LARGEST_COUNT = 2**31 - 1  # of trajectories, and of their points
+LARGEST = 32_768  # maximum cells per side: a cell's index is kept in 32 bits
+LARGEST_COUNT = 2**31 - 1  # maximum number of trajectories, and of their points
 
 __all__ = ["BinnedMeasure", "Descent", "collage_error", "descend", "orbit_bins", "pushforward"]
 
 
 @dataclass(frozen=True)
 class BinnedMeasure:
-    """A measure of mass 1 on the canvas [-1,1]² as the collage operations take it.
+    """A measure of mass 1 on the canvas [-1,1]², as an argument of the collage operations.
 
-    samples (K,3): x, y, mass; bins (G,G): the same masses shared out bilinearly on a grid of G cells a side, row 0 at
-    the top; levels: how many grids of G, G/2, G/4 … a side are compared. float32, on one device. Raises `InputError`
-    on other shapes, tensors that differ in dtype or device, or a side that cannot be halved so often.
+    samples (K,3): x, y, mass; bins (G,G): the same masses, shared bilinearly on a grid of G cells per side, row 0 at
+    the top; levels: how many grids with sides G, G/2, G/4 … are compared. float32, on one device. Raises `InputError`
+    on other shapes, tensors that differ in dtype or device, or a side that cannot be halved often enough.
     """
 
     samples: Tensor
@@ -67,22 +66,22 @@ class BinnedMeasure:
 
     @property
     def size(self) -> int:
-        """G, the cells a side."""
+        """G, the cells per side."""
         return self.bins.shape[0]
 
 
 def _check_size(size: int) -> None:
-    """Raise `InputError` unless `size` cells a side can be used: a sample is shared by two at least."""
+    """Raise `InputError` unless a grid may have `size` cells per side. There must be at least two to share a sample."""
     check_count("size", size, 2, LARGEST)
 
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, backend: str = "auto") -> Tensor:
     """The measures sum_i w_i f_i#mu in bilinear bins: (B,N,6), (B,N) and samples (K,3) of x, y, mass -> (B,G,G).
 
-    A map is a row a b c d e f, (x, y) -> (a x + b y + e, c x + d y + f); one whose weight is not above 0 is absent.
-    What falls beyond the canvas is counted in its edge cells. Numbers that are not finite spoil their own code alone.
-    Raises `InputError` on other shapes, tensors that differ in dtype or device, a size outside 2 … 32768, or one that
-    takes more memory than there is.
+    A map is a row a b c d e f, (x, y) -> (a x + b y + e, c x + d y + f); a map without a positive weight is absent.
+    Mass off the canvas counts in its edge cells. Numbers that are not finite spoil only their own code. Raises
+    `InputError` on other shapes, tensors that differ in dtype or device, a size outside 2 … 32768, or one that takes
+    more memory than there is.
     """
     _check(maps, weights)
     check_tensor("samples", samples)
@@ -95,11 +94,11 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int, *, ba
 
 def orbit_bins(maps: Tensor, probabilities: Tensor, size: int, *, trajectories: int, length: int, warmup: int,
                seed: int, backend: str = "auto") -> Tensor:
-    """The measures of the orbits of codes in bilinear bins: maps (B,N,6), probabilities (N,) of all -> (B,G,G).
+    """The measures of codes' orbits in bilinear bins: maps (B,N,6), common probabilities (N,) -> (B,G,G).
 
     The points are those of `ops.chaos_game`, of equal mass, with the same random numbers for all codes. The CPU backend
-    keeps none of them, and gives each thread codes of its own. Raises `InputError` on other shapes, a size outside
-    2 … 32768 or one that takes more memory than there is, and on what `ops.chaos_game` refuses.
+    does not store them, and gives each thread its own codes. Raises `InputError` on other shapes, a size outside
+    2 … 32768 or one that takes more memory than there is, and on whatever `ops.chaos_game` refuses.
     """
     check_tensor("maps", maps)
     if maps.ndim != 3 or maps.shape[-1] != 6:
@@ -114,7 +113,7 @@ def orbit_bins(maps: Tensor, probabilities: Tensor, size: int, *, trajectories: 
         thresholds = cumulative_thresholds(probabilities, (), maps.shape[1], maps.device)[0]
         return _backend("cpu", maps).orbit_bins(maps, thresholds, seed, size, trajectories, length, warmup)
     identity, bins = maps.new_tensor([[[1.0, 0, 0, 1, 0, 0]]]), []
-    for each in maps:  # one after another, for the sake of memory
+    for each in maps:  # one after another, to save memory
         points = ops.chaos_game(each[:, :4].unflatten(-1, (2, 2)), each[:, 4:], trajectories=trajectories,
                                 length=length, warmup=warmup, probabilities=probabilities, seed=seed, backend=backend)
         samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], -1)
@@ -123,9 +122,9 @@ def orbit_bins(maps: Tensor, probabilities: Tensor, size: int, *, trajectories: 
 
 
 def collage_error(bins: Tensor, measure: BinnedMeasure) -> Tensor:
-    """How far bins (B,G,G) are from the measure, (B,): squared Hellinger distance sum (sqrt(q) - sqrt(m))², the mean
-    over the measure's grids. 0 where they agree; the square root makes counting noise equal everywhere. Raises
-    `InputError` if the bins have another shape, dtype or device than the measure's."""
+    """The distance (B,) of bins (B,G,G) from the measure: the squared Hellinger distance sum (sqrt(q) - sqrt(m))²,
+    averaged over the measure's grids. It is 0 if they agree; the square root makes counting noise equal everywhere.
+    Raises `InputError` if shape, dtype or device of the bins differ from the measure's."""
     _check_measure(measure)
     check_dense("bins", bins)
     if bins.ndim != 3 or bins.shape[1:] != measure.bins.shape:
@@ -136,12 +135,12 @@ def collage_error(bins: Tensor, measure: BinnedMeasure) -> Tensor:
 
 def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent, *, backgrounds: Tensor | None = None,
             chosen: Tensor | None = None, backend: str = "auto") -> tuple[Tensor, Tensor, Tensor]:
-    """Move maps (B,N,6) and weights (B,N) towards the least collage error: the new ones and their error (B,).
+    """Move maps (B,N,6) and weights (B,N) towards lower collage error. Return the new ones and their errors (B,).
 
-    Every code of the batch goes its own way, by Adam as `how` says; numbers that are not finite spoil their own code
-    alone. backgrounds (C,G,G) is a measure that is there already, chosen (B,) int64 says which one of them, 0 … C - 1,
-    for each code: the first if None. Raises `InputError` on other shapes, tensors that differ in dtype or device, or a
-    number in `chosen` outside its range; on a GPU the last is not looked at, since that would wait for the device.
+    Every code of the batch descends alone, by Adam with the settings `how`; numbers that are not finite spoil only
+    their own code. backgrounds (C,G,G): measures that count as explained from the start; chosen (B,) int64: the index
+    of each code's background, None: the first. Raises `InputError` on other shapes, tensors that differ in dtype or
+    device, or an index out of range. On a GPU indices are not checked, because that would wait for the device.
     """
     _check(maps, weights)
     _check_measure(measure)

@@ -13,21 +13,21 @@ from ...errors import InputError
 from ...ifs.code import PROBABILITY_FLOOR
 from ...runtime.checks import check_count, check_number, shown
 
-FLOOR = 1e-5                # of a bin's mass under the square root: what is fainter hardly counts
+FLOOR = 1e-5                # added to a bin's mass under the square root, so that fainter masses hardly count
 BETA_1, BETA_2 = 0.9, 0.98  # of Adam
 EDGE = 1.001
-MAX_STEPS = 1_000_000       # of a descent: more would take hours, in one call that nothing interrupts
-LEAST_RADIUS = 1e-6         # canvas units; divided by
+MAX_STEPS = 1_000_000       # of a descent; more would take hours in one call that cannot be interrupted
+LEAST_RADIUS = 1e-6         # canvas units; the code divides by the radius
 
 
 @dataclass(frozen=True)
 class Descent:
-    """How `descend` goes: Adam's `steps`, the learning `rate` of the maps (canvas units) and `weight_rate` of the
-    logarithms of the weights, both falling to `decay` of it; `largest` singular value allowed, and `smaller`, of the
-    smaller one of each map; `prior`, the strength of the pull of weights towards |det| + 0.01; maps that displace the
-    measure by less than `identity_radius` (rms, canvas units) are pushed off with `identity_weight`; `tied` weights
-    follow |det| + 0.01 exactly. Raises `InputError` unless steps is an integer from 0 to 1 000 000, the radius is at
-    least 1e-6, and the others are finite numbers of at least 0."""
+    """Settings of `descend`: the number of Adam `steps`; the learning `rate` of the maps (canvas units) and the
+    `weight_rate` of the log-weights, which both fall by the factor `decay`; the upper limits of the `largest` and the
+    `smaller` singular value of each map; the strength of the `prior` that pulls weights towards |det| + 0.01; maps that
+    displace the measure by less than `identity_radius` (rms, canvas units) are pushed off with `identity_weight`;
+    `tied` weights follow |det| + 0.01 exactly. Raises `InputError` unless steps is an integer from 0 to 1 000 000, the
+    radius is at least 1e-6, and the others are finite and at least 0."""
 
     steps: int
     rate: float = 0.01
@@ -52,7 +52,7 @@ class Descent:
             object.__setattr__(self, name, float(getattr(self, name)))
 
 
-Settings = namedtuple("Settings", [field.name for field in fields(Descent)])  # a `Descent` as kernels take it
+Settings = namedtuple("Settings", [field.name for field in fields(Descent)])  # a `Descent` as a kernel argument
 
 
 class Target(NamedTuple):
@@ -76,8 +76,8 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Te
 
 
 def collage_error(bins: Tensor, roots: Tensor, levels: int) -> Tensor:
-    """The squared Hellinger distance (B,) of bins (B,G,G) from a measure, the mean of `levels` grids, each of half the
-    side of the one before; roots: the square roots of the measure's bins and FLOOR, all grids in a row."""
+    """The squared Hellinger distance (B,) of bins (B,G,G) from a measure, averaged over `levels` grids, each with half
+    the side of the one before; roots: the square roots of the measure's bins plus FLOOR, all grids in a row."""
     grids = [bins]
     for _ in range(levels - 1):
         grids.append(torch.nn.functional.avg_pool2d(grids[-1][:, None], 2)[:, 0] * 4)
@@ -87,8 +87,8 @@ def collage_error(bins: Tensor, roots: Tensor, levels: int) -> Tensor:
 
 def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, chosen: Tensor, how: Descent
             ) -> tuple[Tensor, Tensor, Tensor]:
-    """Adam on maps (B,N,6) and the logarithms of weights (B,N), zero where there is no map, towards the least collage
-    error of background[chosen] + pushforward: the new maps and weights, and their error (B,)."""
+    """Adam on maps (B,N,6) and the logarithms of weights (B,N) to lower the collage error of background[chosen] +
+    pushforward. A weight of zero means that there is no map. Return the new maps and weights, and their errors (B,)."""
     present = weights > 0
     total = weights.sum(1, keepdim=True)
     background = backgrounds[chosen].view(-1, target.size, target.size)
@@ -126,8 +126,8 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
 
 
 def contract(maps: Tensor, largest: float, smaller: float = 1.0) -> Tensor:
-    """The maps (…,6) with singular values clipped at `largest`, and the smaller one of each at `smaller`, by the closed
-    form of the 2 × 2 decomposition."""
+    """The maps (…,6) with singular values clipped at `largest`, and the smaller ones at `smaller`, by the closed form
+    of the 2 × 2 decomposition."""
     a, b, c, d = maps[..., :4].unbind(-1)
     e, f, g, h = (a + d) / 2, (a - d) / 2, (c + b) / 2, (c - b) / 2
     q, r = torch.hypot(e, h), torch.hypot(f, g)
@@ -140,8 +140,8 @@ def contract(maps: Tensor, largest: float, smaller: float = 1.0) -> Tensor:
 
 
 def _bins(maps: Tensor, samples: Tensor, size: int) -> tuple[Tensor, Tensor]:
-    """The four bins (B,N,K,4) that share every mapped sample, and their shares; a sample beyond the canvas falls into
-    its edge, with the gradient it would have there."""
+    """The four bins (B,N,K,4) that share each mapped sample, and their shares. A sample off the canvas falls into its
+    edge, with the gradient that it would have there."""
     x, y = samples[:, 0], samples[:, 1]
     m = maps[..., None]
     u = (m[..., 0, :] * x + m[..., 1, :] * y + m[..., 4, :] + 1) * (0.5 * size) - 0.5

@@ -1,16 +1,16 @@
 """Points of an attractor sorted into the pixels of a window, at any zoom: numba, multi-threaded, float64.
 
-Throw a Poisson number of points of the invariant measure, T on average. Those under the word w = w1 w2 … of the
-address tree are a Poisson number with mean T p_w, independent of those under every other word of a cut of the tree,
-and are images under f_w = f_w1 ∘ f_w2 ∘ … of points of the invariant measure (Hutchinson 1981). So the expected number
-is handed down the tree and words that miss the window are dropped. A word that lies in the window, or under which few
-points are left to expect, gets its random number of points, and those beside the window are rejected. What lands in
-the window is distributed exactly as the chaos game's points that land there, however rare those are, and however many
-words there are: those of few points are never looked into.
+Throw a Poisson number of points of the invariant measure, T on average. The number of points under the word w = w1 w2 …
+of the address tree is Poisson with mean T p_w, independent of the other words of a cut of the tree. They are images
+under f_w = f_w1 ∘ f_w2 ∘ … of points of the invariant measure (Hutchinson 1981). So the expected number is handed down
+the tree, and words that miss the window are dropped. A word that lies in the window, or that expects few points, gets
+its random number of points, and points off the window are rejected. The points in the window are distributed exactly
+like points of the chaos game, however rare they are, and however many words there are, because words with few points
+are never opened.
 
-The points of the invariant measure come from a few chaos games for each share of the work, some hundreds to thousands
-at a time, and are taken in an order in which neighbours of an orbit do not follow each other. Where a map is slow these
-are alike, and a small word's points would clump.
+Each share of the work plays a few chaos games, some hundreds to thousands of points at a time. Their points are used in
+an order that separates neighbours of an orbit. Where a map is slow, neighbours are alike, and a small word's points
+would clump.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from . import cpu as kernels
 from .cpu import DRY, GUIDE_BITS, LIT
 
 TASKS = 64   # shares of the work, each with its own random stream: no result depends on the number of threads
-FEWER = 16   # of them for a tree that reuses points, since each comes by its own; more threads than that stay idle
+FEWER = 16   # shares for a tree that reuses points, because each share makes its own points; more threads stay idle
 
 
 class Window(NamedTuple):
-    """The square of `size` × `size` pixels whose upper left corner is at (left, top), `scale` pixels to a unit."""
+    """The square of `size` × `size` pixels with upper left corner (left, top) and `scale` pixels per unit."""
 
     left: float
     top: float
@@ -51,10 +51,10 @@ class Tally(NamedTuple):
 
 @dataclass(frozen=True)
 class AddressTree:
-    """A contractive code made ready for sampling: `maps` (N,6) rows a b c d e f about `center`, and a rectangle with
-    half sides `hull` (2,2, as columns) about `center` that holds the attractor for certain. A point x of the
-    invariant measure is put under up to `reuse` words, f_v(x), f_w(x), …: with 8 a drawing takes half the time of one
-    with 1, and is no noisier pixel by pixel, but the brightness of large parts may vary up to twice as much."""
+    """A contractive code prepared for sampling: `maps` (N,6), rows a b c d e f about `center`, and a rectangle about
+    `center` with half sides `hull` (2,2, as columns) that certainly contains the attractor. A point x of the invariant
+    measure is used under up to `reuse` words: f_v(x), f_w(x), …. With 8, a drawing takes half as long as with 1 and its
+    pixels are no noisier, but the brightness of large parts may vary up to twice as much."""
 
     maps: np.ndarray
     mass: np.ndarray
@@ -80,7 +80,7 @@ class AddressTree:
                    hull, center, reuse)
 
     def within(self, window: Window) -> bool:
-        """Whether the whole attractor lies in the window for certain."""
+        """Whether the whole attractor certainly lies in the window."""
         a, b, c, d, x, y = self._root(window)
         return kernels.place(a, b, c, d, x, y, self.hull, float(window.size))[0] == 1
 
@@ -89,12 +89,12 @@ class AddressTree:
         """Sort a Poisson number of points, `thrown` on average, into the pixels of `canvas`.
 
         `canvas` is (1,S,S) uint8 for the mode LIT, (threads,S,S) uint32 for COUNTED (one plane for each of numba's
-        threads, to be added up) and not needed for DRY. The points depend on `seed` alone, not on the threads. The
-        work stops, unfinished and with a part of the points only, where words and points would exceed `budget`.
+        threads, to be added up), and unused for DRY. The points depend only on `seed`, not on the threads. If words and
+        points would exceed `budget`, the work stops unfinished, with only a part of the points.
         """
         if canvas is None:
             canvas = np.empty((1, 1, 1), np.uint8)
-        reuse = 1 if mode == DRY else self.reuse  # what is weighed is weighed by independent points
+        reuse = 1 if mode == DRY else self.reuse  # weighing uses independent points
         tasks = tasks or (TASKS if self.reuse == 1 else FEWER)
         seeds = np.random.SeedSequence(seed).generate_state(tasks, np.uint64)
         tally = np.zeros((tasks, 4), np.int64)
@@ -107,10 +107,10 @@ class AddressTree:
         return Tally(kept, drawn, visited, cut_short == 0)
 
     def cut(self, window: Window, thrown: float, pieces: int, *, whole: bool = False) -> np.ndarray:
-        """Words (J,8) that share out the points of the window when `thrown` are thrown at the attractor, and among
-        them all that lie in it: a map to pixels a b c d x y, the depth, the number of points to expect. Large words
-        that are to be drawn whole come in parts, so that there are at least about `pieces`; those that are to stay
-        `whole` are split instead, like all others."""
+        """Words (J,8) that together hold the window's points when `thrown` points are thrown at the attractor. Each is
+        a map to pixels a b c d x y, the depth, and the expected number of points. A large word that lies in the window
+        is drawn in several parts, so that there are at least about `pieces` rows; with `whole`, it is split into longer
+        words instead, like all others."""
         return kernels.cut(self.maps, self.mass, self.hull, float(window.size), self._root(window), float(thrown),
                            pieces, whole)
 

@@ -1,4 +1,4 @@
-"""Which pixels the attractors of many codes light: one image for each code of a batch, without gradients."""
+"""The pixels that the attractors of many codes light: one image for each code of a batch, without gradients."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from ...runtime.checks import check_count, check_memory, check_number
 from .. import backends
 from ..chaos import _check_code, _seeds, cumulative_thresholds
 
-LEAST_SIDE = 1e-4  # an attractor below this is a point: it is not enlarged further
+LEAST_SIDE = 1e-4  # a smaller attractor is a point: it is not enlarged further
 
 
 @dataclass(frozen=True)
 class Game:
-    """A chaos game as the backends play it: `trajectories` of `length` points each, the first `warmup` dropped.
+    """Settings of a chaos game for the backends: `trajectories` of `length` points each, the first `warmup` dropped.
 
-    frame: the longer side of the box that the points are brought to, centred on the canvas; 0: they stay where they
-    are.
+    frame: the longer side of the box, centred on the canvas, to which the points are brought; 0: they stay in place.
     """
 
     trajectories: int
@@ -45,10 +44,10 @@ def occupancy(
 ) -> Tensor:                               # (…, R, R) uint8
     """1 where a pixel holds at least one point of the chaos game, else 0: images of the canvas [-1,1]², the y axis up.
 
-    About `points` points of each code are played, in so many `trajectories`, with the random numbers of `chaos_game`
-    (which see for `warmup`, `probabilities` and `seed`); points beyond the canvas are left out. frame: the length that
-    the longer side of the points' box is brought to, with the box centred on the canvas, as the paper's point generator
-    does (1.5); None leaves the points where they are. A box below 0.0001 is not enlarged further.
+    Each code gets about `points` points in `trajectories`, with the random numbers of `chaos_game`, which also explains
+    `warmup`, `probabilities` and `seed`. Points off the canvas are left out. frame: the longer side to which the
+    points' box is scaled, centred on the canvas, as in the paper's point generator (1.5); None leaves the points in
+    place. A box below 0.0001 is not enlarged further.
 
     Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, a frame that is not above 0, probabilities
     as in `chaos_game`, sizes that take more memory than there is, or a backend that cannot take the tensors.

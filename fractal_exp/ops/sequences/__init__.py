@@ -1,5 +1,5 @@
-"""What Learning Fractals (Tu et al., AAAI 2023) fits by: sequences of points of one code, and the squared error of the
-small Gaussians that each sequence draws. Both are differentiable."""
+"""The operations of Learning Fractals (Tu et al., AAAI 2023): sequences of points of one code, and the squared error of
+the small Gaussians that each sequence draws. Both are differentiable."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def sequence(
     seed: int = 0,
     backend: str = "auto",
 ) -> Tensor:                               # (sequences, length, 2)
-    """Chaos games of one code that begin at a given point: x_k = M_i x_(k-1) + b_i with a random map i each, x_0 the
-    start, which is not among the points.
+    """Chaos games of one code from a given point: x_k = M_i x_(k-1) + b_i with a random map i at each step. The start
+    x_0 is not among the points.
 
-    Gradients reach `linear`, `offset` and `start`. The random numbers of a sequence depend on the seed and on its
-    number alone, on every backend. Points stop at coordinates of ±1e6, as in `chaos_game`.
+    Gradients reach `linear`, `offset` and `start`. The random numbers of a sequence depend only on the seed and its
+    index, on every backend. Points stop at coordinates of ±1e6, as in `chaos_game`.
 
     Raises `InputError` on wrong shapes, dtypes or devices, counts below 1, probabilities as in `chaos_game`, or a
     backend that cannot take the tensors.
@@ -55,8 +55,8 @@ def blob_error(
     """The mean squared error between an image and what each set of points draws, clamp(sum_k exp(-d_k²), 0, 1), with
     the distance d_k of a pixel from point k in pixels (Tu et al. 2023). Pixel (0, 0) has its centre at (0, 0).
 
-    Gradients reach the points, none the image. Points must be finite; what they draw beyond 4.5 pixels is left out by
-    the `cpu` backend (below 2e-9).
+    Gradients reach the points, but not the image. Points must be finite. The `cpu` backend leaves out what they draw
+    beyond 4.5 pixels (below 2e-9).
 
     Raises `InputError` on wrong shapes, dtypes or devices, or a backend that cannot take the tensors.
     """

@@ -12,7 +12,7 @@ from ...runtime.threads import available
 from .. import backends
 from .reference import cutoff_radius
 
-LEAST_SIGMA = 1e-3     # pixels: a splat so small is drawn in one pixel or none, and below 1e-19 it overflows
+LEAST_SIGMA = 1e-3     # pixels; such a small splat is drawn in one pixel or none, and below 1e-19 it overflows
 
 
 def splat(
@@ -54,8 +54,8 @@ def splat(
 
 
 def _splat_bytes(points: Tensor, resolution: int, supersample: int, sigma_px: float) -> float:
-    """About what one image takes: itself, with gradients the transmittance of every supersampled pixel, and on a CPU a
-    buffer for each thread that holds three by two footprints."""
+    """About the memory of one image: the image itself; with gradients, the transmittance of every supersampled pixel;
+    and on a CPU, a buffer of three by two footprints for each thread."""
     footprint = 2 * cutoff_radius(float(sigma_px)) + 1
     buffers = 24 * available() * footprint * footprint if points.device.type == "cpu" else 0
     side = float(resolution) * float(supersample)

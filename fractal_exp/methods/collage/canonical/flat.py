@@ -1,4 +1,4 @@
-"""Attractors that lie on a line, Cantor's set for one: what a map does across the line cannot be seen."""
+"""Attractors on a line, such as the Cantor set: what their maps do across the line cannot be seen."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from torch import Tensor
 
 
 def on_their_line(maps: Tensor, points: Tensor, thinnest: float) -> Tensor:
-    """The maps (N,6) as similarities that keep the line on which the points (P,2) of their attractor lie, each with the
-    same effect along the line; the maps themselves unless the points are thinner than `thinnest`, the standard
-    deviation across, canvas units.
+    """Replace maps (N,6) whose attractor lies on a line by similarities with the same effect along the line.
 
-    Without this the part of a map that nobody sees is arbitrary, and products and inverses of maps mean nothing.
+    Without this, the invisible part of a map is arbitrary, and products and inverses of maps mean nothing. points
+    (P,2): of the attractor; thinnest: the maps stay as they are unless the standard deviation of the points across the
+    line is below this, canvas units.
     """
     centre = points.mean(0)
     spread, axes = torch.linalg.eigh(torch.cov((points - centre).double().T))

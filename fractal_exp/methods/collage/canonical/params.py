@@ -18,68 +18,68 @@ class CanonicalParams(Params):
     enabled: bool = True
     """Whether this stage runs."""
     near_error: Amount = 0.5
-    """Error up to which the stage runs even where the noise ratio is above `frame.far`."""
+    """Error up to which this stage runs even if the noise ratio is above `frame.far`."""
     fill: bool = True
     """Whether the frame is filled exactly."""
     symmetric: bool = True
-    """Whether offsets that are nearly mirror-symmetric are made so."""
+    """Whether nearly mirror-symmetric offsets are made exactly so."""
     worse: Amount = 1.02
-    """Factor on the least error so far that simple numbers may cost,"""
+    """Factor on the least error so far up to which simple numbers are kept."""
     line_worse: Amount = 1.0
-    """that lines along an axis may cost,"""
+    """The same factor for lines along an axis."""
     symmetric_worse: Amount = 1.05
-    """that symmetric offsets may cost,"""
+    """Factor on the error up to which symmetric offsets are kept."""
     filled_worse: Amount = 1.2
-    """and that the exact frame may cost."""
+    """Factor on the error up to which the exact frame is kept."""
     near_px: Amount = 0.05
     """Displacement (rms over the attractor, pixels) within which a matrix is near a simple one."""
     denominators: Annotated[tuple[Positive, ...], Some] = (*range(1, 13), 100)
-    """Denominators of the proper fractions that are simple entries of a matrix; those and their square roots are the
-    simple ratios of a similarity,"""
+    """Denominators of the proper fractions that count as simple entries of a matrix. These fractions and their
+    square roots are also the simple ratios of a similarity."""
     ratios: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = (((5**0.5 - 1) / 2) ** 2,)
-    """and so are these: the squared inverse of the golden ratio."""
+    """Further simple ratios: the squared inverse of the golden ratio."""
     degrees: Annotated[tuple[Positive, ...], Some] = (15, 18)
-    """A simple similarity rotates by a multiple of one of these, degrees."""
+    """A simple similarity rotates by a multiple of one of these angles, degrees."""
     symmetric_level: Share = 0.25
-    """Grey level above which a pixel belongs to the shape whose symmetries are looked for."""
+    """Grey level above which a pixel belongs to the shape whose symmetries are sought."""
     symmetric_likeness: Share = 0.93
-    """F1 within 1 px of a shape with its image under a symmetry."""
+    """Minimum F1 within 1 px between a shape and its image under a symmetry."""
     drawn_near_px: Amount = 0.25
-    """The same displacement in a picture that others drew,"""
+    """`near_px` in a picture that others drew."""
     drawn_worse: Amount = 1.5
-    """the factor on the error there,"""
+    """`worse` and `symmetric_worse` in such a picture; the limit also holds for codes with fewer or simpler maps."""
     drawn_denominators: Annotated[tuple[Positive, ...], Some] = tuple(range(1, 7))
-    """and the denominators."""
+    """`denominators` in such a picture."""
     least_side: Positive = 256
-    """Side of an image, pixels, below which the pixel of this size counts instead."""
+    """Side, pixels. In a smaller image, `near_px` counts in pixels of an image of this side."""
     line_px: Amount = 1.0
-    """Standard deviation across, pixels, of an image that may be a line along an axis,"""
+    """Maximum standard deviation, pixels, across an image that may be a line along an axis."""
     line_thin: Amount = 0.1
-    """and as a share of its length."""
+    """Maximum ratio of that standard deviation to the one along the image."""
     lines_tried: Positive = 3
-    """Lines that are polished."""
+    """Number of lines that are polished."""
     line_steps: Count = 3
-    """Gauss-Newton steps of each."""
+    """Gauss-Newton steps of each line."""
     line_factors: Annotated[tuple[Factor, ...], Some] = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)
-    """Lengths at which a line is tried, as factors of its own."""
+    """Factors on the length of a line that are tried."""
     line_scales: Positive = 3
-    """Simple scales of a line that are tried,"""
+    """Number of simple scales of a line that are tried."""
     line_shifts: Positive = 9
-    """each in so many places within a pixel to either side."""
+    """Number of places, within a pixel to either side, in which each scale is tried."""
     polish: Count = 8
-    """Gauss-Newton steps of what is not fixed."""
+    """Gauss-Newton steps of the entries that are not fixed."""
     symmetric_px: Amount = 0.1
-    """Difference of offsets, pixels, that may be the same."""
+    """Difference, pixels, up to which offsets are made the same."""
     framed_px: Amount = 0.5
-    """Misfit, pixels, of a frame that is meant to be filled,"""
+    """Misfit, pixels, up to which a frame is meant to be filled."""
     exact_px: Factor = 0.002
-    """and the `sigma_px` of one that is."""
+    """`sigma_px` of a frame that is filled exactly."""
     nudges: Annotated[tuple[Nudge, ...], Some] = (0.0, 1e-6, -1e-6, 1e-5, -1e-5, 5e-5, -5e-5)
-    """Relative changes of size that are tried on a shape that may end at edges of pixels."""
+    """Relative changes of size that are tried, because a shape may end at edges of pixels."""
     points: Positive = 20_000
-    """Points that tell an attractor's mean and covariance."""
+    """Points that estimate the mean and covariance of an attractor."""
 
     def of_drawn(self) -> CanonicalParams:
-        """As they are for a picture that others drew, which tells less of a code."""
+        """The parameters for a picture that others drew, which determines a code less precisely."""
         return self.updated(near_px=self.drawn_near_px, worse=self.drawn_worse, symmetric_worse=self.drawn_worse,
                             denominators=self.drawn_denominators)

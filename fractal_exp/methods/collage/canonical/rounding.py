@@ -1,7 +1,7 @@
-"""Entries near to simple numbers are rounded, if the image allows it.
+"""Round entries near simple numbers, if the image allows it.
 
-An image determines a matrix to about 0.01 px, but barely constrains how a line was projected. Where simple numbers are
-that near and render the image as well, they are likelier than those found (the shorter description; Rissanen 1978).
+An image determines a matrix to about 0.01 px, but barely constrains how a line was projected. If simple numbers are
+that near and render the image as well, they are likelier than the found ones (the shorter description; Rissanen 1978).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Fixed = frozenset[tuple[int, int]]   # entries (map, column) that are simple
 
 @dataclass(frozen=True)
 class _Standing:
-    """How far the rounding has come: the code, its entries that are simple, the frame that it must fill, and the least
+    """The state of the rounding: the code, its simple entries (`fixed`), the frame that it must fill, and the lowest
     error of a code with simple numbers so far."""
 
     code: Rendered
@@ -35,21 +35,21 @@ class _Standing:
 
 
 class Rounding:
-    """Of codes whose rendering is near to the image of the objective."""
+    """Rounds codes whose rendering is close to the objective's image."""
 
     def __init__(self, objective: ImageObjective, deadline: Deadline = NO_DEADLINE,
                  params: CanonicalParams | None = None):
         self.objective, self.deadline, self.params = objective, deadline, params or objective.params.canonical
 
     def __call__(self, start: Rendered) -> Rendered:
-        """The code with the frame filled exactly, all that is simple rounded and what is nearly its own mirror image
-        made so, each unless the image is rendered worse for it."""
+        """Fill the frame exactly, round simple numbers, and make nearly symmetric offsets symmetric. Each change is
+        undone if it makes the rendering worse."""
         now = self._simplified(self._filled(self._from(start)))
         now = self._symmetric(now)
         return self._symmetric(self._filled(now)).code if now.fixed else now.code
 
     def simplified(self, start: Rendered) -> tuple[Rendered, Fixed]:
-        """The code with all that is simple rounded, unless the image is rendered worse for it, and what was rounded."""
+        """The code with simple numbers rounded, unless that makes the rendering worse; and the rounded entries."""
         now = self._simplified(self._from(start))
         return now.code, now.fixed
 
@@ -63,7 +63,7 @@ class Rounding:
         return now if now.fixed == first.fixed else self._matrices(now)
 
     def _filled(self, now: _Standing) -> _Standing:
-        """With the frame filled exactly, if it is meant to be, unless the image is rendered notably worse for it."""
+        """Fill the frame exactly if it is meant to be filled, unless that makes the rendering notably worse."""
         best, fixed = now.code, now.fixed
         if not self.params.fill or self.deadline.passed or not self._is_meant(best, now.frame):
             return now
@@ -79,8 +79,9 @@ class Rounding:
         return replace(now, code=replace(filled, error=seen), frame=exact)
 
     def _symmetric(self, now: _Standing) -> _Standing:
-        """With offsets made symmetric that nearly are, unless it is rendered worse or misses the frame; those in the
-        middle of the canvas on its better side, and all at a size that fills the frame if it is meant to be."""
+        """Make nearly symmetric offsets symmetric, unless that makes the rendering worse or misses the frame. Offsets
+        in the middle of the canvas go to the better side of it. If the frame is meant to be filled, all offsets are
+        scaled to fill it."""
         best, frame = now.code, now.frame
         maps = mirrored_offsets(best.maps, 2 / self.objective.side * self.params.symmetric_px)
         if not self.params.symmetric or self.deadline.passed or bool((maps == best.maps).all()):
@@ -100,12 +101,12 @@ class Rounding:
         return replace(now, code=replace(found, error=self.objective.error(found.image)))
 
     def _is_meant(self, found: Rendered, frame: Frame | None) -> bool:
-        """Whether the frame is meant to be filled, which it nearly is."""
+        """Whether the code nearly fills the frame, so that it is meant to."""
         return frame is not None and bool(
             frame.misfit(found.maps, found.probabilities).abs().max() < self.params.framed_px)
 
     def _matrices(self, now: _Standing) -> _Standing:
-        """With matrices near simple ones rounded, as often as others come near by that."""
+        """Round matrices near simple ones. Repeat while this brings further matrices near simple ones."""
         while not self.deadline.passed:
             spread, maps, fixed = Spread.of(now.code, self.objective, self.params), now.code.maps.clone(), now.fixed
             for i, one in enumerate(now.code.maps):
@@ -119,7 +120,7 @@ class Rounding:
         return now
 
     def _line(self, now: _Standing, i: int) -> _Standing:
-        """With one map made a line along an axis, if it is nearly one."""
+        """Make one map a line along an axis, if it nearly is one."""
         best, fixed = now.code, now.fixed
         if self.deadline.passed or _matrix(i) <= fixed:
             return now
@@ -135,7 +136,7 @@ class Rounding:
         return now if tried is None else self._scaled(tried, i, line)
 
     def _scaled(self, now: _Standing, i: int, line: Line) -> _Standing:
-        """With the scale of a map that is a line rounded."""
+        """Round the scale of a map that is a line."""
         if self.deadline.passed:
             return now
         spread, line = Spread.of(now.code, self.objective, self.params), replace(line, one=now.code.maps[i])
@@ -144,13 +145,13 @@ class Rounding:
 
     def _polished(self, objective: ImageObjective, found: Rendered, line: Line, fixed: Fixed, i: int,
                   jacobian: type[Jacobian] = FromPoints) -> Rendered:
-        """With the line by itself polished."""
+        """Polish the line alone."""
         return polished(objective, found, self.params.line_steps, [i], deadline=self.deadline, jacobian=jacobian,
                         fixed=fixed | {(i, j) for j in line.fixed})
 
     def _tried(self, now: _Standing, maps: Tensor, fixed: Fixed, worse: float) -> _Standing | None:
-        """With these maps, and all that is not fixed polished; None if the error is then higher than so many times the
-        least so far."""
+        """Take these maps and polish all entries that are not fixed. None if the error then exceeds `worse` times the
+        lowest so far."""
         start = self.objective.judge(maps, now.code.weights)
         fitted = fitted_into_frame(self.objective, start, self.params.polish, now.frame, deadline=self.deadline,
                                    fixed=fixed)
@@ -160,7 +161,7 @@ class Rounding:
 
 def _likeliest(objective: ImageObjective, best: Rendered, i: int, lines: Iterable[Line], count: int
                ) -> list[tuple[Rendered, Line]]:
-    """The lines in the place of a map with the nearest renderings, so many."""
+    """The `count` lines that give the nearest renderings in the place of map i."""
     tried = []
     for line in lines:
         maps = best.maps.clone()
@@ -170,7 +171,7 @@ def _likeliest(objective: ImageObjective, best: Rendered, i: int, lines: Iterabl
 
 
 def _in_the_middle(maps: Tensor) -> list[list[int]]:
-    """The pairs [map, axis] of offsets that are zero but for about `EDGE`."""
+    """The pairs [map, axis] of offsets that are zero up to about `EDGE`."""
     return (maps[:, 4:].abs() < 2 * EDGE).nonzero().tolist()
 
 

@@ -1,4 +1,4 @@
-"""The simple numbers that people build fractals of, and the maps made of them that are near to given ones."""
+"""The simple numbers from which people build fractals, and the simple maps near given ones."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ from ..image.objective import ImageObjective, Rendered
 from ..measure.bins import attractor_points
 from .params import CanonicalParams
 
-EDGE = 1e-6                # off the middle, canvas units: on either side of the edge of pixels that lies there
+EDGE = 1e-6                # distance from the middle, canvas units, that selects a side of the pixel edge there
 
 
 class _Simple(NamedTuple):
-    """The simple entries of a matrix, and the ratios and the angles (radians) of a similarity, each (n,) float64 in
-    ascending order."""
+    """Simple matrix entries, and simple ratios and angles (radians) of similarities, each (n,) float64, ascending."""
 
     entries: Tensor
     ratios: Tensor
@@ -44,13 +43,13 @@ def _sorted(values: set) -> Tensor:
 
 
 def simple_numbers(params: CanonicalParams) -> _Simple:
-    """Those that these parameters call simple."""
+    """The numbers that these parameters define as simple."""
     return _simple(params.denominators, params.ratios, params.degrees)
 
 
 def simple_matrices(matrix: Tensor, params: CanonicalParams) -> Tensor:
-    """The simple ones nearest to a matrix (2,2) of each kind, (3,2,2) float64: entry by entry, as a similarity that
-    rotates, and as one that mirrors."""
+    """The nearest simple matrix (2,2) of each kind, (3,2,2) float64: entry by entry, a rotating similarity, and a
+    mirroring one."""
     simple, matrix = simple_numbers(params), matrix.double().cpu()
     (a, b), (c, d) = matrix
     found = [_nearest(matrix, simple.entries)]
@@ -68,8 +67,8 @@ def _nearest(value: Tensor, to: Tensor) -> Tensor:
 
 
 def mirrored_offsets(maps: Tensor, near: float) -> Tensor:
-    """Maps (N,6) with their offsets made exactly symmetric along each axis of the canvas along which they are but for
-    `near`, canvas units: those of a shape that is its own mirror image."""
+    """Maps (N,6) with exactly mirror-symmetric offsets along each canvas axis along which they are symmetric to within
+    `near`, canvas units."""
     maps = maps.clone()
     for column in (4, 5):
         signs, sizes = maps[:, column].sign(), maps[:, column].abs()
@@ -85,15 +84,15 @@ def mirrored_offsets(maps: Tensor, near: float) -> Tensor:
 
 @dataclass(frozen=True)
 class Line:
-    """A map (6,) that sends one axis of the plane to a line along one, by its entry `scale`, and which of its entries
-    are fixed."""
+    """A map (6,) that sends one axis of the plane to a line along an axis. scale: the index of its only nonzero matrix
+    entry; fixed: the indices of its fixed entries."""
 
     one: Tensor
     scale: int
     fixed: frozenset[int]
 
     def moved(self, entry: int, value: float) -> Line:
-        """With another value of an entry."""
+        """The line with another value of an entry."""
         one = self.one.clone()
         one[entry] = value
         return replace(self, one=one)
@@ -101,8 +100,8 @@ class Line:
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean (2,) and covariance (2,2) of an attractor, float64; pixel: a pixel's side; largest: singular value that a
-    map may have. What is rounded here sends the mean where it was sent before."""
+    """Mean (2,) and covariance (2,2) of an attractor, float64. pixel: a pixel's side; largest: the largest singular
+    value that a map may have. Rounded maps send the mean where it was sent before."""
 
     mean: Tensor
     covariance: Tensor
@@ -112,7 +111,7 @@ class Spread:
 
     @classmethod
     def of(cls, found: Rendered, objective: ImageObjective, canonical: CanonicalParams) -> Spread:
-        """That of a code's attractor, in the objective's pixels."""
+        """The spread of a code's attractor, with the objective's pixels."""
         params = objective.params
         points = attractor_points(found.maps, found.probabilities, canonical.points,
                                   derive(objective.seed, "rounding")).double()
@@ -128,8 +127,8 @@ class Spread:
         return near if small and float(affine.largest_singular(near)) <= self.largest else None
 
     def lines(self, one: Tensor) -> Iterator[Line]:
-        """If the map's (6,) image is a line along an axis, maps that make it of an axis of the plane, either way round;
-        where it lies near the middle of the canvas, also in the very middle."""
+        """If the map's (6,) image is a line along an axis, lines that project either axis of the plane onto it, both
+        ways round. If it lies near the middle of the canvas, also lines on either side of the middle."""
         linear = one[:4].view(2, 2).double()
         spread = (linear @ self.covariance @ linear.T).diagonal().sqrt()
         to = int(spread.argmax())
@@ -139,7 +138,7 @@ class Spread:
         for source, sign, factor in product((0, 1), (1, -1), self.params.line_factors):
             matrix, scale = torch.zeros_like(linear), 2 * to + source
             matrix[to, source] = sign * factor * spread[to] / self.covariance[source, source].sqrt()
-            if not float(matrix[to, source].abs()) <= self.largest:  # nor if the attractor has no width at all
+            if not float(matrix[to, source].abs()) <= self.largest:  # also true of NaN, if the attractor has no width
                 continue
             line = Line(self._with(one, matrix), scale, frozenset(range(4)) - {scale})
             yield line
@@ -148,7 +147,7 @@ class Spread:
                     yield replace(line.moved(4 + across, side), fixed=line.fixed | {4 + across})
 
     def rescaled(self, line: Line) -> Iterator[Line]:
-        """The line with the simple scales nearest to its own, moved along itself by parts of a pixel."""
+        """The line with the simple scales nearest to its own, each shifted along the line by parts of a pixel."""
         along = 4 + line.scale // 2
         matrix = line.one[:4].double().clone()
         entries = simple_numbers(self.params).entries
@@ -160,11 +159,11 @@ class Spread:
                 yield moved.moved(along, float(sent[along]) + shift * self.pixel)
 
     def _with(self, one: Tensor, matrix: Tensor) -> Tensor:
-        """Another map of this matrix (2,2), that sends the mean where the map (6,) sends it."""
+        """The map with this matrix (2,2) that sends the mean where the map `one` (6,) sends it."""
         image = one[:4].view(2, 2).double() @ self.mean + one[4:]
         return affine.sending(matrix, self.mean, image).to(one)
 
 
 def _shifts(count: int) -> list[float]:
-    """So many shifts within a pixel to either side, equally spaced."""
+    """`count` equally spaced shifts within a pixel to either side."""
     return torch.linspace(-1, 1, count, dtype=torch.float64).tolist() if count > 1 else [0.0]

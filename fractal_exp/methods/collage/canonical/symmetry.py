@@ -1,7 +1,7 @@
-"""Shapes that are their own image under rotations or reflections: of all their codes, the simplest.
+"""The simplest code of a shape that is symmetric under rotations or reflections.
 
-Each map of a code may be preceded by a symmetry of its attractor, which then stays the same. Among these codes the one
-whose maps turn least, and mirror only where they must, is the one that people write down.
+Each map of a code may be preceded by a symmetry of the attractor; the attractor stays the same. Of these codes, people
+write down the one whose maps rotate least and mirror only where they must.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 from .. import maps as affine
 from .params import CanonicalParams
 
-ORDERS = range(2, 9)   # of the rotations that are tried
-AXES_DEGREES = 7.5     # between the axes of reflection that are tried
+ORDERS = range(2, 9)   # orders of the rotations that are tried
+AXES_DEGREES = 7.5     # angle between the reflection axes that are tried
 
 
 def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
-    """The symmetries (6,) of the shape in an image (R,R), about its centroid, the identity first. One is found if
-    F1 within a pixel between the image and its image is at least `params.symmetric_likeness`."""
+    """The symmetries (6,) of the shape in an image (R,R) about its centroid, the identity first. A map counts as a
+    symmetry if the F1 within a pixel between shape and mapped shape is at least `params.symmetric_likeness`."""
     mask = (image > params.symmetric_level).float()
     side = len(image)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
@@ -31,8 +31,8 @@ def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
 
 
 def simplest(maps: Tensor, group: list[Tensor]) -> Tensor:
-    """The maps (N,6), each after the symmetry of the group with which it turns least, a reflection counting as more
-    than any turn."""
+    """The maps (N,6), each preceded by the symmetry of the group with which it rotates least. A reflection counts as
+    more than any rotation."""
     found = []
     for one in maps:
         options = [affine.composed(one, symmetry.to(one)) for symmetry in group]
@@ -63,7 +63,7 @@ def _turn(one: Tensor) -> float:
 
 
 def _likeness(mask: Tensor, symmetry: Tensor) -> float:
-    """F1 within a pixel between a mask (R,R) and its image."""
+    """F1 within a pixel between a mask (R,R) and its image under a symmetry."""
     a, b, c, d, e, f = symmetry.tolist()
     theta = torch.tensor([[[a, -b, e], [-c, d, -f]]])  # rows run downwards
     image = (grid_sample(mask[None, None], affine_grid(theta, [1, 1, *mask.shape], False), align_corners=False)

@@ -1,1 +1,1 @@
-"""Shapes of no code: as many small copies as asked for, moved all together until they cover the shape."""
+"""Growth, for shapes without a code: as many small copies as asked for, moved together until they cover the shape."""

@@ -1,8 +1,8 @@
-"""Many maps moved together until the images of a shape cover it.
+"""Many maps, moved together until the images of a shape cover the shape.
 
-The collage theorem (Barnsley 1985) holds for shapes as for measures, and small maps draw very nearly the union of their
-images of the shape. What is compared is what a pixel of that union would show, which does not depend on how densely a
-map fills its image: a pixel that is covered twice is no brighter.
+The collage theorem (Barnsley 1985) holds for shapes as it does for measures, and the attractor of small maps is very
+nearly the union of their images of the shape. We compare what the pixels of this union show. It does not depend on how
+densely a map fills its image: a pixel that is covered twice is no brighter.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from .params import GrowthParams
 from .silhouette import Silhouette, widened
 
-SUBPIXELS = 16                # a side of a pixel, on which areas are counted, as pictures are drawn
-BLOCKS = 4, 8, 16             # pixels a side of the blocks whose mean brightness is compared
-FAR_PX, FARTHEST = 8.0, 3.0   # what is off the shape costs more with the distance in these units, up to so many
+SUBPIXELS = 16                # per side of a pixel, for counting areas; renderings have as many
+BLOCKS = 4, 8, 16             # pixels per side of the blocks whose mean brightness is compared
+FAR_PX, FARTHEST = 8.0, 3.0   # unit of the distance that light off the shape pays for, and its maximum in these units
 
 
 def areas(maps: Tensor, shape: Silhouette, generator: torch.Generator, points: int = 6000) -> Tensor:
-    """The pixels (N,) that the images of a shape under maps (N,6) cover. A thin image covers more subpixels than its
-    determinant tells; of a large one, there are too few points to count them."""
+    """The number of pixels (N,) that the images of a shape under maps (N,6) cover. A thin image covers more subpixels
+    than its determinant suggests; for a large image there are too few points to count its subpixels."""
     places, side = shape.points(points, generator), shape.side * SUBPIXELS
     cells = []
     for row in ((0, 1, 4), (2, 3, 5)):
@@ -39,12 +39,12 @@ def _determinants(maps: Tensor) -> Tensor:
 
 
 class Uncovered:
-    """How far the union of images is from a shape; less is better.
+    """How far the union of images is from a shape; lower is better.
 
-    A pixel of which the share b is covered shows b^p / (b^p + h^p), with h = `half` and p = `power`: hardly
-    anything where a stray point falls, and nearly white from a third on. The loss is 1 - F1 within a pixel, of these
-    shades; `exact` times the same to the pixel; `coarse` times the mean difference of blocks of pixels, which tells a
-    map of light that is missing far off; `far` times the distance of what lies off the shape.
+    A pixel whose covered share is b shows b^p / (b^p + h^p), with h = `half` and p = `power`: hardly anything for a
+    stray point, and nearly white from a third. The loss of these shades is 1 - F1 within a pixel, plus `exact` times
+    the same to the pixel, plus `coarse` times the mean difference of blocks of pixels (which shows a map where light is
+    missing far away), plus `far` times the distance of what lies off the shape.
     """
 
     def __init__(self, shape: Silhouette, params: GrowthParams):
@@ -54,7 +54,7 @@ class Uncovered:
         self.blocks = [k for k in BLOCKS if k <= shape.side]
 
     def shades(self, bins: Tensor) -> Tensor:
-        """What pixels (R,R) show, of which so much is covered."""
+        """The shades (R,R) of pixels, from their covered shares."""
         power = ((bins + 1e-9) / self.params.half) ** self.params.power
         return power / (1 + power)
 
@@ -76,9 +76,9 @@ class Uncovered:
 
 def refined(maps: Tensor, loss: Uncovered, steps: int, generator: torch.Generator,
             deadline: Deadline = NO_DEADLINE) -> Tensor:
-    """Maps (N,6) moved together by Adam towards the least loss, in so many steps. Each step takes other points of the
-    shape; the areas of the images are counted again every `recount` steps, and in between follow the determinants to
-    the power `area_power`, as a wider line covers more."""
+    """Maps (N,6) after `steps` of Adam on the loss, all moved together. Each step takes new points of the shape. The
+    areas of the images are counted every `recount` steps. In between they follow the determinants to the power
+    `area_power`, because a wider line covers more."""
     shape, params = loss.shape, loss.params
     moved = params.points_per_pixel * shape.side**2
     count = max(params.least_points, min(round(moved / len(maps)), params.most_points))

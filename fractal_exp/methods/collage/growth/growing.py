@@ -1,4 +1,4 @@
-"""The curve of likeness over the number of maps: from few maps to many, each set begun from the one before and anew."""
+"""The curve of likeness over the number of maps. Each set starts both from the set before it and from scratch."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .silhouette import Silhouette, widened
 
 
 class Grower:
-    """Sets of more and more maps for the shape of an image (R,R). The drawn attractor alone decides between them: any
-    pixel that it lights is one of the drawing's."""
+    """Sets of more and more maps for the shape of an image (R,R). Only the drawn attractor decides between sets; every
+    pixel that it lights counts as drawn."""
 
     def __init__(self, image: Tensor, params: CollageParams, seed: int = 0,
                  deadline: Deadline = NO_DEADLINE):
@@ -28,8 +28,8 @@ class Grower:
         self.loss = Uncovered(self.shape, params.growth)
 
     def grown(self, count: int, before: Grown | None = None) -> Grown:
-        """The best set of so many maps: the set of fewer maps with new ones where it lacks light, or a paving, each
-        after all maps were moved together; or the plain paving itself."""
+        """The best set of `count` maps. Three are compared: `before` with new maps where light is missing and a plain
+        paving, each after all its maps have moved together, and the plain paving itself."""
         g, params = generator(self.seed, "growth", count), self.params
         plain = self.plain(count)
         tried = [plain, self.drawn(refined(plain.maps, self.loss, params.steps, g, self.deadline))]
@@ -39,27 +39,27 @@ class Grower:
         return max(tried, key=lambda each: each.likeness)
 
     def plain(self, count: int) -> Grown:
-        """A plain paving by so many maps."""
+        """A plain paving by `count` maps."""
         return self.drawn(paving(self.shape, count, derive(self.seed, "growth", count),
                                  largest=self.params.largest))
 
     def drawn(self, maps: Tensor) -> Grown:
-        """The set of maps (N,6), its probabilities in proportion to what the images of the shape cover, so that all of
-        it is drawn evenly."""
+        """The set of maps (N,6) with its likeness. Probabilities are proportional to the areas that the images of the
+        shape cover, so the whole shape is drawn evenly."""
         g = generator(self.seed, "areas")
         weights = affine.normalized(areas(maps, self.shape, g))
         return Grown(maps, weights, self.likeness(affine.WeightedMaps(maps, weights)))
 
     def drawing(self, candidate: affine.WeightedMaps) -> Tensor:
-        """What is drawn of a code, (R,R)."""
+        """The drawing (R,R) of a code."""
         return self.levels.render(candidate.code, self.shape.side, derive(self.seed, "drawing")).cpu()
 
     def likeness(self, candidate: affine.WeightedMaps) -> float:
-        """The F1 within a pixel of what is drawn of a code."""
+        """The F1 within a pixel of a code's drawing."""
         return self.shape.likeness(self.drawing(candidate))
 
     def _born(self, before: Grown, count: int) -> Tensor:
-        """New maps (count,6) that pave what is not drawn; the whole shape where there is too little of that."""
+        """New maps (count,6) that pave the undrawn part of the shape, or the whole shape if that part is too small."""
         missing = self.shape.mask & (widened(self.drawing(before) > 0) == 0)
         enough = int(missing.sum()) >= self.params.least_cell * count
         return paving(self.shape, count, derive(self.seed, "born", count), missing if enough else None,

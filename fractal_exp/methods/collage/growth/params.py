@@ -12,54 +12,54 @@ from ..fields import Factor, PositiveShare, SingularValue, Some
 
 
 class GrowthParams(Params):
-    """Growth: as many small maps as asked for, for shapes of no code."""
+    """Growth: as many small maps as asked for, for a shape that has no code."""
 
     enabled: bool = True
     """Whether maps are grown where the search finds no code."""
     counts: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
-    """Numbers of maps on the curve; a number that is asked for is added. With a limit of time, only that one is
+    """Numbers of maps on the curve, besides the number that is asked for. With a time limit, only that number is
     grown."""
     usual: Annotated[int, Field(ge=2)] = 64
-    """Maps at most, where nothing is asked for,"""
+    """Maximum number of maps if nothing is asked for."""
     enough: Share = 0.95
-    """and the likeness (F1 within a pixel) from which on there are no more."""
+    """Likeness (F1 within a pixel) at which growth stops if nothing is asked for."""
     unlike: Share = 0.9
-    """Likeness below which maps are grown and held against what the search found."""
+    """Likeness below which maps are grown and compared with what the search found."""
     margin: Share = 0.02
-    """By so much the likeness of grown maps must be the better."""
+    """Minimum gain in likeness for grown maps to replace what the search found."""
     at_once: Annotated[int, Field(ge=2)] = 21
-    """Number of maps asked for (`maps`, `bytes`) from which on they are grown without any search."""
+    """Number of maps asked for (`maps`, `bytes`) from which they are grown without a search."""
     lit: Annotated[float, Field(ge=0, lt=1)] = 0.1
     """Grey level, as a share of the highest, above which a pixel belongs to the shape."""
     side: Annotated[int, Field(ge=32)] = 256
-    """Pixels a side of the picture that is covered; a larger one is shrunk."""
+    """Maximum side, pixels, of the picture that is covered. A larger one is shrunk."""
     steps: Annotated[int, Field(ge=0, le=MAX_STEPS)] = 150
-    """Adam steps of all maps together, for each number of maps."""
+    """Adam steps of all maps together for each number of maps."""
     rate: Amount = 0.02
-    """Learning rate at the first step, canvas units,"""
+    """Learning rate at the first step, canvas units."""
     decay: PositiveShare = 0.05
-    """and what is left of it at the last; it falls exponentially."""
+    """Factor to which the rate falls, exponentially, by the last step."""
     largest: SingularValue = 0.9
     """Largest singular value that a map may have."""
     points_per_pixel: Factor = 0.9
-    """Points of the shape that all maps together move in a step, for each pixel of the picture,"""
+    """Points of the shape that all maps together move in a step, per pixel of the picture."""
     least_points: Positive = 300
-    """of which each moves so many at least,"""
+    """Minimum number of points that each map moves."""
     most_points: Positive = 8000
-    """and at most."""
+    """Maximum number of points that each map moves."""
     recount: Positive = 25
-    """Steps after which the areas of the images are counted again;"""
+    """Steps between two counts of the areas of the images."""
     area_power: Share = 0.7
-    """in between they follow the determinants to this power."""
+    """Between two counts, areas follow the determinants to this power."""
     half: Factor = 0.1
-    """Covered share of a pixel that shows half white,"""
+    """Covered share of a pixel that shows half white."""
     power: Factor = 1.5
-    """and how steep this rises."""
+    """Steepness with which the shade rises with the covered share."""
     exact: Amount = 0.3
-    """Weight of the F1 to the pixel beside that within a pixel,"""
+    """Weight of the F1 to the pixel; the F1 within a pixel has weight 1."""
     coarse: Amount = 0.3
-    """of the brightness of blocks of pixels,"""
+    """Weight of the brightness of blocks of pixels."""
     far: Amount = 0.05
-    """and of the distance of what is off the shape."""
+    """Weight of the distance of what lies off the shape."""
     least_cell: Positive = 4
-    """Pixels that are missing for each new map, below which new maps are placed anywhere on the shape."""
+    """Missing pixels per new map below which new maps are placed anywhere on the shape."""

@@ -1,4 +1,4 @@
-"""A plain paving: the shape cut into cells by k-means, a small copy of the whole in each."""
+"""A plain paving: k-means cuts the shape into cells, and each gets a small copy of the whole shape."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ ROUNDS = 30          # of k-means
 
 
 def paving(shape: Silhouette, count: int, seed: int = 0, mask: Tensor | None = None, *, largest: float) -> Tensor:
-    """So many maps (count,6), which pave the shape, or the pixels of a mask (R,R) of it.
+    """Maps (count,6) that pave the shape, or the pixels of a mask (R,R) of it.
 
-    The pixels are cut into cells by k-means (Lloyd 1982, begun as k-means++ says). Each map gives the whole shape the
-    mean and the covariance of a cell, its longer axis along the cell's: a thin cell gets the shape flattened onto a
-    line. Of a cell without pixels there is another copy of the largest one. No map has a singular value above
-    `largest`: the shorter axis of a cell may be longer than that of the whole, for instance where a line ends in a
-    knob.
+    k-means (Lloyd 1982, with k-means++ starts) cuts the pixels into cells. Each map gives the whole shape the mean and
+    the covariance of a cell, longer axis on longer axis. So for a thin cell, it flattens the shape onto a line. An
+    empty cell is replaced by another copy of the largest one. Singular values are clipped at `largest`: the shorter
+    axis of a cell may be longer than the shape's own, for instance where a line ends in a knob.
     """
     from scipy.cluster.vq import kmeans2
 
@@ -39,14 +38,14 @@ def paving(shape: Silhouette, count: int, seed: int = 0, mask: Tensor | None = N
 
 
 def _centres(mask: Tensor, side: int) -> np.ndarray:
-    """Where the pixels of a mask (R,R) are on the canvas, (n,2)."""
+    """Positions (n,2) on the canvas of the pixels of a mask (R,R)."""
     row, column = mask.nonzero().T.numpy() + 0.5
     return np.stack([2 * column / side - 1, 1 - 2 * row / side], 1)
 
 
 def _axes(points: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """The principal axes of points (n,2) in columns, the shorter one first, and the standard deviations of the pixels
-    along them."""
+    """The principal axes of points (n,2) in columns, the shorter first, and the pixels' standard deviations along
+    them."""
     off = points - points.mean(0)
     covariance = off.T @ off / len(points) + np.eye(2) * (2 / side) ** 2 / 12
     variances, directions = np.linalg.eigh(covariance)

@@ -1,4 +1,4 @@
-"""The shape of a picture as black and white, and how like it a drawing is."""
+"""The shape of a picture in black and white, and the likeness of a drawing to it."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class Silhouette:
         return torch.stack([2 * column / self.side - 1, 1 - 2 * row / self.side], 1)
 
     def distances(self) -> Tensor:
-        """How far every pixel is from the shape, (R,R) pixels."""
+        """Distance (R,R) of every pixel from the shape, in pixels."""
         from scipy.ndimage import distance_transform_edt
 
         return torch.from_numpy(np.asarray(distance_transform_edt(~self.mask.numpy()))).float()
 
     def likeness(self, drawing: Tensor) -> float:
-        """The F1 within a pixel of what is lit in a drawing (R,R)."""
+        """The F1 within a pixel between the lit part of a drawing (R,R) and the shape."""
         return float(metrics.f1_1px(drawing.float()[None], self.mask.float()[None]))
 
 

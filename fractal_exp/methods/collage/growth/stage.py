@@ -1,4 +1,4 @@
-"""Growth as a stage of the search: what is done for a shape that shows no code."""
+"""Growth as a stage of the search, for shapes that show no code."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .growing import Grower
 
 
 class Growth(Stage):
-    """The curve of likeness over the number of maps, a number each move, and the choice between what the search found
-    and what was grown. It is left out where the search found the code."""
+    """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
+    the grown sets. It is skipped if the search found the code."""
 
     name, order, ends_at = "growth", 7, "canonical_share"
 
@@ -39,7 +39,7 @@ class Growth(Stage):
 
     @property
     def deadline(self) -> Deadline:
-        """None: there is a plain paving at least, however late it is. The refinement of it ends in time."""
+        """No deadline: even if time is up, there is at least a plain paving. Its refinement ends in time."""
         return NO_DEADLINE
 
     def is_wanted(self, state: State) -> bool:
@@ -74,7 +74,7 @@ class Growth(Stage):
                        stopped=f"{len(chosen.maps)} maps were grown, F1 {chosen.likeness:.3f} within a pixel")
 
     def _likeness(self, found: Candidate) -> float:
-        """Of what the search found: F1 within a pixel."""
+        """The likeness (F1 within a pixel) of what the search found."""
         problem = self.problem
         if problem.levels.is_exact:
             return self.grower.likeness(found)
@@ -84,13 +84,14 @@ class Growth(Stage):
 
     @property
     def _goal(self) -> float:
-        """The likeness from which on there are no more maps; none where their number is given."""
+        """The likeness at which growth ends; infinite if the number of maps is given."""
         if self.params.maps or self.params.most_maps:
             return float("inf")
         return self.params.likeness or self.params.growth.enough
 
     def _chosen(self, curve: tuple[Grown, ...]) -> Grown:
-        """The first set that reaches the goal, or the most like; of so many maps, if their number is given."""
+        """The first set that reaches the goal, or else the one of highest likeness; of those with the given number of
+        maps, if there is one."""
         fitting = [each for each in curve if self.params.maps in (None, len(each.maps))]
         reached = [each for each in fitting if each.likeness >= self._goal]
         return reached[0] if reached else max(fitting, key=lambda each: each.likeness)

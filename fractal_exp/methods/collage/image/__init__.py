@@ -1,1 +1,1 @@
-"""Search by renderings that are compared with the image: stage 3."""
+"""The search that compares renderings with the image: stage 3."""

@@ -1,4 +1,4 @@
-"""The camera of a picture that others drew, estimated from a code that is nearly right."""
+"""The camera of a picture that others drew, estimated with a nearly right code."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .gauss_newton import polished
 from .jacobian import FromRenderings
 from .objective import ImageObjective, Rendered
 
-DRAWN = "coverage", "dots"   # what a picture that others drew may be, the likelier first
+DRAWN = "coverage", "dots"   # levels that a picture that others drew may have, the likelier first
 
 
 def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> Camera:
-    """The camera with which the rendering of a code comes nearest to the image (R,R); none where the levels are exact.
+    """The camera with which the rendering of a code comes closest to the image (R,R); empty if the levels are exact.
 
-    All values that the parameters list are tried. Dots are taken only if they explain the image much better than a pen.
-    """
+    All values that the parameters list are tried. Dots are chosen only if they explain the image much better than a
+    pen."""
     if levels.is_exact:
         return ()
     found = [nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0]
@@ -32,9 +32,8 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
 
 
 def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> list[tuple[float, Camera]]:
-    """The cameras of the kind of these levels with which a code comes nearest to the image (R,R), one for each of what
-    they draw (see `Levels.drawn`), each with its angle of error, the least first; none if the code shows nothing by
-    this kind of camera."""
+    """The cameras of this kind with which a code comes closest to the image (R,R): one for each value of
+    `Levels.drawn`, with its angle of error, the lowest first. Empty if such a camera cannot draw the code."""
     judge, found = ImageObjective(image, levels, params), {}
     for values, rendering in levels.candidates(code, len(image), derive(seed, "camera")):
         tried = judge.angle(judge.error(rendering)), camera_of(levels, values)
@@ -45,22 +44,22 @@ def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, see
 
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE
               ) -> tuple[ImageObjective, Rendered]:
-    """The code polished by its renderings and the camera estimated anew, in turns while both bring it nearer to the
-    image; with the objective that has the last camera. Strokes are tried where a pen drew lines. A code of many maps or
-    in a large image stays as it is: it would take too long."""
+    """Polish the code by its renderings and estimate the camera again, in turns, as long as the error falls. Return the
+    code and the objective with the last camera. Strokes are tried where a pen drew lines. A code of many maps or for a
+    large image stays as it is, because this would take too long."""
     camera, levels = objective.params.camera, objective.levels
     if (levels.is_exact or not levels.values or deadline.passed or len(found.maps) > camera.sharpened_maps
             or len(objective.image) > camera.sharpened_side):
         return objective, found
-    strokes = _as_strokes(objective, found, deadline) if isinstance(objective.levels, Drawn) else []
+    strokes = as_strokes(objective, found, deadline) if isinstance(objective.levels, Drawn) else []
     least = min((shown.error for _, shown in strokes), default=found.error)
     starts = [start for start in strokes if start[1].error <= least / camera.plausible] \
         if least < camera.stroked * found.error else [(objective, found)]
-    return min((_in_turns(*start, deadline) for start in starts), key=lambda end: end[1].error)
+    return min((in_turns(*start, deadline) for start in starts), key=lambda end: end[1].error)
 
 
-def _in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) -> tuple[ImageObjective, Rendered]:
-    """The code polished, and its camera of the same kind estimated anew, in turns."""
+def in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) -> tuple[ImageObjective, Rendered]:
+    """Polish the code and estimate its camera, of the same kind, in turns."""
     params = objective.params
     for _ in range(params.camera.turns):
         if deadline.passed:
@@ -77,9 +76,9 @@ def _in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) ->
     return objective, found
 
 
-def _as_strokes(objective: ImageObjective, found: Rendered, deadline: Deadline
+def as_strokes(objective: ImageObjective, found: Rendered, deadline: Deadline
                 ) -> list[tuple[ImageObjective, Rendered]]:
-    """The code polished as strokes of a recursion that ended, at each of the likeliest depths."""
+    """The code polished as strokes of a recursion that ended, once for each of the likeliest depths."""
     params, levels, tried = objective.params, objective.levels, []
     strokes = LEVELS["strokes"].of(objective.image, params.camera)
     for _, camera in nearest(objective.image, strokes, found.code, params, objective.seed)[:params.camera.depths]:

@@ -1,4 +1,4 @@
-"""Populations of sets of as many maps as are asked for, whose best sets are judged by renderings."""
+"""Populations of sets with the given number of maps. The best sets are judged by renderings."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .objective import ImageObjective, Rendered
 
 
 class Crossing:
-    """One population after another, each until its time is up, on masses (R,R) and judged by `objective`.
+    """One population after another on masses (R,R), each for its number of generations, judged by `objective`.
 
-    Every random number derives from the seed and the number of the step: a search that is resumed at a step is the same
-    as one that never stopped.
+    Every random number derives from the seed and the step's number, so a resumed search is the same as one that never
+    stopped.
     """
 
     def __init__(self, masses: Tensor, objective: ImageObjective, params: CollageParams, *, seed: int = 0,
@@ -34,7 +34,7 @@ class Crossing:
         return self._candidate(self._judged(0))
 
     def step(self, now: Candidate, number: int) -> Candidate:
-        """`now`, or a better code of the generation after this one."""
+        """`now`, or a better code of the next generation."""
         if number // self.params.generations != self.number:
             self._begin(number // self.params.generations)
         new = [self._judged(i) for i in self._advance(number)]
@@ -51,13 +51,13 @@ class Crossing:
         return now.error <= self.params.settled * self._noise[1]
 
     def _begin(self, number: int) -> None:
-        """A new population."""
+        """Start a new population."""
         self.number = number
         self.population = Population(self.masses, self.all.maps, self.all, derive(self.seed, "population", number))
         self._seen: set[float] = set()
 
     def _advance(self, number: int) -> list[int]:
-        """One generation; the sets that are to be judged now and have not been."""
+        """Make one generation; return the sets to judge now, without those judged before."""
         self.population.advance()
         if (number + 1) % self.params.judged_every:
             return []

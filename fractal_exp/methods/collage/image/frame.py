@@ -1,4 +1,4 @@
-"""The frame that an attractor fills: what an image tells of tips too faint to be seen in it."""
+"""The frame that an attractor fills. It constrains tips that are too faint to be seen in the image."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .params import FrameParams
 
 @dataclass(frozen=True)
 class Frame:
-    """Targets are brought to the canvas by their box: centred, the longer side from -0.75 to 0.75. For the random suite
-    and the classics this is the attractor's `visible_box`, for a picture file the box of what is lit, which leaves out
-    faint tips: a fern's stem, some pixels. What is lit may exceed the frame, as the visible box leaves out the rarest
-    tips.
+    """Targets are placed on the canvas by a box: it is centred, and its longer side spans [-0.75, 0.75]. For the random
+    suite and the classics this is the attractor's `visible_box`. For a picture file it is the box of the lit pixels,
+    which misses faint tips such as a fern's stem by some pixels. Lit pixels may exceed the frame, because the visible
+    box leaves out the rarest tips.
 
-    side: pixels a side of the image; sigma_px, beyond_px: see `FrameParams`.
+    side: pixels per side of the image; sigma_px, beyond_px: see `FrameParams`.
     """
 
     side: int
@@ -28,7 +28,7 @@ class Frame:
 
     @classmethod
     def of(cls, image: Tensor, params: FrameParams) -> Frame | None:
-        """The frame of an image (R,R), or None if what is lit in it spans too much or too little of it."""
+        """The frame of an image (R,R), or None if its lit pixels span too much or too little of the canvas."""
         side = image.shape[0]
         lit = [image.amax(k).nonzero().flatten() for k in (0, 1)]
         if len(lit[0]) == 0 or not params.enabled:
@@ -41,19 +41,19 @@ class Frame:
         return cls(side, params.sigma_px, params.beyond_px)
 
     def misfit(self, maps: Tensor, probabilities: Tensor) -> Tensor:
-        """How far the attractor's visible box is from the frame, (3,) float64 pixels, for maps (N,6) and probabilities
-        (N,): its lower and upper end along its longer side, and its centre along the other."""
+        """Misfit (3,) float64, pixels, of the attractor's visible box in the frame, for maps (N,6) and probabilities
+        (N,): of its lower and upper end along its longer side, and of its centre along the other side."""
         low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, probabilities))])
         return self._misfit(low, high)
 
     def growth(self, maps: Tensor, probabilities: Tensor) -> float:
-        """The factor on all offsets that gives the attractor's box the side of the frame."""
+        """The factor on all offsets that makes the longer side of the attractor's box as long as the frame."""
         low, high, _ = self.misfit(maps, probabilities)
         return FRAME_SIDE / (FRAME_SIDE + 2 / self.side * float(high - low))
 
     def jacobian(self, maps: Tensor, probabilities: Tensor) -> Tensor:
-        """The derivatives (3,N,6) of `misfit` by the maps, which are those of the words that reach farthest, with the
-        probabilities fixed."""
+        """The derivatives (3,N,6) of `misfit` by the maps: those of the words that reach farthest, for fixed
+        probabilities."""
         words = [torch.from_numpy(word).long() for _, word in visible_tips(affine.to_code(maps, probabilities))]
         with torch.enable_grad():
             moving, weights = maps.detach().cpu().double().requires_grad_(), probabilities.detach().cpu().double()
@@ -72,22 +72,21 @@ class Frame:
                             (low[across] + high[across]) / 2]) * (self.side / 2)
 
     def penalty(self, misfit: Tensor) -> tuple[float, Tensor]:
-        """Huber's of a misfit (3,), in counting errors of a pixel, and the weights (3,) that it gives residuals: what
-        weighs less than in proportion cannot spoil a code that is wrong for other reasons."""
+        """Huber's loss of a misfit (3,), in counting errors of a pixel, and the residual weights (3,) that follow from
+        it. A large misfit weighs less than its square, so it cannot spoil a code that is wrong for other reasons."""
         size = misfit.abs() / self.beyond_px
         value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (self.beyond_px / self.sigma_px) ** 2
         return float(value), size.clamp_min(1).rsqrt() / self.sigma_px
 
 
 def _box(tips: list) -> tuple[Tensor, Tensor]:
-    """The lower and the upper corner, (2,) each, of a box that reaches so far to the right, the top, the left and the
-    bottom."""
+    """The lower and the upper corner, (2,) each, of a box from its reach to the right, top, left and bottom."""
     right, top, left, bottom = (torch.as_tensor(tip, dtype=torch.float64) for tip in tips)
     return torch.stack([-left, -bottom]), torch.stack([right, top])
 
 
 def _image(linear: Tensor, offset: Tensor, word: Tensor, point: Tensor) -> Tensor:
-    """Where the word's maps, the last one first, send the point."""
+    """Where the word sends the point. Its last map is applied first."""
     for letter in word.flip(0):
         point = linear[letter] @ point + offset[letter]
     return point

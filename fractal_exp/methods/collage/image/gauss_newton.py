@@ -1,6 +1,6 @@
-"""Gauss-Newton on the rendering itself: maps moved by small parts of a pixel.
+"""Gauss-Newton on the rendering itself: it moves maps by small parts of a pixel.
 
-The collage equation is solved on grids, with pixels for points, which blurs. Here the residual is that of real
+The collage equation is solved on grids, with pixels as points, which blurs. Here the residual comes from real
 renderings, so a true code stays where it is. Only the Jacobian is approximate (`jacobian`).
 """
 
@@ -21,13 +21,12 @@ from .objective import ImageObjective, Rendered
 def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
              patience: int | None = None, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] | None = None,
              alone: bool = False, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
-    """The code after at most so many steps of Levenberg and Marquardt, never worse.
+    """The code after at most `steps` Levenberg-Marquardt steps. It is never worse than before.
 
-    moving: the maps that may move, all if None; patience: after how many steps in vain to stop, None: as
-    `GaussNewtonParams` says; jacobian: where it is got from, None: from points or, of linear grey levels, from counts;
-    alone: whether each parameter is tried by itself where all together lead nowhere, as is done for a single map;
-    fixed: entries (map, column) that stay, a translation's only with those of its row, since matrices turn about the
-    attractor's mean.
+    moving: the maps that may move, None: all; patience: steps without gain, in a row, before the end, None: as in
+    `GaussNewtonParams`; jacobian: its class, None: `FromPoints`, or `FromCounts` for linear grey levels; alone: whether
+    each parameter is tried by itself if all together lead nowhere, as is always done for a single map; fixed: entries
+    (map, column) that stay. A fixed offset needs a fixed matrix row, because matrices act about the attractor's mean.
     """
     params = objective.params.gauss_newton
     moving = [i for i in (moving if moving is not None else range(len(rendered.maps)))
@@ -57,8 +56,8 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
 
 def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, frame: Frame | None, *,
                       deadline: Deadline = NO_DEADLINE, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
-    """The code polished such that its attractor fills the frame of its image, which tells of tips too faint to be
-    seen, unless there is none, or the image is rendered notably worse for it."""
+    """Polish the code so that its attractor fills the frame of its image, which constrains tips too faint to be seen.
+    Polish it without the frame if there is none, or if the frame makes the rendering notably worse."""
     patience = objective.params.gauss_newton.last_patience
     if frame is not None:
         within = objective.within(frame)
@@ -71,7 +70,7 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
 
 
 def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, step: Tensor) -> Rendered | None:
-    """The step, or a multiple of it, whichever comes closest; None if it leads up."""
+    """The code after the step or its best multiple; None if the step raises the error."""
     best = None
     for factor in objective.params.gauss_newton.strides:
         tried = objective.judge(jacobian.moved(factor * step), jacobian.weighed(factor * step))
@@ -82,8 +81,8 @@ def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, s
 
 
 def _one_by_one(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, deadline: Deadline) -> Rendered:
-    """The code after the best step in each parameter of a map in turn. Where an image is a line between two columns of
-    pixels, the least of a step across it costs more than any step along it can gain."""
+    """The code after the best step in each parameter of a map in turn. If an image is a line between two columns of
+    pixels, even the smallest step across it costs more than any step along it can gain."""
     steps = jacobian.solve_alone()
     taken = torch.zeros_like(steps)
     for k, step in enumerate(steps):

@@ -1,4 +1,4 @@
-"""How the rendering of a code changes with its maps: the normal equations of `gauss_newton`."""
+"""The Jacobian of a code's rendering by its maps, as normal equations for `gauss_newton`."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ..measure.blur import blurred
 from .objective import ImageObjective, Rendered
 
 WEIGHT = 6                 # the column of a map's probability, after its six entries
-LOG_STEP = 0.1             # of a probability's logarithm, which counts as much as a pixel
-LEAST_WEIGHT = 1e-3        # of a map, relative to the heaviest
-LETTERS = 8                # of the words through which a probability is followed
-MARGIN = 8                 # a grid is so much wider than the canvas, as a part of its side, on each side
-BILINEAR = 1 / 12          # variance, cells², that bilinear bins add to that of bins with edges
+LOG_STEP = 0.1             # step of a probability's logarithm that counts as much as a pixel
+LEAST_WEIGHT = 1e-3        # minimum weight of a map, relative to the heaviest
+LETTERS = 8                # length of the words through which a probability's effect is followed
+MARGIN = 8                 # the grid extends beyond each edge of the canvas by 1 / MARGIN of its side
+BILINEAR = 1 / 12          # variance, cells², that bilinear bins add, compared with sharp bins
 ROWS = 2**21               # numbers of a Jacobian that are multiplied at once
 
 
 class Jacobian(ABC):
-    """How the stabilised rendering changes with the parameters of some maps, each in units of a pixel's displacement,
-    as normal equations over all grids, and over the frame if the objective has one. fixed: entries (map, column) that
-    stay."""
+    """Derivatives of the stabilised rendering by the parameters of some maps, each in units of a pixel's displacement.
+    They are kept as normal equations over all grids, and over the frame if the objective has one. fixed: entries (map,
+    column) that stay."""
 
     def __init__(self, objective: ImageObjective, rendered: Rendered, moving: Sequence[int], number: int,
                  fixed: Collection[tuple[int, int]] = ()):
@@ -48,7 +48,7 @@ class Jacobian(ABC):
         grids = self.grids(objective, rendered)
         for residual, (columns, slope) in zip(objective.residuals(rendered.image), grids, strict=True):
             rows = max(1, ROWS // (count * len(residual)))
-            for part in range(0, len(residual), rows):  # in pieces, for the sake of memory
+            for part in range(0, len(residual), rows):  # in pieces, to save memory
                 piece = slice(part, part + rows)
                 scaled = (columns[:, piece] * slope[piece]).flatten(1).double()
                 self.square += (scaled @ scaled.T).cpu()
@@ -57,16 +57,16 @@ class Jacobian(ABC):
             self._add_frame(objective, rendered)
 
     def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
-        """Probabilities that move too: (map, 6, step of their logarithm). A rendering that saturates tells none."""
+        """Probabilities that move too: (map, 6, step of their logarithm). None if the rendering saturates."""
         return []
 
     def weighed(self, step: Tensor) -> Tensor | None:
-        """The weights (N,) after a step, None if they are tied."""
+        """The weights (N,) after a step; None if they are tied."""
         return self.weights
 
     @abstractmethod
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        """For each grid the derivatives (parameters,h,w), and what (h,w) they are yet to be multiplied by."""
+        """For each grid, the derivatives (parameters,h,w) and a factor (h,w) still to be applied to them."""
 
     def _add_frame(self, objective: ImageObjective, rendered: Rendered) -> None:
         frame = objective.frame
@@ -76,7 +76,7 @@ class Jacobian(ABC):
         columns = torch.stack([
             unit * (slopes[:, i, j] - (self.mean[j % 2] * slopes[:, i, 4 + j // 2] if j < 4 else 0))
             for i, j, unit in self.units])
-        counted = 2 * objective.subpixels  # residuals of the image have the variance 1 / 2n, those of the frame 1
+        counted = 2 * objective.subpixels  # residuals of the image have variance 1 / 2n, residuals of the frame 1
         self.square += columns @ columns.T / counted
         self.gradient -= columns @ (misfit * weights) / counted
 
@@ -86,15 +86,15 @@ class Jacobian(ABC):
         return self._limited(torch.linalg.solve(self.square + ridge.diag(), self.gradient))
 
     def solve_alone(self) -> Tensor:
-        """The steps (6 maps,), pixels, of each parameter if no other moved."""
+        """The step (6 maps,), pixels, of each parameter if only that one moves."""
         return self._limited(self.gradient / self.square.diagonal().clamp_min(1e-12))
 
     def _limited(self, step: Tensor) -> Tensor:
         return step.clamp(-self.params.longest_px, self.params.longest_px)
 
     def moved(self, step: Tensor) -> Tensor:
-        """The maps (N,6) after a step; a matrix turns about the attractor's mean."""
-        maps = self.maps.tolist()  # number by number, for which tensors are slow, and a GPU's still more
+        """The maps (N,6) after a step. A matrix acts about the attractor's mean."""
+        maps = self.maps.tolist()  # tensors are slow number by number, and slower still on a GPU
         for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
             if j == WEIGHT:
                 continue
@@ -104,15 +104,15 @@ class Jacobian(ABC):
         return contract(self.maps.new_tensor(maps), self.params.largest)
 
     def nudged(self, parameter: int, step: float) -> Tensor:
-        """The maps (N,6) with one parameter moved."""
+        """The maps (N,6) after a step of one parameter."""
         alone = torch.zeros(len(self.units))
         alone[parameter] = step
         return self.moved(alone)
 
 
 class FromPoints(Jacobian):
-    """From one run of the chaos game, followed with common random numbers (probabilities are fixed), and the grey level
-    as I = 1 - exp(-kappa m) of a cell's mass m, kappa such that it fits the rendering around the cell."""
+    """From one run of the chaos game with common random numbers and fixed probabilities. The grey level of a cell of
+    mass m is I = 1 - exp(-kappa m), with kappa fitted to the rendering around the cell."""
 
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         known = point_bins(self.points, self.side)
@@ -134,9 +134,9 @@ class FromPoints(Jacobian):
 
 
 class FromCounts(Jacobian):
-    """Of grey levels in proportion to counts: as from points, under the blur of the image, and the probabilities move
-    with the maps if they are free. They change the invariant measure mu = T mu by d mu = f_i#mu - mu + T d mu for each
-    map i, a series that ends as soon as the maps have contracted it below a cell."""
+    """For grey levels proportional to counts: like `FromPoints`, but under the blur of the image, and free
+    probabilities move with the maps. For map i, they change the invariant measure mu = T mu by
+    d mu = f_i#mu - mu + T d mu. This series ends once the maps have contracted its terms below a cell."""
 
     def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
         return [] if self.weights is None else [(i, WEIGHT, LOG_STEP) for i in moving]
@@ -153,7 +153,7 @@ class FromCounts(Jacobian):
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         levels, side, step = objective.levels, self.side, self.params.step_px
         margin = -(-side // MARGIN)
-        size = side + 2 * margin  # what lies just beyond the canvas is blurred into it
+        size = side + 2 * margin  # points just off the canvas are blurred into it
         scale = rendered.maps.new_tensor([1, 1, 1, 1, side / size, side / size])
         entries = [k for k, (_, j, _) in enumerate(self.units) if j != WEIGHT]
         moved = torch.stack([rendered.maps, *(self.nudged(k, step) for k in entries)]) * scale
@@ -175,7 +175,7 @@ class FromCounts(Jacobian):
 
 
 def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int) -> Tensor:
-    """How a code's invariant measure (G,G) changes with the probability of one map, relative to the others'."""
+    """The change of a code's invariant measure (G,G) with the probability of one map, relative to the others."""
     step = _pushed(measure, maps[chosen, None], probabilities.new_ones(1)) - measure
     change = step.clone()
     for _ in range(LETTERS - 1):
@@ -185,7 +185,7 @@ def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int) 
 
 
 def _pushed(bins: Tensor, maps: Tensor, weights: Tensor) -> Tensor:
-    """What maps (N,6) of these weights (N,) make of a measure or a difference of two, (G,G)."""
+    """The weighted sum of the images under maps (N,6) of a measure (G,G), or of a difference of two measures."""
     size = bins.shape[0]
     row, column = bins.nonzero().unbind(1)
     samples = torch.stack([(2 * column + 1) / size - 1, 1 - (2 * row + 1) / size, bins[row, column]], 1)
@@ -193,8 +193,8 @@ def _pushed(bins: Tensor, maps: Tensor, weights: Tensor) -> Tensor:
 
 
 class FromRenderings(Jacobian):
-    """From renderings of the code with each parameter moved to and fro: several times slower, and right where an image
-    ends at the edge of a pixel, which bins know nothing of."""
+    """From renderings of the code with each parameter moved both ways. This is several times slower than `FromPoints`,
+    but also correct where an image ends at the edge of a pixel, which bins cannot show."""
 
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         nudge = self.params.nudge_px if objective.levels.is_graded else self.params.binary_nudge_px

@@ -1,4 +1,4 @@
-"""How like a picture that others drew a code is, whatever the camera."""
+"""The likeness of a code to a picture that others drew, whatever the camera."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .objective import ImageObjective, Rendered, error_of
 
 
 def likeness_of(shown: Rendered, objective: ImageObjective) -> float:
-    """The smaller of two likenesses: of a code's drawing (F1 within a pixel) and of its attractor, if the image shows
-    all of it."""
+    """The likeness of a code's drawing (F1 within a pixel), or of its attractor if that is lower and the image shows
+    the whole attractor."""
     drawing = objective.likeness(shown.image)
     if not objective.levels.is_whole:
         return drawing
@@ -23,11 +23,11 @@ def likeness_of(shown: Rendered, objective: ImageObjective) -> float:
 
 def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadline: Deadline = NO_DEADLINE
                    ) -> Rendered:
-    """Take out maps that nobody sees, one at a time, and polish what is left.
+    """Remove maps that nobody sees, one at a time, and polish the others.
 
-    Such maps make up for a camera that is only nearly right, for instance for the widths of a tree's branches. A map
-    goes if the likeness stays within `MoveParams.unseen` of the first one, and the error within
-    `CanonicalParams.drawn_worse` times the first one. At least `least` maps stay.
+    Such maps compensate for an imperfect camera, for instance for the widths of a tree's branches. A map is removed if
+    the likeness stays within `MoveParams.unseen` of the initial one, and the error within
+    `CanonicalParams.drawn_worse` times the initial one. At least `least` maps stay.
     """
     params, worst = objective.params, objective.params.canonical.drawn_worse * shown.error
     goal = likeness_of(shown, objective) - params.moves.unseen
@@ -41,14 +41,14 @@ def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadl
 
 
 def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
-    """How well a code's attractor agrees with the shape in an image (R,R): F1 of a precision and a recall.
+    """Agreement of a code's attractor with the shape in an image (R,R), as the F1 of a precision and a recall.
 
     Precision is the share of the attractor within a pixel of the shape. Recall is the share of the shape within a pixel
-    of what the camera's pen draws around the attractor, or within half a tile or twig of it, if the camera draws those.
+    of what the camera's pen draws around the attractor, or within half a tile or twig of the attractor.
 
-    Precision allows for half a tile too, at most for half of `CameraParams.small_tile_px`: the attractor of a tree
-    fills what a drawing of few steps shows as a lattice. Large tiles look like the picture itself, and with all of
-    their size a wrong code would look right.
+    Precision also allows for half a tile, but at most for half of `CameraParams.small_tile_px`: the attractor of a tree
+    fills what a drawing of few steps shows as a lattice. Large tiles look like the picture itself, so allowing for half
+    of their size would make a wrong code look right.
     """
     from scipy.ndimage import distance_transform_edt
 

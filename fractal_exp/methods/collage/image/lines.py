@@ -1,9 +1,8 @@
-"""Maps whose images are lines: told by how the light runs along the line.
+"""Maps whose images are lines, found from the distribution of light along the line.
 
-Mean and covariance do not determine the projection of a map that is nearly of rank 1: across the line there is nothing
-to see, and along it grey levels saturate where a subpixel is hit more than once. But how many subpixels of a row a line
-lights up follows from the measure projected onto one direction, so all directions and ends can be gone through without
-a rendering.
+Mean and covariance do not determine the projection of a map of nearly rank 1: across the line there is nothing to see,
+and along it grey levels saturate where a subpixel is hit more than once. But the measure, projected onto one direction,
+determines how many subpixels of each row the line lights up. So all directions and ends can be tried without rendering.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from .params import LineParams
 
 
 class _Laid(NamedTuple):
-    """A map (6,) to the line, the angle of its projection, where its image begins and ends, and its error."""
+    """A map (6,) onto the line, the angle of its projection, where its image begins and ends, and its error."""
 
     error: float
     angle: float
@@ -30,8 +29,8 @@ class _Laid(NamedTuple):
 
 @dataclass(frozen=True)
 class CanvasLine:
-    """A straight line on the canvas: where the coordinate number `main` (0 for x, 1 for y) is t, the other one is
-    height + slope · t, |slope| <= 1. Its rows are those of the pixels along `main`."""
+    """A straight line on the canvas: if coordinate `main` (0 for x, 1 for y) is t, the other one is height + slope · t,
+    with |slope| <= 1. Its rows are the rows of pixels along `main`."""
 
     main: int
     slope: float
@@ -39,7 +38,7 @@ class CanvasLine:
 
     @classmethod
     def of(cls, line: Tensor, points: Tensor) -> CanvasLine:
-        """That on which a map (6,) lays points (P,2), but for the width of their image."""
+        """The line onto which a map (6,) sends points (P,2), ignoring the width of their image."""
         image = points @ line[:4].view(2, 2).T + line[4:]
         middle = image.mean(0)
         along = torch.linalg.svd(image - middle, full_matrices=False)[2][0]
@@ -48,15 +47,15 @@ class CanvasLine:
         return cls(main, slope, float(middle[1 - main]) - slope * float(middle[main]))
 
     def map(self, row: Tensor, start: Tensor) -> Tensor:
-        """The map (6,) that sends a point x to where t = row·x + start on the line."""
+        """The map (6,) that sends a point x to the point of the line at t = row·x + start."""
         rows = torch.stack([row, self.slope * row])
         shift = torch.stack([start, self.height + self.slope * start])
         return torch.cat([(rows if self.main == 0 else rows.flip(0)).flatten(),
                           shift if self.main == 0 else shift.flip(0)])
 
     def pixels(self, image: Tensor, aside: int) -> Tensor:
-        """The image's (R,R) pixels on the line and so many on each side of it, (R,1 + 2 aside), a row each, in
-        ascending order of t; those beyond its edge are dark."""
+        """The pixels of an image (R,R) on the line and `aside` to each side: (R,1 + 2 aside), a row each, in ascending
+        order of t. Pixels beyond the image's edge are dark."""
         size = image.shape[0]
         rows = image.T if self.main == 0 else image.flip(0)
         centers = (2 * torch.arange(size) + 1) / size - 1
@@ -69,8 +68,8 @@ class CanvasLine:
 
 @dataclass(frozen=True)
 class Light:
-    """What an image shows of a line: the target (R,R), a rendering (R,R) of the code without it, subpixels a side of a
-    pixel, and how many points of the chaos game fall on the canvas for each pixel."""
+    """What an image shows of a line: the target (R,R), a rendering (R,R) of the code without the line, subpixels per
+    side of a pixel, and chaos game points per pixel of the canvas."""
 
     target: Tensor
     rest: Tensor
@@ -79,19 +78,18 @@ class Light:
 
 
 def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: LineParams) -> Tensor:
-    """Maps (K,6), `params.count` at most, to the line on which a map (6,) lays the measure, but in other ways along it.
+    """Maps (K,6) onto the same line as the map `line` (6,), but with other projections; best first, at most
+    `params.count`.
 
-    They are those whose light fits best among all ends, in each direction of projection that is better than its
-    neighbours, best first; none where the image is a point.
-
-    share: of the points, that the map has; points (P,2): of the measure.
+    For each direction of projection that fits the light better than its neighbours, this is the map with the best ends.
+    Empty if the image is a point. share: the map's share of the points; points (P,2): of the measure.
     """
     given, supersample = line, shown.supersample
     line, points, target, rest = (each.double().cpu() for each in (line, points, shown.target, shown.rest))
     course = CanvasLine.of(line, points)
     wanted, there = (course.pixels(each, params.aside_px) for each in (target, rest))
     light, variance = _missing(wanted, there, supersample)
-    cells = supersample * (1 + abs(course.slope))  # subpixels of a row that the line crosses
+    cells = supersample * (1 + abs(course.slope))  # subpixels that the line crosses in a row
     thrown = shown.points_per_pixel * target.numel() * share
     own = points @ line[:4].view(2, 2)[course.main] + line[4 + course.main]
     low, length = own.min(), own.max() - own.min()
@@ -131,8 +129,8 @@ def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: L
 
 
 def _missing(wanted: Tensor, there: Tensor, supersample: int) -> tuple[Tensor, Tensor]:
-    """The light (R,), in pixels, that rows of pixels (R,n) lack beside what is there (R,n), where only dark subpixels
-    show it, and the variance (R,) of its counting error."""
+    """The light (R,), in pixels, that is missing in each row when `wanted` (R,n) is compared with `there` (R,n), and
+    the variance (R,) of its counting error. Only dark subpixels can show it."""
     least = 1 / supersample**2
     dark = (1 - there).clamp_min(least)
     counted = (there * (1 - there) + wanted * (1 - wanted)).clamp_min(least) * least
@@ -140,7 +138,7 @@ def _missing(wanted: Tensor, there: Tensor, supersample: int) -> tuple[Tensor, T
 
 
 def _cumulated(values: Tensor, places: Tensor, bins: int) -> Tensor:
-    """The part of the values (P,) below each place, of which 0 is the least value and 1 the largest."""
+    """The share of the values (P,) below each place, where place 0 is the minimum of the values and 1 the maximum."""
     low, high = values.min(), values.max()
     counts = torch.histc((values - low) / (high - low).clamp_min(1e-12), bins, 0, 1) / len(values)
     below = torch.cat([counts.new_zeros(1), counts.cumsum(0)])

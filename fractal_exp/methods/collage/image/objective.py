@@ -1,4 +1,4 @@
-"""The image as the judge of codes: each code is rendered as the image was, and both are compared pixel by pixel."""
+"""The objective of stage 3: each code is rendered as the image was, and both are compared pixel by pixel."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from ..measure.levels import Levels, stabilize
 from ..params import CollageParams
 from .frame import Frame
 
-REDRAWN = 4   # images whose mean error tells the noise of one that is blurred, of which few parts are independent
+REDRAWN = 4   # renderings that estimate the noise of a blurred image, which has few independent parts
 
 
 @dataclass(frozen=True)
 class Rendered(affine.WeightedMaps):
-    """A code with its rendering (R,R), and the error of that (see `ImageObjective`)."""
+    """A code with its rendering (R,R) and the rendering's error (see `ImageObjective`)."""
 
     image: Tensor
     error: float
 
 
 class ImageObjective:
-    """The target image (R,R) in [0,1], and how far renderings are from it.
+    """The target image (R,R) in [0,1], and the error of renderings against it.
 
-    A pixel of which a share I of n subpixels is lit has a counting error that depends on I; arcsin(sqrt(I)) has the
-    variance 1/4n whatever I is (Anscombe 1948), so that faint tips count for what they are worth. The error is
-    mean over grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest
-    grid on all: of the order of 0.1 for two renderings of one code, 0.3 for pixels that only share their brightness.
-    The mean of several renderings has less noise. frame: which the attractor must fill, if there is one (`within`);
-    what it misses of it adds to the error.
+    If a share I of n subpixels of a pixel is lit, the counting error of I depends on I. But arcsin(sqrt(I)) has
+    variance 1/4n for every I (Anscombe 1948), so faint tips count for what they are worth. The error is the mean over
+    grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest grid
+    throughout. It is about 0.1 for two renderings of one code, and 0.3 for pixels that only share their brightness. The
+    mean of several renderings has less noise. frame: the frame that the attractor must fill, if any (`within`); the
+    misfit adds to the error.
     """
 
     frame: Frame | None = None
@@ -50,31 +50,30 @@ class ImageObjective:
         self.lit = [max(1, int((grid > 0).sum())) for grid in self.grids(image)]
 
     def within(self, frame: Frame | None) -> ImageObjective:
-        """The same, with this frame."""
+        """The same objective with this frame."""
         other = copy.copy(self)
         other.frame = frame
         return other
 
     def seen_with(self, levels: Levels) -> ImageObjective:
-        """The same, with other levels of as many subpixels."""
+        """The same objective with other levels that have the same number of subpixels."""
         other = copy.copy(self)
         other.levels = levels
         return other
 
     def own_frame(self) -> Frame | None:
-        """The frame that the image fills, if it fills one; neither a picture that others drew nor the density of points
-        tells of one."""
+        """The frame that the image fills, or None. Linear images and pictures that others drew have no frame."""
         levels = self.levels
         return None if levels.is_linear or not levels.is_exact else Frame.of(self.image, self.params.frame)
 
     def hasty(self) -> ImageObjective:
-        """The same, with a single rendering of each code."""
+        """The same objective with a single rendering of each code."""
         other = copy.copy(self)
         other.renderings = 1
         return other
 
     def grids(self, image: Tensor) -> list[Tensor]:
-        """The image (R,R) on grids of `side` and fewer cells a side."""
+        """The image (R,R) on grids with `side` and fewer cells per side."""
         image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
         grids = [image]
         while len(grids) < self.params.image.grids and grids[-1].shape[0] >= 8:
@@ -82,17 +81,17 @@ class ImageObjective:
         return grids
 
     def stabilized(self, image: Tensor) -> list[Tensor]:
-        """The grids of an image, of variance 1 / 4n everywhere."""
+        """The grids of an image, transformed to variance 1 / 4n everywhere."""
         return [self.levels.stabilized(grid, self.subpixels * 4**k) for k, grid in enumerate(self.grids(image))]
 
     def residuals(self, rendering: Tensor) -> list[Tensor]:
-        """Target minus rendering (R,R), of equal variance, on every grid."""
+        """Target minus rendering (R,R) on every grid, after the transform to equal variance."""
         return [a - b for a, b in zip(self.stable, self.stabilized(rendering), strict=True)]
 
     def render(self, code: IFS, *path: int | str) -> Tensor:
-        """(R,R), as the target was rendered; the same path of a random stream gives the same points."""
+        """The code rendered as the target was, (R,R). The same path of a random stream gives the same points."""
         resolution = self.image.shape[0]
-        once = {"independent": True} if self.renderings > 1 else {}  # where a percent of the error counts
+        once = {"independent": True} if self.renderings > 1 else {}  # a percent of the error matters then
         images = [self.levels.render(code, resolution, derive(self.seed, *path, *([n] if n else [])), **once)
                   for n in range(self.renderings)]
         return torch.stack(images).mean(0).to(self.image)
@@ -112,17 +111,17 @@ class ImageObjective:
         return self.judge(rendered.maps[keep], None if rendered.weights is None else rendered.probabilities[keep])
 
     def error(self, rendering: Tensor) -> float:
-        """Of a rendering (R,R); lower is better."""
+        """The error of a rendering (R,R); lower is better."""
         sums = torch.stack([residual.square().sum() for residual in self.residuals(rendering)]).tolist()
         parts = [each / n for each, n in zip(sums, self.lit, strict=True)]
         return 2 * self.subpixels * sum(parts) / len(parts)
 
     def angle(self, error: float) -> float:
-        """The root mean square of arcsin sqrt I - arcsin sqrt J, in radians, that an error stands for."""
+        """The root mean square of arcsin sqrt I - arcsin sqrt J, in radians, that corresponds to an error."""
         return (error / (2 * self.subpixels)) ** 0.5
 
     def noise(self, code: IFS) -> float:
-        """The error that the true code would have by chance, told from two renderings of this one."""
+        """The error that the true code would have by chance, estimated from renderings of this code."""
         if self.levels.is_linear:  # renderings have less noise than the image
             shown, seeds = self.render(code), (derive(self.seed, "again", n) for n in range(REDRAWN))
             drawn = (self.levels.noisy(code, len(shown), seed).to(shown) for seed in seeds)
@@ -132,33 +131,32 @@ class ImageObjective:
         return max(self.params.image.least_noise, other.error(self.render(code)))
 
     def likeness(self, rendering: Tensor) -> float:
-        """F1 within a pixel of the masks of a rendering (R,R) and the image, of what is above `camera.threshold`."""
+        """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `camera.threshold`."""
         least = self.levels.camera.threshold
         masks = ((image > least).float()[None] for image in (rendering, self.image))
         return float(metrics.f1_1px(*masks))
 
     def is_hopeless(self, error: float) -> bool:
-        """Whether a code of this error is so far from the image that the image may show no attractor. What costs much
-        and helps only near a true code is then left out: roots of codes of many maps, the last polish, another
-        round."""
+        """Whether a code with this error is so far from the image that the image may show no attractor. Expensive steps
+        that help only near a true code are then skipped: roots of codes of many maps, the last polish, another round.
+        """
         return self.angle(error) >= self.params.stages.hopeless
 
 
 def error_of(shown: Rendered) -> float:
-    """The key of the nearest rendering."""
+    """Sort key: the error of a rendering."""
     return shown.error
 
 
 def reduced(image: Tensor, size: int, code: IFS, levels: Levels, params: CollageParams, seed: int) -> Tensor:
     """The image (R,R) at a smaller size (S,S), as it would have been rendered.
 
-    `levels.shrunk` errs where the shape is finer than a pixel, by many times the noise of a rendering. But a code that
-    is nearly right shows by how much, rendered at both sizes. The difference is undone between levels of equal
-    variance.
+    Where the shape is finer than a pixel, `levels.shrunk` errs by many times the noise of a rendering. A nearly right
+    code, rendered at both sizes, shows by how much. This difference is subtracted from levels of equal variance.
     """
     subpixels = levels.supersample**2
     shrunk = levels.shrunk(image, size)
-    if levels.is_linear:  # a mean of counts errs nowhere
+    if levels.is_linear:  # a mean of counts is exact
         return shrunk
     large = levels.shrunk(levels.render(code, image.shape[0], derive(seed, "large")).to(image), size)
     small = torch.stack([levels.render(code, size, derive(seed, "small", n)).to(image)

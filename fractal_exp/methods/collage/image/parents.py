@@ -1,4 +1,4 @@
-"""Maps g of which a code holds only the compositions g∘f with its others: what a dragon's half is made of."""
+"""Parents: maps g for which a code only holds compositions g∘f with its other maps, as for half of a dragon curve."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .pruning import Price
 
 def with_fewer_maps(objective: ImageObjective, shown: Rendered, price: Price, steps: int,
                     deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code with parents in place of its maps, one after the other, as long as they are worth it at this price a
-    map. Each code that is tried is polished by so many steps."""
+    """Replace maps of the code by parents, one parent at a time, as long as the score falls at this price per map. Each
+    code that is tried is polished for `steps` steps."""
     while len(shown.maps) <= objective.params.moves.parent_maps and not deadline.passed:
         tried = [polished(objective, each, steps, deadline=deadline) for each in with_parents(objective, shown)]
         best = min([shown, *tried], key=lambda each: price.score(each.error, len(each.maps)))
@@ -31,9 +31,9 @@ def with_fewer_maps(objective: ImageObjective, shown: Rendered, price: Price, st
 
 
 def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
-    """The code with each of its parents in place of the maps whose images lie within the parent's: a parent is one of
-    its maps undone by another, or by another after a symmetry of the shape, if that is contractive and sends the
-    attractor to where the image is lit; `MoveParams.parent_tried` at most, of large ones."""
+    """One code for each parent, which replaces the maps whose images lie within its own. A parent is f∘h⁻¹ or f∘s∘h⁻¹,
+    with maps f and h of the code and a symmetry s of the shape. It must be contractive and send the attractor to where
+    the image is lit. At most the `MoveParams.parent_tried` largest are tried."""
     params, side = objective.params.moves, len(objective.image)
     points, maps = _points(objective, shown), flattened(objective, shown).cpu()
     found = _undone(maps, symmetries(objective.image.cpu(), objective.params.canonical),
@@ -53,7 +53,7 @@ def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
 
 
 def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
-    """The maps (N,6) of a code, see `on_their_line`."""
+    """The maps (N,6) of a code after `on_their_line`."""
     thinnest = 2 / len(objective.image) * objective.params.moves.flat_px
     return on_their_line(shown.maps.cpu(), _points(objective, shown), thinnest).to(shown.maps)
 
@@ -65,7 +65,7 @@ def _points(objective: ImageObjective, shown: Rendered) -> Tensor:
 
 
 def _undone(maps: Tensor, group: list[Tensor], largest: float) -> Tensor:
-    """Each of the maps (N,6), after each symmetry, undone by each (n,6), those that are contractive."""
+    """All contractive f∘s∘h⁻¹ (n,6), with f and h among the maps (N,6) and s in the group."""
     back = [each for each in map(affine.inverse, maps) if each is not None]
     found = [affine.composed(affine.composed(one, symmetry), each) for one in maps for symmetry in group
              for each in back]

@@ -1,4 +1,4 @@
-"""Maps that an image does not ask for."""
+"""Remove maps that the image does not justify."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from .objective import ImageObjective, Rendered
 
 @dataclass(frozen=True)
 class Price:
-    """What a map costs: an error, and a share of the code's error, which counts where more than noise is left of the
-    true code's."""
+    """The cost of a map: an error, plus a share of the code's error. The share counts where even the true code's error
+    is more than noise."""
 
     error: float
     share: float = 0.0
 
     def score(self, error: float, maps: int) -> float:
-        """Of a code with this error and so many maps; less is better."""
+        """The score of a code with this error and number of maps; lower is better."""
         return error * (1 + self.share) ** maps + self.error * maps
 
     def spares(self, fewer: float, error: float) -> bool:
-        """Whether a map is not worth it that lowers the error from `fewer` to `error`."""
+        """Whether a map that lowers the error from `fewer` to `error` is not worth its price."""
         return fewer < error * (1 + self.share) + self.error
 
 
 def without_doubles(maps: Tensor, weights: Tensor, points: Tensor, near: float) -> tuple[Tensor, Tensor]:
-    """The maps (N,6) and weights (N,) without those that send points (P,2) to where a heavier one sends them, but for
-    `near` canvas units (rms): two that are nearly the same only make a line thicker, which is the pen's part."""
+    """Maps (N,6) and weights (N,) without doubles. A map is a double if it sends points (P,2) to within `near` canvas
+    units (rms) of where a heavier map sends them. It only makes a line thicker, which is the pen's job."""
     images = points @ maps[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + maps[:, None, 4:]
     apart = (images[:, None] - images[None]).square().sum(-1).mean(-1).sqrt()
     kept: list[int] = []
@@ -46,7 +46,7 @@ def without_doubles(maps: Tensor, weights: Tensor, points: Tensor, near: float) 
 
 def pruned_in_frame(objective: ImageObjective, rendered: Rendered, price: Price, least: int, *, near: bool,
                     deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """As `pruned`, of a polished code: where it is nearly found, a map that nobody sees may still decide the frame."""
+    """Like `pruned`, for a polished code. In a nearly right code, even a map that nobody sees may decide the frame."""
     framed = objective.within(objective.own_frame() if near else None)
     fewer = pruned(framed, framed.judge(rendered.maps, rendered.weights), price, least, deadline=deadline)
     return rendered if len(fewer.maps) == len(rendered.maps) else objective.judge(fewer.maps, fewer.weights)
@@ -54,7 +54,7 @@ def pruned_in_frame(objective: ImageObjective, rendered: Rendered, price: Price,
 
 def pruned(objective: ImageObjective, rendered: Rendered, price: Price, least: int = 0, *,
            deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code without the maps that the image does not ask for, at a price a map; at least so many stay."""
+    """The code without maps that are not worth their price. At least `least` maps stay, and at least two."""
     while len(rendered.maps) > max(2, least) and not deadline.passed:
         fewer = min((objective.without(rendered, [i]) for i in range(len(rendered.maps))), key=lambda each: each.error)
         if not price.spares(fewer.error, rendered.error):

@@ -14,10 +14,10 @@ from .objective import ImageObjective, Rendered
 
 
 def refined(objective: ImageObjective, masses: Tensor, maps: Tensor, weights: Tensor | None, seed: int) -> Rendered:
-    """The best rendering of the maps (N,6) and what becomes of them on ever finer grids.
+    """The best rendering among the maps (N,6) and their refinements on ever finer grids.
 
-    Before each, the image's masses (R,R) are corrected for saturation by the code so far, so that at the true code the
-    collage error nearly vanishes. weights (N,) are free to move; None: they are tied to |det| + 0.01.
+    Before each grid, the code so far corrects the image's masses (R,R) for saturation, so that the collage error nearly
+    vanishes for the true code. weights (N,) are free to move; None: they are tied to |det| + 0.01.
     """
     params, refine = objective.params, objective.params.refine
     best = now = objective.judge(maps, weights)

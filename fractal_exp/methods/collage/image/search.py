@@ -1,7 +1,7 @@
 """Large neighbourhood search again, one map at a time, judged by renderings of the code.
 
-What is left to find after the search on the measure are maps so small, thin or faint that they weigh next to nothing as
-a measure, yet are seen, and small copies in a wrong orientation. Rendering a code tells at once.
+After the search on the measure, two kinds of errors are left: missing maps so small, thin or faint that they weigh next
+to nothing but are still seen, and small copies in a wrong orientation. A rendering shows both at once.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from .refine import refined
 
 
 class ImageSearch:
-    """An `ImageObjective` searched from a candidate. masses (R,R): of the image; noise: of a rendering. Every random
-    number derives from the seed and the number of the move."""
+    """The search on an `ImageObjective`, from a candidate. masses (R,R): of the image; noise: error between two
+    renderings of one code. Every random number derives from the seed and the move's number."""
 
     def __init__(self, objective: ImageObjective, masses: Tensor, *, noise: float, seed: int = 0,
                  deadline: Deadline = NO_DEADLINE):
@@ -45,21 +45,21 @@ class ImageSearch:
     # -- steps of the stage -------------------------------------------------------------------------------------------
 
     def resume(self, found: Candidate) -> Candidate:
-        """The best rendering of the candidate and its refinements, with its own weights or those of |det| + 0.01."""
+        """The best rendering among the candidate and its refinements, with free weights or weights |det| + 0.01."""
         half = self.params.moves.polish_ends // 2
         free = found.probabilities if found.weights is None else found.weights
         tried = (None, free) if self.params.moves.own_weights else (None,)
-        tried = tried[-1:] if self.objective.levels.is_linear else tried  # such levels tell the weights
+        tried = tried[-1:] if self.objective.levels.is_linear else tried  # linear levels determine the weights
         found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
                  for weights in tried]
         first = self._simpler(found[0], found[-1])
         best = self.polished(self.pruned(first), half)
-        if not self.objective.levels.is_exact:  # what is pruned at this price may be what the root of a map needs
+        if not self.objective.levels.is_exact:  # at this price, pruning may remove maps that a root needs
             best = min(best, self._with_root(first) or best, self._with_parents(first), key=self.score)
         return self.candidate(self._with_root(best) or best)
 
     def _with_root(self, best: Rendered) -> Rendered | None:
-        """The code with the root of one of its largest maps, if that is better."""
+        """The code with the root of one of its largest maps, or None if no root is better."""
         moves = self.params.moves
         tried = moves.root_largest if self.objective.levels.is_exact or len(best.maps) > moves.root_all \
             else len(best.maps)
@@ -73,7 +73,7 @@ class ImageSearch:
         return None
 
     def _with_parents(self, now: Rendered) -> Rendered:
-        """The code with maps of which several of its maps are compositions, if that is better."""
+        """The code with parents in the place of some maps, if that is better."""
         if self.params.maps:
             return now
         return with_fewer_maps(self.objective, now, self.price, self.params.moves.polish_ends // 2, self.deadline)
@@ -91,13 +91,14 @@ class ImageSearch:
         return self.candidate(self.polished(new, self.params.moves.polish_accepted))
 
     def cleaned(self, now: Candidate) -> Candidate:
-        """Without maps that the image does not ask for, and polished for long."""
+        """Prune and polish the code for many steps; keep the result if it is better."""
         shown = self.shown(now)
         new = self.polished(self.pruned(shown), self.params.moves.polish_ends)
         return self.candidate(new) if self.score(new) < self.score(shown) else now
 
     def finish(self, now: Candidate) -> Candidate:
-        """Cleaned, and polished on several renderings at once, whose noise is less, if it is noise that is left."""
+        """The code cleaned, and then polished on the mean of several renderings, which has less noise. The polish is
+        left out for pictures that others drew and for hopeless codes."""
         cleaned = self.cleaned(now)
         if not self.objective.levels.is_exact or self.objective.is_hopeless(cleaned.error):
             return cleaned
@@ -114,7 +115,7 @@ class ImageSearch:
         return self.candidate(last)
 
     def simplified(self, now: Candidate) -> Candidate | None:
-        """With simple numbers rounded, or None if there are none."""
+        """The code with simple numbers rounded, or None if there are none."""
         if not self.params.canonical.enabled:
             return None
         careful = self._careful()
@@ -122,12 +123,12 @@ class ImageSearch:
         return self.candidate(self.objective.judge(found.maps, found.weights)) if fixed else None
 
     def judged(self, candidate: Candidate) -> Candidate:
-        """The candidate with the error and score that it has here."""
+        """The candidate with its error and score by this objective."""
         return self.candidate(self.objective.judge(candidate.maps, candidate.weights))
 
     def is_settled(self, now: Candidate, moves: int) -> bool:
-        """Whether the code's rendering is as near to the image as that of the true one would be; after many moves,
-        nearly as near."""
+        """Whether the code's rendering is as close to the image as the true code's would be, or nearly so after many
+        moves."""
         if not self.objective.levels.is_exact:
             enough = moves >= self.params.moves.drawn_least and len(now.maps) >= (self.params.maps or 0)
             return enough and self.likeness(now) >= self.params.moves.alike
@@ -135,11 +136,11 @@ class ImageSearch:
         return self.noise_ratio(now) < worth and len(now.maps) >= (self.params.maps or 0)
 
     def likeness(self, now: Candidate) -> float:
-        """Of the code's rendering to the image, see `ImageObjective`."""
+        """The likeness of the code's rendering to the image, see `ImageObjective`."""
         return self.objective.likeness(self.shown(now).image)
 
     def noise_ratio(self, now: Candidate) -> float:
-        """The error, in units of the error of another rendering of the same code."""
+        """The error, relative to the error between two renderings of the same code."""
         shown = self.shown(now)
         if self._noise is None or self._noise[0] is not shown.maps:
             self._noise = shown.maps, self.objective.noise(shown.code)
@@ -148,13 +149,13 @@ class ImageSearch:
     # -- the last polish ----------------------------------------------------------------------------------------------
 
     def _last_judged(self, found: Rendered) -> Rendered:
-        """After the last polish, rendered once."""
+        """The code after the last polish, judged by one rendering."""
         last = self._last_polish(found)
         return self.objective.judge(last.maps, last.weights)
 
     def _last_polish(self, found: Rendered) -> Rendered:
-        """Polished on several renderings at once, whose noise is less, and into the frame; and where more than noise is
-        left, by a Jacobian from renderings."""
+        """Polish the code on the mean of several renderings, which has less noise, and into the frame. If more than
+        noise is left, polish it with a Jacobian from renderings."""
         careful, params = self._careful(), self.params.gauss_newton
         near = self.noise_ratio(self.candidate(found)) < self.params.frame.far
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), self.params.moves.polish_ends,
@@ -173,8 +174,8 @@ class ImageSearch:
                               self.params.image.last_renderings)
 
     def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
-        """The code with weights of its own only if its error is much lower, as free weights also fit noise, and lag
-        behind when maps move."""
+        """The code with free weights only if its error is much lower. Free weights also fit noise, and lag behind when
+        maps move."""
         levels, worth = self.objective.levels, self.params.moves.own_weights
         worth = 1.0 if worth and (levels.is_linear or not levels.is_exact) else worth
         return own if own.error < worth * tied.error else tied
@@ -182,39 +183,39 @@ class ImageSearch:
     # -- what moves are made of ---------------------------------------------------------------------------------------
 
     def pruned(self, rendered: Rendered) -> Rendered:
-        """Without maps that the image does not ask for."""
+        """The code without maps that are not worth their price."""
         return pruned(self.objective, rendered, self.price, self.params.maps or 0, deadline=self.deadline)
 
     def polished(self, rendered: Rendered, steps: int, moving: Sequence[int] | None = None) -> Rendered:
-        """After at most so many Gauss-Newton steps."""
+        """The code after at most `steps` Gauss-Newton steps."""
         return polished(self.objective, rendered, steps, moving, deadline=self.deadline)
 
     def polished_last(self, new: Rendered, shown: Rendered, steps: int) -> Rendered:
-        """With its last map polished, if that is promising."""
+        """The new code with its last map polished, if the code is promising."""
         if new.error > self.params.moves.promising * shown.error:
             return new
         return self.polished(new, steps, [len(new.maps) - 1])
 
     def polished_all(self, new: Rendered, shown: Rendered) -> Rendered:
-        """With all maps polished, if there is hope."""
+        """The new code with all maps polished, if the code is hopeful."""
         hopeful = new.error < self.params.moves.hopeful * shown.error
         return self.polished(new, self.params.moves.polish_rest) if hopeful else new
 
     def corrected_measure(self, shown: Rendered) -> CorrectedMeasure:
-        """The image's measure, corrected for saturation by the code shown."""
+        """The image's measure, corrected for saturation with the code `shown`."""
         if self._corrected is None or self._corrected.maps is not shown.maps:
             self._corrected = CorrectedMeasure.of(self.masses, shown, self.objective, derive(self.seed, "correct"))
         return self._corrected
 
     def score(self, rendered: Rendered) -> float:
-        """The error and the price of the maps; less is better."""
+        """The error plus the price of the maps; lower is better."""
         missing = max(0, (self.params.maps or 0) - len(rendered.maps))
         return self.price.score(rendered.error, len(rendered.maps)) + self.params.moves.missing * missing
 
     def candidate(self, rendered: Rendered) -> Candidate:
         """What the search keeps of a rendering."""
         weights = None if rendered.weights is None else rendered.probabilities
-        self._shown = replace(rendered, weights=weights)  # as one that is resumed has them
+        self._shown = replace(rendered, weights=weights)  # the same weights as in a resumed search
         return Candidate(rendered.maps, weights, rendered.error, self.score(rendered), camera_of(self.objective.levels))
 
     def shown(self, now: Candidate) -> Rendered:

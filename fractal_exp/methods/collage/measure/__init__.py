@@ -1,1 +1,1 @@
-"""Search on the measure that an image shows: stages 1 and 2."""
+"""The search on the measure that an image shows: stages 1 and 2."""

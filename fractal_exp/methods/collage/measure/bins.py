@@ -1,4 +1,4 @@
-"""Measures on grids: of an image's masses, of an attractor, of points."""
+"""Measures on grids, from the masses of an image, from an attractor, or from points."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from .... import ops
 from ....ops.collage import BinnedMeasure, orbit_bins, pushforward
 from .params import DescentParams
 
-TRAJECTORY, WARMUP = 430, 30   # points of a trajectory of the chaos game, and those of them that are dropped
+TRAJECTORY, WARMUP = 430, 30   # points of a chaos game trajectory, and how many of them are dropped
 
 
 def grid_for(resolution: int, wanted: int, params: DescentParams) -> int:
-    """Cells a side of a grid: the power of two that an image of this resolution can fill, `wanted` at most."""
+    """Cells per side of a grid: the largest power of two that an image of this resolution fills, at most `wanted`."""
     return min(wanted, 2 ** (int(params.cells_per_pixel * resolution).bit_length() - 1))
 
 
 def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
-    """The measure of an image's masses (R,R) on a grid of `size` cells a side, its samples the centroids of the lit
-    cells of the same grid, or of the pixels where those are larger."""
+    """The measure of an image's masses (R,R) on a grid of `size` cells per side. Its samples are the centroids of lit
+    cells of the same grid, or the pixels if those are larger."""
     resolution = masses.shape[0]
     masses = (masses / masses.sum()).float()
     row = torch.arange(resolution, device=masses.device)
@@ -37,7 +37,7 @@ def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
 
 
 def _hats(resolution: int, size: int) -> Tensor:
-    """The shares (R,G) of a pixel's mass, spread over the pixel, in the bilinear bins of one axis."""
+    """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass spread over the pixel."""
     shares = torch.zeros(resolution, size)
     row = torch.arange(resolution)
     for shift in (-0.25, 0.25):
@@ -55,7 +55,7 @@ def halve(bins: Tensor, size: int) -> Tensor:
 
 
 def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
-    """The measure (G,G) of the attractor of maps (N,6) with probabilities in proportion to weights (N,)."""
+    """The measure (G,G) of the attractor of maps (N,6) with probabilities proportional to weights (N,)."""
     return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, length=TRAJECTORY, warmup=WARMUP,
                       trajectories=max(1, points // (TRAJECTORY - WARMUP)))[0]
 
@@ -68,11 +68,11 @@ def point_bins(points: Tensor, size: int) -> Tensor:
 
 
 def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int) -> Tensor:
-    """About so many points (P,2) of the chaos game with maps (N,6) and probabilities (N,)."""
+    """About `count` points (P,2) of the chaos game with maps (N,6) and probabilities (N,)."""
     return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], seed=seed, probabilities=probabilities,
                           **trajectories(count))
 
 
 def trajectories(count: int) -> dict[str, int]:
-    """The numbers of the chaos game for about so many points."""
+    """Settings of the chaos game for about `count` points."""
     return {"trajectories": count // (TRAJECTORY - WARMUP) + 1, "length": TRAJECTORY, "warmup": WARMUP}

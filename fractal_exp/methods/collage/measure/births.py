@@ -18,8 +18,8 @@ from .params import BirthParams
 
 @dataclass(frozen=True)
 class Birthplace:
-    """Where maps are born: the measure on a fine and a coarse grid, the descents that newborn maps make on each, and
-    how many candidates there are."""
+    """Where maps are born: the measure on a fine and a coarse grid, the descent of new maps on each, and the number of
+    candidates."""
 
     measure: BinnedMeasure
     coarse: BinnedMeasure
@@ -30,12 +30,12 @@ class Birthplace:
 
     def births(self, backgrounds: Tensor, sizes: list[Interval], total: float, generator: torch.Generator
                ) -> tuple[Tensor, Tensor]:
-        """For each background (P,G,G) on the fine grid, the best maps (P,kept,6) born where it lacks mass, with their
+        """For each background (P,G,G) on the fine grid, the best maps (P,kept,6) born where mass is missing, and their
         weights (P,kept), best first.
 
-        A map is anchored at a cell drawn from what is lacking. Its matrix is random in the range of `sizes` (P of
-        them), or such that the image of the measure takes the place and the covariance of the lacking blob around the
-        cell. Each is moved alone, first on the coarse grid, the best on the fine one. total: of all maps' weights.
+        A map is anchored at a cell drawn from the missing mass. Its matrix is random in the range `sizes` (one for each
+        background), or gives the image of the measure the mean and covariance of the missing blob around the cell. Each
+        map descends alone on the coarse grid, and the best also on the fine one. total: sum of all maps' weights.
         """
         fine, coarse, count, kept = self.measure, self.coarse, self.count, min(self.params.kept, self.count)
         sets, device = len(backgrounds), backgrounds.device
@@ -59,16 +59,16 @@ class Birthplace:
 
 
 def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:
-    """Where maps are wanted, (G,G): half by mass and half by what it costs, as thin tips weigh little and are seen
-    well."""
+    """Where maps are wanted, (G,G): half by missing mass, half by its cost, because thin tips weigh little but are
+    seen well."""
     cost = ((measure.bins + FLOOR).sqrt() - (measure.bins - lacking + FLOOR).clamp_min(0).sqrt()).square()
     return lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
 
 
 def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: Interval, count: int, blobs: int,
                params: BirthParams, generator: torch.Generator) -> Tensor:
-    """Maps (count,6) at places drawn from `wanted` (G,G), their larger singular values in the range `sizes`; the first
-    `blobs` take the shape of the blob of `lacking` (H,H) there, the others are random."""
+    """Maps (count,6) at places drawn from `wanted` (G,G). The larger singular values are in the range `sizes`. The
+    first `blobs` maps take the shape of the blob of `lacking` (H,H) there; the others are random."""
     size, device = wanted.shape[0], wanted.device
     cell = torch.multinomial(wanted.flatten().cpu(), count, replacement=True, generator=generator)
     jitter = torch.rand(2, count, generator=generator)
@@ -84,8 +84,8 @@ def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: I
 
 
 def reoriented(old: Tensor, measure: BinnedMeasure, params: MoveParams, generator: torch.Generator) -> Tensor:
-    """As many maps (n,6) as a move has candidates, that give the measure the mean and covariance that the map `old`
-    (6,) gives it, rotated and mirrored at random: what a search at low resolution cannot tell apart."""
+    """As many maps (n,6) as a move has candidates. They give the measure the same mean and covariance as the map `old`
+    (6,), rotated and mirrored at random. A search at low resolution cannot tell these maps apart."""
     count = params.candidates
     linear, covariance = old[:4].view(2, 2).cpu().double(), measure.covariance.cpu().double()
     image = linear @ covariance @ linear.T + params.least_width**2 * torch.eye(2)
@@ -98,18 +98,18 @@ def reoriented(old: Tensor, measure: BinnedMeasure, params: MoveParams, generato
 
 
 def flattened(maps: Tensor, measure: BinnedMeasure, ratio: float) -> Tensor:
-    """Maps (n,6) that give the measure an image so many times as wide, as long and in the same place. On a grid all
-    images narrower than a cell are alike, and the thinnest are seen least."""
+    """Maps (n,6) whose images of the measure are `ratio` times as wide, but as long and in the same place. On a grid,
+    all images narrower than a cell look alike, and the thinnest are hardest to see."""
     return _reshaped(maps, measure, torch.tensor([1.0, ratio]))
 
 
 def mirrored(old: Tensor, measure: BinnedMeasure) -> Tensor:
-    """The map `old` (6,) followed by each of the three reflections in the axes of its image, (3,6)."""
+    """The map `old` (6,), followed by a reflection in either axis of its image or in both: (3,6)."""
     return torch.cat([_reshaped(old[None], measure, torch.tensor(signs)) for signs in ((1.0, -1), (-1, 1), (-1, -1))])
 
 
 def _reshaped(maps: Tensor, measure: BinnedMeasure, factors: Tensor) -> Tensor:
-    """Maps (n,6) followed by a scaling of their images of the measure along the longer and the shorter axis."""
+    """Maps (n,6), followed by a scaling of their images of the measure along the longer and the shorter axis."""
     linear, center = maps[:, :4].unflatten(1, (2, 2)).double(), measure.mean.double()
     source = torch.linalg.cholesky(measure.covariance.double() + 1e-8 * torch.eye(2).to(linear))
     u, s, v = torch.linalg.svd(linear @ source)
@@ -120,8 +120,8 @@ def _reshaped(maps: Tensor, measure: BinnedMeasure, factors: Tensor) -> Tensor:
 
 def visible_weights(maps: Tensor, weights: Tensor, measure: BinnedMeasure, background: Tensor,
                     tried: tuple[float, ...]) -> Tensor:
-    """The part of the weights (n,), of the shares `tried`, that fits best beside the background (1,G,G), for each of
-    the maps (n,6) alone: of an image thinner than a subpixel hardly anything is seen."""
+    """Weights (n,) times those of the shares `tried` that fit best beside the background (1,G,G), for each of the maps
+    (n,6) alone. An image thinner than a subpixel shows hardly any of its weight."""
     images = pushforward(maps[:, None].contiguous(), torch.ones_like(maps[:, :1]), measure.samples, measure.size)
     shares = weights.new_tensor(tried)
     errors = torch.stack([collage_error(background + (share * weights)[:, None, None] * images, measure)
@@ -131,7 +131,7 @@ def visible_weights(maps: Tensor, weights: Tensor, measure: BinnedMeasure, backg
 
 def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: Interval, params: BirthParams,
            generator: torch.Generator) -> Tensor:
-    """Maps (n,6) that give the measure the mean and covariance of what is lacking around each place (n,2)."""
+    """Maps (n,6) that give the measure the mean and covariance of the missing mass around each place (n,2)."""
     grid = halve(lacking, min(params.blob_grid, lacking.shape[0])).double()
     size, count = grid.shape[0], len(place)
     cell = 2 / size

@@ -1,4 +1,4 @@
-"""Gaussian blur of images and its inverse, on whatever device they are."""
+"""Gaussian blur of images and its inverse, on the device of the images."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import torch
 from torch import Tensor
 from torch.nn.functional import conv2d
 
-REACH = 4.0      # standard deviations, as scipy.ndimage truncates
-NARROW_PX = 0.2  # a blur below it changes nothing: its kernel is one pixel
-EMPTY = 1e-12    # of the mass of an image
+REACH = 4.0      # standard deviations at which the kernel is truncated, as in scipy.ndimage
+NARROW_PX = 0.2  # a blur below this changes nothing: its kernel is one pixel
+EMPTY = 1e-12    # added to pixels of an image of mass 1, to avoid 0 / 0
 
 
 def blurred(images: Tensor, sigma_px: float) -> Tensor:
-    """Images (…,H,W) after a Gaussian of this standard deviation, with nothing beyond their edges; as
-    `scipy.ndimage.gaussian_filter(mode="constant")` does."""
+    """Images (…,H,W) blurred by a Gaussian of this standard deviation, with zeros beyond their edges, like
+    `scipy.ndimage.gaussian_filter(mode="constant")`."""
     if sigma_px < NARROW_PX:
         return images
     reach = int(REACH * sigma_px + 0.5)
@@ -25,8 +25,8 @@ def blurred(images: Tensor, sigma_px: float) -> Tensor:
 
 
 def deblurred(image: Tensor, sigma_px: float, steps: int) -> Tensor:
-    """The measure (H,W) of mass 1 whose blur comes near an image (H,W) of no negative values, after so many steps of
-    Richardson (1972) and Lucy (1974); what is left of the blur is the less, the more steps."""
+    """A measure (H,W) of mass 1 whose blur is close to an image (H,W) without negative values, after `steps` steps of
+    Richardson (1972) and Lucy (1974). More steps remove more of the blur."""
     image = image / image.sum()
     if sigma_px < NARROW_PX:
         return image

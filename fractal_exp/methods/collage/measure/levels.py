@@ -1,4 +1,4 @@
-"""What the grey levels of an image mean: how it is taken to have been rendered from a code."""
+"""What the grey levels of an image mean, and how such an image is rendered from a code."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .params import CameraParams
 
 
 class Levels(ABC):
-    """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel shows a line thinner
-    than itself; is_density: whether a pixel tells how often it is hit; is_linear: whether grey levels are in proportion
-    to that, so that they tell the probabilities of the maps. is_whole: whether an image shows the whole attractor.
-    is_exact: whether an image differs from a rendering of its true code by chance alone; if not, `values` holds what
-    was estimated of the camera, and is empty before. image: the picture itself (R,R). numbers, lengths: the names of
-    the values, those without a unit first."""
+    """Grey levels are shares of `supersample`² subpixels of each pixel. is_graded: whether a pixel can show a line
+    thinner than itself; is_density: whether a grey level depends on how often the pixel is hit; is_linear: whether it
+    is proportional to that, so that grey levels determine the probabilities of the maps. is_whole: whether an image
+    shows the whole attractor. is_exact: whether an image differs from a rendering of its true code only by chance; if
+    not, `values` holds the estimated values of the camera (empty before the estimate). image: the picture (R,R).
+    numbers, lengths: the names of the values, first those without a unit."""
 
     is_graded = True
     is_density = False
@@ -35,7 +35,7 @@ class Levels(ABC):
 
     @classmethod
     def of(cls, image: Tensor, camera: CameraParams) -> Self:
-        """Those of an image (R,R)."""
+        """The levels of an image (R,R)."""
         return cls(camera, image)
 
     @abstractmethod
@@ -44,11 +44,11 @@ class Levels(ABC):
 
     @abstractmethod
     def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
-        """The share of a pixel that more mass can still light up, from its grey level and that around it."""
+        """The share of a pixel that more mass can still light up, from its grey level and the level around it."""
 
     @abstractmethod
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        """The image (S,S) as it would have been rendered at this size, were the shape smooth."""
+        """The image (S,S) as it would have been rendered at this size if the shape were smooth."""
 
     @property
     def pen(self) -> float:
@@ -56,26 +56,26 @@ class Levels(ABC):
         return 0.0
 
     def smallest_part(self, code: IFS, resolution: int) -> float:
-        """The size, canvas units, of the smallest parts of a construction that ended early, 0 if the attractor itself
+        """The size, canvas units, of the smallest parts of a construction that ended early; 0 if the attractor itself
         is drawn."""
         return 0.0
 
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        """Those of the camera's values that say what is drawn of a code, not how."""
+        """The camera values that define what is drawn of a code, without those that define how."""
         return ()
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
-        """The image (R,R) of a code. independent: each point is used once, which costs twice the time."""
+        """The image (R,R) of a code. independent: use each point only once, which takes twice as long."""
         return self.occupied(code, resolution, self.supersample, self.points(resolution), seed, independent)
 
     def points(self, resolution: int) -> int:
-        """Points of the chaos game for an image of this resolution."""
+        """Number of chaos game points for an image of this resolution."""
         return round(self.camera.points_per_pixel * resolution**2)
 
     def occupied(self, code: IFS, resolution: int, supersample: int, points: int, seed: int, independent: bool,
                  mode: str = "occupancy") -> Tensor:
         """What `render` draws of a code, (R,R)."""
-        from ....rendering.still import render_with_info  # and no warning: candidates may well lie beside the canvas
+        from ....rendering.still import render_with_info  # does not warn: candidates may lie off the canvas
 
         device = "cuda" if code.linear.is_cuda and cuda_launch.INSTALLED else "cpu"
         image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=supersample, seed=seed,
@@ -84,15 +84,15 @@ class Levels(ABC):
         return image
 
     def noisy(self, code: IFS, resolution: int, seed: int) -> Tensor:
-        """The image (R,R) of a code with as much noise as the given one has."""
+        """The image (R,R) of a code, with as much noise as the given image."""
         return self.render(code, resolution, seed)
 
     def subpixels(self, resolution: int, side: int) -> float:
-        """n of `stabilized` for a cell, where an image of this resolution has `side` of them to the side."""
+        """n in `stabilized` for a cell, if an image of this resolution has `side` cells per side."""
         return (self.supersample * resolution / side) ** 2
 
     def stabilized(self, image: Tensor, subpixels: float) -> Tensor:
-        """Grey levels (…) such that their counting error has the variance 1 / 4n everywhere, n the subpixels."""
+        """Grey levels (…) transformed to a counting error of variance 1 / 4n everywhere, for n subpixels."""
         return stabilize(image, subpixels)
 
     def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
@@ -106,7 +106,7 @@ class Density(Levels):
     is_density = True
 
     def measure(self, image: Tensor) -> Tensor:
-        """-log(1 - I): the points of a subpixel whose probability to be hit is I."""
+        """-log(1 - I): the expected number of points in a subpixel that is hit with probability I."""
         return -(1 - image.clamp(max=1 - 0.5 / self.supersample**2)).log()
 
     def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
@@ -117,7 +117,7 @@ class Density(Levels):
 
 
 class Coverage(Levels):
-    """The share of a pixel that the shape covers, as in an anti-aliased image: subpixels so large that points fill
+    """The share of a pixel that the shape covers, as in an anti-aliased image. Subpixels are so large that points fill
     them."""
 
     def __init__(self, camera: CameraParams, image: Tensor | None = None, values: tuple[float, ...] = ()):
@@ -150,17 +150,17 @@ class Binary(Levels):
         return (covered > (least if bool((covered > least).any()) else 0)).float()
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
-        # points are always independent: were all of an image a little brighter, many pixels would turn white together
+        # points are always independent: if a whole image were a little brighter, many pixels would turn white together
         return (super().render(code, resolution, seed, independent=True) > self.camera.threshold).float()
 
 
 def mean_of(image: Tensor, size: int) -> Tensor:
-    """The image (R,R) at a smaller size (S,S), each pixel the mean of what it covers."""
+    """The image (R,R) at a smaller size (S,S). Each pixel is the mean of those that it covers."""
     return adaptive_avg_pool2d(image[None], size)[0]
 
 
 def stabilize(image: Tensor, subpixels: float) -> Tensor:
-    """arcsin sqrt of grey levels that are shares of so many subpixels (Anscombe 1948)."""
+    """arcsin sqrt of grey levels that are shares of this many subpixels (Anscombe 1948)."""
     return ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1).sqrt().asin()
 
 

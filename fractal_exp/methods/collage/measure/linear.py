@@ -1,4 +1,4 @@
-"""Grey levels in proportion to the density of points: counts of a chaos game, blurred or not."""
+"""Grey levels proportional to the density of points: counts of a chaos game, blurred or not."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .blur import NARROW_PX, blurred, deblurred
 from .levels import Levels, mean_of
 from .params import CameraParams
 
-BOX = 1 / 12     # variance of a point that is known by its pixel, pixels²
+BOX = 1 / 12     # variance, pixels², of a point's position within its pixel
 
 
 class Linear(Levels):
     """The number of points in a pixel, up to an unknown factor, under a Gaussian blur of known width. No grey level
     saturates, so the image is its own measure.
 
-    brightness: mean grey level, which the points on the canvas make up together whatever their number; side: pixels a
-    side of the image that was drawn, of which the camera tells blur and points; None: of each that is rendered.
+    brightness: mean grey level of every rendering, whatever the number of points on the canvas; side: pixels per side
+    of the image for which the camera gives blur and points; None: of each rendering.
     """
 
     is_density = True
@@ -38,11 +38,11 @@ class Linear(Levels):
         return cls(camera, float(image.mean()), image.shape[0])
 
     def blur_px(self, resolution: int) -> float:
-        """The blur in pixels of an image of this resolution."""
+        """The blur, in pixels of an image of this resolution."""
         return (self.camera.blur_px or 0.0) * resolution / (self.side or resolution)
 
     def points(self, resolution: int) -> float:
-        """Points of the chaos game on an image of this resolution, as many as on the given one."""
+        """Number of chaos game points in an image of this resolution: as many as in the given image."""
         return self.camera.points_per_pixel * (self.side or resolution) ** 2
 
     def measure(self, image: Tensor) -> Tensor:
@@ -56,7 +56,7 @@ class Linear(Levels):
         return mean_of(image, size)
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
-        """The image (R,R) of a code, of more points than the given one has: its noise is that of the given one."""
+        """The image (R,R) of a code, from at least as many points as the given image has."""
         points = max(self.points(resolution), self.camera.linear_points * resolution**2)
         return self._drawn(code, resolution, seed, points)
 
@@ -64,13 +64,13 @@ class Linear(Levels):
         return self._drawn(code, resolution, seed, self.points(resolution))
 
     def subpixels(self, resolution: int, side: int) -> float:
-        """Points that make a cell white, a cell being one of `side` to the side of the image. A blurred count has less
-        noise, as if it were one over the area that the blur covers."""
+        """Points that make a cell white, if the image has `side` cells per side. A blurred count has less noise, like a
+        count over the area that the blur covers."""
         area = max(1.0, 4 * math.pi * (self.blur_px(side) ** 2 + BOX))
         return area * self.points(resolution) / side**2 / self.brightness
 
     def stabilized(self, image: Tensor, subpixels: float) -> Tensor:
-        """The square root (Anscombe 1948), of variance 1 / 4n where white stands for n points."""
+        """The square root (Anscombe 1948). Its variance is 1 / 4n if white stands for n points."""
         return (image + 0.375 / subpixels).clamp_min(0).sqrt()
 
     def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
@@ -81,8 +81,8 @@ class Linear(Levels):
         return self.brightness / counts.mean().clamp_min(1e-12)
 
     def _drawn(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
-        """From so many points; where the blur is narrower than a pixel, on smaller pixels, of which then the mean is
-        taken, as in an image that was shrunk."""
+        """The image of a code from `count` points. If the blur is narrower than a pixel, the image is drawn with
+        smaller pixels and then averaged, like an image that was shrunk."""
         blur_px, side = self.blur_px(resolution), resolution
         if NARROW_PX < blur_px < 1:
             side *= math.ceil(1 / blur_px)

@@ -1,4 +1,4 @@
-"""The parameters of the search on the image's measure, and of what grey levels mean."""
+"""The parameters of the search on the image's measure, and of the camera."""
 
 from __future__ import annotations
 
@@ -7,47 +7,47 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from ....runtime.params import Amount, Count, Params, Positive, Share
-from ..fields import DescentSteps, Factor, Grid, PositiveShare, Sizes, Some, ascending, descent, odd
+from ..fields import DescentSteps, Factor, Grid, PositiveShare, SingularValue, Sizes, Some, ascending, descent, odd
 
 
 class DescentParams(Params):
-    """What all descents on the collage error share (Adam, Kingma and Ba 2015), and the grids of that error."""
+    """What all descents on the collage error (Adam, Kingma and Ba 2015) have in common, and the error's grids."""
 
     grids: Annotated[int, Field(ge=1, le=4)] = 3
-    """Grids that are compared, each half as fine as the one before."""
+    """Number of grids compared, each half as fine as the one before."""
     cells_per_pixel: Annotated[float, Field(ge=1, le=2)] = 1.3
-    """Cells a side of the finest grid that an image can fill, for each pixel of its side; a grid has the next lower
-    power of two at most."""
+    """Maximum number of cells per pixel along a side of the finest grid. A grid has a power of two within this
+    limit."""
 
     weight_rate: Amount = 0.05
-    """Learning rate of the logarithms of the weights."""
+    """Learning rate of the log-weights at the first step."""
     decay: Share = 0.05
-    """What is left of both rates at the last step; they fall exponentially."""
+    """Factor to which both rates fall, exponentially, by the last step."""
     identity_radius: Annotated[float, Field(ge=1e-6)] = 0.1
-    """Maps that displace the measure by less (rms, canvas units) are pushed off the identity."""
+    """A map that displaces the measure by less (rms, canvas units) is pushed off the identity."""
     identity_weight: Amount = 0.3
-    """Strength of that push, which also adds to the score of stages 1 and 2."""
+    """Strength of that push. It also counts in the score of stages 1 and 2."""
 
 
 class SearchParams(Params):
     """Large neighbourhood search (Shaw 1998) on the image's measure: stages 1 and 2."""
 
     restarts: Annotated[int, Field(ge=1, le=1000)] = 5
-    """Searches from random maps in the first round; later rounds take half as many, rounded up."""
+    """Searches from random maps in the first round. Later rounds have half as many, rounded up."""
     mixture: bool = True
-    """Whether the maps of all restarts are mixed by non-negative least squares, and the search goes on from there."""
+    """Whether non-negative least squares mix the maps of all restarts, and the search goes on from the mixture."""
     moves: Count = 50
     """Moves of each restart, and of the search from the mixture."""
     detail_moves: Count = 25
     """Moves of stage 2, on the finer grid."""
     proposals: Positive = 2
-    """Neighbours that are compared in a move, by as many threads."""
+    """Neighbours compared in a move, each on its own thread."""
     agreement: Amount = 0.02
-    """Relative difference of scores below which two restarts have found the same; the others are then left out."""
+    """Relative difference of scores below which two restarts agree; the others are then skipped."""
     grid: Grid = 64
-    """Cells a side of the grid of stage 1. Random sets and newborn maps first descend on half as many."""
+    """Cells per side of the grid of stage 1. Random sets and new maps first descend on half as many."""
     detail_grid: Grid = 128
-    """Cells a side of the grid of stage 2."""
+    """Cells per side of the grid of stage 2."""
     slack: Annotated[float, Field(ge=0, lt=1)] = 0.5
     """Share of the measure that counts as covered from the start. 0: the maps must cover all of it."""
     price: Amount = 2e-4
@@ -55,240 +55,249 @@ class SearchParams(Params):
     detail_price: Amount = 1e-4
     """Cost of a map in the score of stage 2."""
     wrong_number: Factor = 1.0
-    """Cost of each map more than `maps` or `at_most` allows, or fewer than `maps` asks for."""
+    """Cost of each map too many (for `maps` or `at_most`) or too few (for `maps`)."""
     prior: Amount = 0.01
-    """Strength of the pull of weights towards |det| + 0.01 in stage 1."""
+    """Strength of the prior that pulls weights towards |det| + 0.01 in stage 1."""
     detail_prior: Amount = 0.03
-    """The same in stage 2."""
+    """Strength of the same prior in stage 2."""
     attractor_weight: Amount = 0.5
-    """Weight of the collage error of the attractor's own measure in the score."""
+    """Weight in the score of the collage error of the attractor's own measure."""
     attractor_points: Positive = 200_000
-    """Points of the chaos game that estimate that measure."""
+    """Points of the chaos game that estimate the attractor's measure."""
     start_sets: Positive = 40
-    """Random sets of maps from which a restart takes its first mixture."""
+    """Random sets of maps that the first mixture of a restart is made from."""
     start_maps: Positive = 8
-    """Maps in each of them."""
+    """Maps in each random set."""
     start_mixture: Positive = 14
-    """Maps that the first mixture of a restart may have."""
+    """Maximum number of maps in the first mixture of a restart."""
     restarts_mixture: Positive = 24
-    """Maps that the mixture of all restarts may have."""
+    """Maximum number of maps in the mixture of all restarts."""
     least_weight: Share = 0.002
-    """Least weight of a map in a mixture."""
+    """Minimum weight of a map in a mixture."""
     mixture_floor: Factor = 1e-4
-    """Mass that is added to that of a cell where least squares divide a residual by its square root."""
+    """Least squares divide the residual of a cell by the square root of its mass plus this mass."""
     same_affinity: Share = 0.9
-    """Bhattacharyya affinity of two maps' images from which on the two are tried as one."""
+    """Bhattacharyya affinity of the images of two maps above which merging the maps is tried."""
     accept_error: Amount = 1.5
-    """A neighbour is looked at further if its collage error is below this factor times the current one, plus `prices`
-    prices of a map."""
+    """A neighbour is considered further if its collage error is at most this factor times the current one plus
+    `prices` times the price of a map."""
     accept_score: Amount = 1.3
-    """And after pruning, if its score is below this factor times the current one."""
+    """After pruning, a neighbour is considered further if its score is at most this factor times the current one."""
     add_only: Share = 0.3
-    """Probability that a move removes no map before it adds some."""
+    """Probability that a move adds maps without removing any."""
     add_most: Positive = 2
-    """Maps that such a move may add; after a removal it is as many as were removed."""
+    """Maximum number of maps added by such a move. Other moves add at most as many as they removed."""
     remove_another: Share = 0.6
-    """Probability that a move removes one more map after each."""
+    """Probability, after each removed map, that a move removes one more."""
     remove_most: Positive = 6
-    """Maps that a move may remove."""
+    """Maximum number of maps that a move removes."""
     remove_anywhere: Share = 0.4
-    """Probability that the removed maps are drawn from all, not from those nearest to one."""
+    """Probability that the removed maps are drawn from all maps, instead of those nearest to one."""
     large_birth: Share = 0.5
-    """Probability that the first map born in the place of removed ones is looked for among large maps."""
+    """Probability that the first birth after a removal is sought among large maps."""
     best_birth: Share = 0.7
-    """Probability that the best of the maps kept at a birth is taken, not any of them."""
+    """Probability that a birth takes the best of the kept candidates, instead of any of them."""
     prune_tried: Positive = 3
-    """Maps whose removal is tried at a time: those that raise the error least."""
+    """Maps whose removal is tried at a time: those whose absence raises the error least."""
     prune_share: Amount = 0.3
-    """A removal is tried if it raises the error by at most this share of it, or by `prices` prices of a map."""
+    """A removal is tried if it raises the error by at most this share, or by `prices` times the price of a map."""
     prices: Amount = 8.0
-    """Prices of a map by which the error may rise on the way to a better set."""
+    """Number of map prices by which the error may rise on the way to a better set."""
     start: DescentSteps = descent(150, 0.03, 0.97)
-    """The random sets of a restart."""
+    """Descent of the random sets of a restart."""
     mix: DescentSteps = descent(150, 0.015)
-    """A mixture."""
+    """Descent of a mixture."""
     resume: DescentSteps = descent(100, 0.004)
-    """A set found by an earlier stage."""
+    """Descent of a set from an earlier stage."""
     neighbour: DescentSteps = descent(50, 0.01)
-    """The neighbours of a move."""
+    """Descent of the neighbours in a move."""
     accept: DescentSteps = descent(50, 0.004)
-    """The neighbour that is accepted."""
+    """Descent of the accepted neighbour."""
     prune: DescentSteps = descent(25, 0.006)
-    """A set without one of its maps."""
+    """Descent of a set without one of its maps."""
     merge: DescentSteps = descent(50, 0.006)
-    """A set in which two maps were made one."""
+    """Descent of a set after two maps were merged."""
 
 
 class PopulationParams(Params):
-    """Populations of sets of maps (memetic, Moscato 1989): stages 1 and 2 of linear images of given `maps`."""
+    """Populations of sets of maps (memetic, Moscato 1989). For linear images with given `maps`, they replace stages
+    1 and 2."""
 
     largest: Count = 8
-    """Maps of a set up to which there is a population; 0: none."""
+    """Maximum number of maps for which there is a population; 0: never."""
     first: Positive = 500
-    """Random sets that the first population is chosen from."""
+    """Random sets from which each population is first chosen."""
     size: Annotated[int, Field(ge=2)] = 48
-    """Sets of a population."""
+    """Sets in a population."""
     generations: Positive = 40
-    """Generations at most. In each, every set has a child, which takes its place if it is better."""
+    """Maximum number of generations. In each, every set has a child, which replaces it if it is better."""
     judged_every: Positive = 10
-    """Generations after which the best sets are rendered,"""
+    """Generations after which the best sets are rendered."""
     judged: Positive = 8
-    """so many of them,"""
+    """Number of sets that are rendered."""
     polished: Positive = 3
-    """and polished, those of the best renderings."""
+    """Number of sets that are polished: those with the best renderings."""
     polish_first: Count = 3
-    """Gauss-Newton steps of each,"""
+    """Gauss-Newton steps of each polished set."""
     polish: Count = 8
-    """and more steps if those have brought the error below `hopeful` of what it was: near the true code they do."""
+    """Further steps if the first ones reduced the error to `hopeful` of its value, as they do near the true code."""
     hopeful: Share = 0.3
-    """That share."""
+    """Share of the error that the first steps may leave for polishing to go on."""
     rounds: Positive = 5
-    """Populations at most, each begun anew."""
+    """Maximum number of populations, each started from scratch."""
     moves: Count = 6
-    """Moves by renderings that follow them, in the place of `moves.count`."""
+    """Moves of stage 3 that follow, instead of `moves.count`."""
     settled: Amount = 1.15
-    """Noise ratio up to which a code is taken for the true one; another population begins above it."""
+    """Noise ratio up to which a code counts as the true one. Above it, another population starts."""
     crossed: Share = 0.5
-    """Probability that a child takes maps from another set; otherwise they are random."""
+    """Probability that a child takes maps from another set, instead of random maps."""
     two: Share = 0.45
-    """Probability that two maps are exchanged, not one."""
+    """Probability that two maps are replaced, not one."""
     grid: Grid = 32
-    """Cells a side of the grid on which sets descend."""
+    """Cells per side of the grid on which sets descend."""
     view: Annotated[int, Field(ge=16)] = 64
-    """Pixels a side, at most, of the image by which they are judged and polished."""
+    """Maximum side, pixels, of the image by which sets are judged and polished."""
     sizes: Sizes = (0.15, 0.85)
     """Range of the larger singular value of a random map."""
     least_ratio: Share = 0.2
-    """Least ratio of its singular values."""
+    """Minimum ratio of its singular values."""
     faint: Share = 0.02
-    """Mass of a cell, as a share of the mean cell's, below which it is no sample of the measure."""
+    """Mass of a cell, relative to the mean cell, up to which it is not used as a sample of the measure."""
     alike: Share = 0.002
-    """Relative difference of errors below which two sets are the same; a new random one replaces one of them."""
+    """Relative difference of errors below which two sets count as the same; a new random set replaces one."""
     descent: DescentSteps = descent(80, 0.03, 0.95)
-    """Of each set."""
+    """Descent of each set."""
     prior: Amount = 0.01
-    """Strength of the pull of weights towards |det| + 0.01."""
+    """Strength of the prior that pulls weights towards |det| + 0.01."""
 
 
 class BirthParams(Params):
-    """New maps where a set leaves the measure uncovered, in stages 1 and 2. The shapes of stage 3's are made alike."""
+    """New maps where a set leaves the measure uncovered, in stages 1 and 2. Stage 3 draws shapes in the same way."""
 
     residual: bool = True
     """Whether maps are born where mass is uncovered; false: anywhere on the measure."""
     count: Positive = 48
-    """Candidates of a birth in stage 1."""
+    """Candidates per birth in stage 1."""
     detail_count: Positive = 24
-    """Candidates of a birth in stage 2."""
+    """Candidates per birth in stage 2."""
     kept: Positive = 4
-    """Candidates that also descend on the fine grid, of which one is taken."""
+    """Candidates that also descend on the fine grid. One of them is taken."""
     blobs: Share = 1 / 3
     """Share of the candidates that take the shape of the uncovered blob; the others are random."""
     volume: Factor = 1.1
-    """Sum of |det| + 0.01 that a whole set is expected to have: a newborn map weighs its own over this."""
+    """Sum of |det| + 0.01 that a whole set is expected to have. A new map's share of it is its first weight."""
     large: Sizes = (0.4, 0.97)
     """Range of the larger singular value of large maps at birth."""
     medium: Sizes = (0.1, 0.95)
-    """The same of other maps in stage 1, and of the random sets of a restart."""
+    """Range of the larger singular value of other maps in stage 1, and in the random sets of a restart."""
     small: Sizes = (0.03, 0.7)
-    """The same of other maps in stage 2."""
+    """Range of the larger singular value of other maps in stage 2."""
     least_ratio: Share = 0.05
-    """Least ratio of the singular values of a random map, also of a restart's."""
+    """Minimum ratio of the singular values of a random map, also in a restart."""
     anchored: Share = 0.5
-    """Probability that a random map sends a random point of the measure to its place, not the measure's mean."""
+    """Probability that a random map sends a random point of the measure to its place, instead of the mean."""
     blob_radius: Factor = 0.5
-    """Standard deviation, canvas units, of the Gaussian window in which a blob is measured, as a factor of a random
+    """Standard deviation of the Gaussian window in which a blob is measured, canvas units, as a factor of a random
     size."""
     blob_grid: Grid = 64
-    """Cells a side of the grid on which blobs are measured."""
+    """Cells per side of the grid on which blobs are measured."""
     blob_least_radius: Factor = 1.0
-    """Least standard deviation of that window, cells."""
+    """Minimum standard deviation of that window, cells."""
     blob_least_width: Factor = 0.15
-    """Standard deviation, cells, whose square is added to the covariance of a blob."""
+    """Standard deviation, cells, whose square is added to a blob's covariance."""
     blob_steps: Positive = 3
-    """Steps of mean shift (Fukunaga and Hostetler 1975) that find a blob's centre."""
+    """Steps of mean shift (Fukunaga and Hostetler 1975) that find the centre of a blob."""
     coarse: DescentSteps = descent(40, 0.04, 0.98)
-    """All candidates, on the coarse grid."""
+    """Descent of all candidates on the coarse grid."""
     fine: DescentSteps = descent(15, 0.01, 0.98)
-    """Those that are kept, on the fine grid."""
+    """Descent of the kept candidates on the fine grid."""
 
 
 class SaturationParams(Params):
-    """The correction of the image's measure for what its grey levels hide."""
+    """Correction of the image's measure for saturated grey levels."""
 
     enabled: bool = True
     """Whether the measure is corrected."""
     trust: Amount = 4.0
-    """Power of the agreement between the image and the code's rendering with which a correction is trusted."""
+    """Power of the agreement between image and rendering that gives the trust in a correction."""
     trajectories: Positive = 4000
-    """Trajectories of the chaos game that give the code's own measure."""
+    """Trajectories of the chaos game that estimate the code's own measure."""
     length: Annotated[int, Field(ge=31)] = 530
-    """Points of each, of which 30 are warm-up."""
+    """Points of each trajectory, including 30 for warm-up."""
     weak: Amount = 1e-3
-    """Mass that is added to that of a pixel (-log(1 - I) of a density, I of other images) on both sides of the ratio of
-    masses: of fainter pixels it tells little."""
+    """Mass added to both sides of the ratio of masses in a pixel (-log(1 - I) of a density, I of other images),
+    because faint pixels tell little."""
     window: Annotated[int, Field(ge=1), AfterValidator(odd)] = 3
-    """Pixels a side of the window over which all masses are averaged first."""
+    """Pixels per side of the window over which all masses are averaged first."""
 
 
 class CameraParams(Params):
-    """How the image is taken to have been rendered from a code: as the suite's targets are."""
+    """How the image is assumed to have been rendered from a code. The defaults describe the suite's targets."""
 
     supersample: Positive = 16
-    """Subpixels a side of a pixel of a density or a binary image (Section 5 of the paper)."""
+    """Subpixels per side of a pixel of a density or a binary image (Section 5 of the paper)."""
     coverage_supersample: Positive = 4
-    """The same of an anti-aliased image."""
+    """Subpixels per side of a pixel of an anti-aliased image."""
     points_per_pixel: Annotated[float, Field(ge=0.1, allow_inf_nan=False)] = 50_000_000 / 1024**2
-    """Points of the chaos game for each pixel of the canvas (Section 5 of the paper)."""
+    """Points of the chaos game per pixel of the canvas (Section 5 of the paper)."""
     threshold: Annotated[float, Field(ge=0, lt=1)] = 0.25
     """Share of lit subpixels above which a pixel of a binary image is white."""
     reuse: Positive = 8
-    """Words under which a point of the invariant measure is put in a rendering that judges a code."""
+    """Number of words under which a rendering that judges a code draws each point of the invariant measure."""
     linear_points: Annotated[float, Field(ge=0.1, allow_inf_nan=False)] = 12.0
-    """Points for each pixel, at least, of a rendering that judges a code by a linear image."""
+    """Minimum number of points per pixel in a rendering that judges a code by a linear image."""
     deblur_steps: Count = 10
-    """Steps of Richardson (1972) and Lucy (1974) that sharpen a blurred image before maps are sought."""
+    """Steps of Richardson (1972) and Lucy (1974) that sharpen a blurred image before the search."""
     rounding: Amount = 1e-3
-    """Subpixels by which a grey level of our own renderer may miss a whole number of them."""
+    """Maximum deviation from a whole number of subpixels for a grey level of our own renderer."""
 
     pen_px: Amount | None = None
-    """Radius of the pen that drew lines and areas, pixels of the image; none: estimated."""
+    """Radius of the pen that drew lines and areas, pixels of the image; null: estimated."""
     blur_px: Amount | None = None
-    """Standard deviation of the blur, pixels of the image; none: estimated, or none of a linear image."""
+    """Standard deviation of the blur, pixels of the image; null: estimated, or no blur for a linear image."""
     tiles_px: tuple[Factor, ...] = (32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
-    """Sizes of the smallest parts of a construction that are tried; none: only the attractor is."""
+    """Sizes, pixels, that are tried for the smallest parts of a construction (tiles); empty: only the attractor."""
     small_tile_px: Amount = 8.0
-    """Size of such parts by half of which, at most, a code's attractor may lie off the shape in the picture."""
+    """Tile size, pixels, up to which an attractor may lie off the shape by half a tile. For larger tiles, the limit
+    is half of this size."""
     stroke: Amount = 0.06
-    """A map draws a stroke if its image is no wider, canvas units."""
+    """Maximum width, canvas units, of the image of a map that draws a stroke."""
     twigs_px: Annotated[tuple[Factor, Factor], AfterValidator(ascending)] = (0.4, 24.0)
-    """Lengths of the last strokes of a recursion that are tried, the least and the greatest,"""
+    """Minimum and maximum length, pixels, of the last strokes of a recursion that are tried."""
     deepest: Positive = 24
-    """and how many maps copy a stroke at most."""
+    """Maximum depth that is tried: how many maps copy a stroke."""
     stroked: PositiveShare = 0.9
-    """Strokes explain a picture if the error is below this share of that of a pen that draws the attractor,"""
+    """Strokes are taken if their error is below this factor times the error of a pen that draws the attractor."""
     depths: Positive = 3
-    """after the code was polished at so many depths, the likeliest;"""
+    """Number of depths, the likeliest ones, at which the code is polished first."""
     plausible: PositiveShare = 0.7
-    """a depth is polished with further if the least error is above this share of its own."""
+    """A depth is polished further if the least error is at least this share of its own."""
+    recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (3, 4)
+    """Maximum number of maps in each search for a trunk and its branches, in a picture that the maps of stage 2 do not
+    draw; empty: no such search."""
+    recursion_gain: Share = 0.3
+    """Strokes are polished with their camera if their error is below this share of a pen's, for the same maps."""
+    recursion_contraction: SingularValue = 0.75
+    """Limit on smaller singular values in such a search. A mirrored copy of the whole tree would replace a branch."""
     dotted: Share = 0.75
-    """Dots explain a picture if their angle of error is below this share of that of a pen."""
+    """Dots are taken if their angle of error is below this factor times the pen's."""
     turns: Positive = 3
-    """Times, at most, that a code is polished by its renderings and its camera estimated anew,"""
+    """Maximum number of times that a code is polished by its renderings and its camera is estimated again."""
     sharpened_steps: Positive = 8
-    """with so many Gauss-Newton steps each time,"""
+    """Gauss-Newton steps each time."""
     sharpened_maps: Count = 12
-    """if the code has no more maps,"""
+    """Maximum number of maps of a code that is polished like this."""
     sharpened_side: Positive = 512
-    """and the image no more pixels a side."""
+    """Maximum side, pixels, of an image whose code is polished like this."""
     gain: Factor | None = None
-    """How fast dots cover the paper, for a density relative to a uniform one on the canvas; none: estimated."""
+    """How fast ink covers the paper, per dot density relative to a uniform one on the canvas; null: estimated."""
     pens_px: Annotated[tuple[Amount, ...], Some] = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
-    """Radii that are tried."""
+    """Pen radii that are tried."""
     blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0)
     """Blurs that are tried."""
     gains: Annotated[tuple[Factor, ...], Some] = tuple(0.01 * 2**(k / 2) for k in range(18))
     """Gains that are tried."""
     pen_supersample: Positive = 3
-    """Subpixels a side of a pixel where a pen is laid on."""
+    """Subpixels per side of a pixel where a pen draws."""
     dot_supersample: Positive = 2
-    """Subpixels a side of a pixel where dots are blurred."""
+    """Subpixels per side of a pixel where dots are blurred."""

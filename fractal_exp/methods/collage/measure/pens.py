@@ -1,6 +1,6 @@
-"""Pictures that others drew: with a pen or dots of unknown width, and grey levels of unknown gain.
+"""Pictures that others drew, with a pen or dots of unknown width and grey levels of unknown gain.
 
-What is not known of the camera is estimated for a code that is nearly right, by going through its values.
+The unknown values of the camera are estimated with a nearly right code, by trying all of them.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from .tiles import tiled
 
 
 class Drawn(Coverage):
-    """Lines and areas: the share of a pixel that the drawing covers, blurred by a Gaussian. What is drawn is either the
-    attractor, with a round pen, or a step of its construction, whose smallest parts are tiles of one shape (`tiles`).
-    values: the tiles' size (0: the attractor), the pen's radius, and the standard deviation, canvas units."""
+    """Lines and areas: the share of a pixel that the drawing covers, blurred by a Gaussian. The drawing shows the
+    attractor, drawn with a round pen, or a step of its construction, whose smallest parts are tiles of one shape
+    (`tiles`). values, canvas units: tile size (0: the attractor), pen radius, and standard deviation of the blur."""
 
     is_exact = False
     lengths = "tile_px", "pen_px", "blur_px"
@@ -44,7 +44,7 @@ class Drawn(Coverage):
         return blurred(drawn, sigma * resolution / 2)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
-        """Values of the camera, each with the rendering (R,R) of the code that it makes."""
+        """Pairs of camera values and the rendering (R,R) of the code with them."""
         camera, pixel = self.camera, 2 / resolution
         blurs = given(camera.blur_px, camera.blurs_px)
         distance = self._distance(code, resolution, seed, False)
@@ -57,16 +57,16 @@ class Drawn(Coverage):
 
     @property
     def fine(self) -> int:
-        """Subpixels a side of a pixel where the pen is laid on."""
+        """Subpixels per side of a pixel where the pen draws."""
         return self.camera.pen_supersample
 
     def _distance(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
-        """From each subpixel to the nearest one that the attractor lights, (R·fine, R·fine), pixels."""
+        """Distance (R·fine, R·fine) from each subpixel to the nearest one that the attractor lights, pixels."""
         return self.distance_to(self.occupied(code, resolution * self.fine, 1, self.points(resolution), seed,
                                               independent))
 
     def distance_to(self, lit: Tensor) -> Tensor:
-        """From each subpixel to the nearest one that is lit (R·fine, R·fine), pixels."""
+        """Distance (R·fine, R·fine) from each subpixel to the nearest lit one, pixels."""
         from scipy.ndimage import distance_transform_edt
 
         if not bool(lit.any()):
@@ -75,8 +75,8 @@ class Drawn(Coverage):
 
 
 class Dots(Density):
-    """A scatter plot: the density of points, each a dot of unknown width and opacity, as I = 1 - exp(-gain · density);
-    the density is relative to a uniform one on the canvas. values: gain, and the standard deviation of a dot's
+    """A scatter plot: each point is a dot of unknown width and opacity. Grey levels are I = 1 - exp(-gain · density),
+    with the density relative to a uniform one on the canvas. values: the gain, and the standard deviation of a dot's
     Gaussian, canvas units."""
 
     is_exact = False
@@ -90,7 +90,7 @@ class Dots(Density):
                                     sigma * resolution * self.fine / 2), gain)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
-        """Values of the camera, each with the rendering (R,R) of the code that it makes."""
+        """Pairs of camera values and the rendering (R,R) of the code with them."""
         camera, pixel = self.camera, 2 / resolution
         density = self._density(code, resolution, seed, False)
         for sigma in given(camera.blur_px, camera.blurs_px):
@@ -100,7 +100,7 @@ class Dots(Density):
 
     @property
     def fine(self) -> int:
-        """Subpixels a side of a pixel where dots are blurred."""
+        """Subpixels per side of a pixel where dots are blurred."""
         return self.camera.dot_supersample
 
     def _density(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
@@ -111,10 +111,10 @@ class Dots(Density):
 
 
 def inked(distance: Tensor, radius: float, fine: int) -> Tensor:
-    """The share (R,R) of pixels within a radius, from distances (R·fine, R·fine); both pixels."""
+    """The share (R,R) of each pixel within a radius, from distances (R·fine, R·fine); both in pixels."""
     return avg_pool2d(((radius - distance) * fine + 0.5).clamp(0, 1)[None], fine)[0]
 
 
 def given(value: float | None, others: Sequence[float]) -> Sequence[float]:
-    """A value of the camera that the user gave, or those that are tried."""
+    """The camera value that the user gave, or else those to try."""
     return others if value is None else (value,)

@@ -1,7 +1,7 @@
-"""Many sets of so many maps at once: each descends alone, and sets are crossed.
+"""Many sets with the same number of maps: each set descends alone, and sets are crossed.
 
-A set of given size with all of the measure to explain has many local optima. But a map that is right in one set may be
-what another lacks, and a descent of a set takes a millisecond. So a genetic algorithm whose children descend (a memetic
+A set of given size that must explain the whole measure has many local optima. But a right map of one set may be missing
+in another, and the descent of a set takes a millisecond. So a genetic algorithm whose children descend (a memetic
 algorithm, Moscato 1989) finds the code where no single set would.
 """
 
@@ -17,12 +17,12 @@ from ..params import CollageParams
 from .bins import binned, grid_for
 from .search import descent_of
 
-LITTLE = 1e-9   # mass that every cell lacks, so that there is a place to draw
+LITTLE = 1e-9   # added to the missing mass of each cell, so that places can be drawn
 
 
 class Population:
-    """Sets of `count` maps that explain the measure of masses (R,R), best first: `maps` (P,N,6), `weights` (P,N), their
-    collage `errors` (P,). Every random number derives from the seed and the number of the generation."""
+    """Sets of `count` maps that explain the measure of masses (R,R), best first: `maps` (P,N,6), `weights` (P,N) and
+    their collage `errors` (P,). Every random number derives from the seed and the generation's number."""
 
     def __init__(self, masses: Tensor, count: int, params: CollageParams, seed: int = 0, smaller_limit: float = 1.0):
         self.params, self.count, self.seed = params.population, count, seed
@@ -35,11 +35,11 @@ class Population:
 
     @property
     def probabilities(self) -> Tensor:
-        """(P,N), those of each set summing to 1."""
+        """(P,N); each set sums to 1."""
         return self.weights / self.weights.sum(1, keepdim=True)
 
     def advance(self) -> None:
-        """One generation: a child of each set takes its place if it is better."""
+        """One generation: each set's child replaces it if it is better."""
         self.generation += 1
         g = generator(self.seed, "generation", self.generation)
         children = [self._child(i, g) for i in range(len(self.maps))]
@@ -56,7 +56,7 @@ class Population:
         self.maps, self.weights, self.errors = _sorted(self.maps, self.weights, self.errors)
 
     def _child(self, parent: int, g: torch.Generator) -> tuple[Tensor, Tensor]:
-        """A set with one or two of its maps replaced, by those of another set or by random ones where it lacks mass."""
+        """A set with one or two maps replaced, by maps of another set or by random maps where mass is missing."""
         maps, weights = self.maps[parent].clone(), self.weights[parent].clone()
         crossed = bool(torch.rand((), generator=g) < self.params.crossed)
         many = min(self.count - 1, 1 + int(torch.rand((), generator=g) < self.params.two))
@@ -97,7 +97,7 @@ def _sorted(maps: Tensor, weights: Tensor, errors: Tensor) -> tuple[Tensor, Tens
 
 
 def _without_faint(measure: BinnedMeasure, share: float) -> BinnedMeasure:
-    """Without the samples that weigh less than so much of a mean cell: there are many, and they tell little."""
+    """The measure without samples lighter than `share` of a mean cell: there are many, and they tell little."""
     mass = measure.samples[:, 2]
     samples = measure.samples[mass > share / measure.size**2].clone()
     samples[:, 2] /= samples[:, 2].sum()

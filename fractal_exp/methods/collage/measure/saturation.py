@@ -1,4 +1,4 @@
-"""The correction of an image's measure for the saturation of its grey levels."""
+"""Correction of an image's measure for the saturation of its grey levels."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: Satu
 
 
 def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:
-    """Factors (R,R) that undo what the grey levels of an image hide of its measure.
+    """Factors (R,R) that correct the masses of an image for saturation.
 
     Where the attractor is thinner than a subpixel, -log(1 - I) underestimates its measure, and the collage equation
     sum p_i f_i#mu = mu no longer holds for the estimate. The rendering of a code that is nearly right saturates in the
-    same places. The ratio of the code's known measure to the estimate from its rendering, both averaged over a
-    window, is applied to the image, but only as far as image and rendering agree: a wrong code must not spoil it.
+    same places. The ratio of the code's known measure to the estimate from its rendering, both averaged over a window,
+    is applied to the image, but only as far as image and rendering agree: a wrong code must not spoil the masses.
     """
     if not params.enabled:
         return torch.ones_like(masses)

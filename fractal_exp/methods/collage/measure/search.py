@@ -1,7 +1,6 @@
-"""Large neighbourhood search over sets of maps: remove some, let new ones be born, move all, prune.
+"""Large neighbourhood search over sets of maps: remove some, add new ones, move all, prune.
 
-Shaw 1998 gave the scheme its name; here the repair is continuous. All sets are judged by one score (eq. 5 of
-docs/collage.md).
+The scheme is Shaw's (1998), with a continuous repair. One score judges all sets (eq. 5 of docs/collage.md).
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from ..state import Candidate
 from .bins import attractor_bins, binned, grid_for
 from .births import Birthplace
 
-ROUNDING = 1e-4      # of a singular value
+ROUNDING = 1e-4      # tolerance of a singular value
 
 
 @dataclass(frozen=True)
 class Regime:
-    """What differs between stages 1 and 2: cells a side, the price of a map, the pull of weights towards |det| + 0.01,
-    how many candidates a birth has, and the range of their larger singular value, if they need not be large."""
+    """What differs between stages 1 and 2: cells per side, the price of a map, the strength of the weight prior, the
+    number of candidates per birth, and the range of their larger singular value unless large maps are sought."""
 
     grid: int
     price: float
@@ -52,7 +51,7 @@ class Regime:
 
 @dataclass(frozen=True)
 class _Ruined:
-    """A set without some of its maps, and what is to be born instead."""
+    """A set without some of its maps, the number of births that replace them, and whether the first is to be large."""
 
     maps: Tensor
     weights: Tensor
@@ -61,14 +60,14 @@ class _Ruined:
 
 
 class MeasureSearch:
-    """One measure at one resolution, searched from a candidate or from nothing.
+    """The search on one measure at one resolution, from a candidate or from random maps.
 
-    Maps explain the measure in addition to a share `slack` of itself. Without slack, a set that leaves anything out is
-    punished so hard that wrong maps are kept to fill the holes. With it, a map is worth what it explains, whatever
-    else is missing, and right maps are found one by one. At a true code the error vanishes with any slack.
+    A share `slack` of the measure counts as explained from the start. Without slack, a set that leaves anything out is
+    punished so hard that wrong maps are kept to fill the holes. With it, each map is worth what it explains, whatever
+    else is missing, so right maps are found one by one. The error of a true code vanishes with any slack.
 
-    masses (R,R): of the image's pixels; smaller_limit: the most that the smaller singular value of a map may be. Every
-    random number derives from the seed and the number of the move.
+    masses (R,R): of the image's pixels; smaller_limit: upper limit of a map's smaller singular value. Every random
+    number derives from the seed and the move's number.
     """
 
     def __init__(self, masses: Tensor, regime: Regime, params: CollageParams, seed: int = 0,
@@ -81,7 +80,7 @@ class MeasureSearch:
     # -- judging ------------------------------------------------------------------------------------------------------
 
     def cheap_score(self, maps: Tensor, weights: Tensor, error: float) -> float:
-        """The score without the attractor, which costs more than all the rest."""
+        """The score without the attractor's term, which takes longer than all other terms."""
         descent = self.params.descent
         share, tied = weights / weights.sum(), affine.volumes(maps)
         untied = float((share * (share / (tied / tied.sum())).log().square()).sum())
@@ -91,7 +90,7 @@ class MeasureSearch:
         return error + self._price(len(maps)) + self.regime.prior / 2 * untied + identity
 
     def _price(self, count: int) -> float:
-        """Of so many maps. By default one too many costs more than it can ever explain."""
+        """Price of `count` maps. By default, a map too many costs more than it can ever explain."""
         fixed, most = self.params.maps, self.params.most_maps
         excess = max(0, count - (fixed or most or count))
         short = max(0, (fixed or 0) - count)
@@ -107,11 +106,11 @@ class MeasureSearch:
                          self.cheap_score(maps, weights, error) + search.attractor_weight * far)
 
     def descend_batch(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, Tensor]:
-        """A batch (B,N,6), (B,N) after descent on the whole measure, and its errors (B,)."""
+        """A batch of maps (B,N,6) and weights (B,N) after descent on the whole measure, and its errors (B,)."""
         return descend(maps, weights, self.measure, self._descent(how), backgrounds=self.slack[None])
 
     def descend_one(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, float]:
-        """One set (N,6), (N,) after descent."""
+        """One set of maps (N,6) and weights (N,) after descent, and its error."""
         m, w, e = self.descend_batch(maps[None], weights[None], how)
         return m[0], w[0], float(e[0])
 
@@ -121,8 +120,8 @@ class MeasureSearch:
     # -- starting -----------------------------------------------------------------------------------------------------
 
     def start(self) -> Candidate:
-        """The best mixture of what random sets become on the coarse grid: each is moved, then weights for all their
-        maps together are found by non-negative least squares, which leaves most at zero."""
+        """The best mixture of random sets. Each set descends on the coarse grid. Then non-negative least squares
+        weights all their maps together, and leaves most weights at zero."""
         search, g = self.params.search, generator(self.seed, "start")
         count, slack = search.start_sets * search.start_maps, search.slack
         matrices = affine.random_matrices(count, *self.params.births.medium, self.params.births.least_ratio, g)
@@ -137,12 +136,12 @@ class MeasureSearch:
         return self._mixture(pool.view(-1, 6), self.coarse, search.start_mixture)
 
     def mixed(self, pool: Tensor) -> Candidate:
-        """The best mixture of maps (M,6) that several searches found: right ones recur, wrong ones differ."""
+        """The best mixture of maps (M,6) from several searches: right maps recur, wrong ones differ."""
         return self._mixture(pool[affine.smaller_singular(pool) < self.smaller_limit + ROUNDING], self.measure,
                              self.params.search.restarts_mixture)
 
     def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Candidate:
-        """What becomes of at most so many maps (M,6) with the weights of non-negative least squares."""
+        """Weight maps (M,6) by non-negative least squares, keep the `most` heaviest, move them and prune them."""
         from scipy.optimize import nnls
 
         search = self.params.search
@@ -157,7 +156,7 @@ class MeasureSearch:
         return self.merged(self.pruned(*self.descend_one(pool[best.to(pool.device)], weights, search.mix)))
 
     def resume(self, found: Candidate) -> Candidate:
-        """A candidate of an earlier stage, moved and pruned by this measure."""
+        """A candidate of an earlier stage, moved and pruned on this measure."""
         search = self.params.search
         weights = (1 - search.slack) * found.probabilities
         return self.merged(self.pruned(*self.descend_one(found.maps, weights, search.resume)))
@@ -185,7 +184,7 @@ class MeasureSearch:
         return self.merged(new) if new.score < now.score else now
 
     def _ruined(self, now: Candidate, g: torch.Generator) -> _Ruined:
-        """The set without some maps, close together or anywhere."""
+        """The set without some maps, which are close together or anywhere."""
         search, n = self.params.search, len(now.maps)
         if n == 1 or torch.rand((), generator=g) < search.add_only:
             return _Ruined(now.maps, now.weights, False, 1 + int(torch.randint(search.add_most, (), generator=g)))
@@ -202,7 +201,7 @@ class MeasureSearch:
         return _Ruined(now.maps[keep], now.weights[keep], large, 1 + int(torch.randint(gone, (), generator=g)))
 
     def _with_births(self, sets: list[_Ruined], g: torch.Generator) -> list[_Ruined]:
-        """The sets with their new maps, one after another, those of all sets at once."""
+        """The sets with their new maps. Maps are added one after another, but to all sets at once."""
         params = self.params
         for turn in range(max(each.births for each in sets)):
             active = [i for i, each in enumerate(sets) if turn < each.births]
@@ -230,7 +229,7 @@ class MeasureSearch:
     # -- simplifying --------------------------------------------------------------------------------------------------
 
     def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
-        """The set without the maps whose removal, after the others have moved, does not worsen the score."""
+        """The set without maps whose removal, once the others have moved, improves the score."""
         search, score = self.params.search, self.cheap_score(maps, weights, error)
         while len(maps) > 2:
             n = len(maps)
@@ -259,8 +258,8 @@ class MeasureSearch:
         return self.judged(maps, weights, error)
 
     def merged(self, now: Candidate) -> Candidate:
-        """The set with maps of nearly the same image made one, if that is better: two halves of a map hold each other
-        in place, as do a map and its composition with a symmetry, and no removal of one alone would ever pay."""
+        """Merge maps with nearly the same image, if that is better. Two halves of a map hold each other in place, as do
+        a map and its composition with a symmetry: removing only one of them would never pay."""
         one = torch.ones(len(now.maps), 1, device=now.maps.device)
         images = pushforward(now.maps[:, None].contiguous(), one, self.coarse.samples, self.coarse.size)
         roots = images.flatten(1).clamp_min(0).sqrt()
@@ -276,7 +275,7 @@ class MeasureSearch:
 
 def descent_of(params: CollageParams, how: DescentSteps, *, prior: float = 0.0, smaller: float = 1.0,
                tied: bool = False) -> Descent:
-    """The descent of these steps, with what all descents share."""
+    """A descent with these steps and the settings that all descents share."""
     common = params.descent
     return Descent(how.steps, rate=how.rate, weight_rate=common.weight_rate, decay=common.decay, largest=how.largest,
                    smaller=smaller, prior=prior, identity_radius=common.identity_radius,
@@ -284,7 +283,7 @@ def descent_of(params: CollageParams, how: DescentSteps, *, prior: float = 0.0, 
 
 
 def _padded(sets: list[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
-    """One batch (B,N,6), (B,N) of sets of different sizes, weights zero where there is no map."""
+    """One batch (B,N,6), (B,N) of sets of different sizes. Weights are zero where there is no map."""
     most = max(len(maps) for maps, _ in sets)
     maps = torch.stack([torch.cat([m, m.new_zeros(most - len(m), 6)]) for m, _ in sets])
     return maps, torch.stack([torch.cat([w, w.new_zeros(most - len(w))]) for _, w in sets])

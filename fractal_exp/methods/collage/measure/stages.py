@@ -1,4 +1,4 @@
-"""The stages that search on the image's measure, from random maps to some that stage 3 can go on from."""
+"""The stages that search on the image's measure, from random maps to a set from which stage 3 can continue."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .search import Regime
 
 
 class Restart(Stage):
-    """A search from nothing. The maps of all restarts so far are mixed, and those of the rounds before."""
+    """A search from random maps. At its end, the maps of all restarts so far, of this and earlier rounds, are mixed."""
 
     name, order, ends_at = "search", 0, "search_share"
 
@@ -22,7 +22,7 @@ class Restart(Stage):
         return self.params.search.moves
 
     def open(self, state: State) -> None:
-        # the words in paths of seeds stand for random streams: another word gives other numbers
+        # the words in seed paths name random streams: another word gives other numbers
         seed = derive(self.problem.seed, "island", 1000 * self.round + self.restart)
         self.search = self._measure_search(state, state.before, Regime.whole(self.params), seed)
 
@@ -38,15 +38,15 @@ class Restart(Stage):
         return replace(state, best=best, scores=scores)
 
     def last_key(self, state: State) -> Key:
-        """Once two restarts have found the same, the others of the round are left out."""
+        """Once two restarts agree, the other restarts of the round are skipped."""
         scores, within = state.scores, 1 + self.params.search.agreement
-        limit = min(self.params.search.wrong_number, within * state.best.score)  # beyond: too many maps, or too few
+        limit = min(self.params.search.wrong_number, within * state.best.score)  # above it, the number of maps is wrong
         agreed = len(scores) > 1 and scores[1] < limit
         return (self.round, self.order, self.problem.restarts(self.round)) if agreed else self.key
 
 
 class FromMixture(Stage):
-    """The search goes on from the best mixture, on a measure that it corrects for saturation."""
+    """The search from the best mixture, on a measure that the mixture corrects for saturation."""
 
     name, order, ends_at = "search", 1, "mixture_share"
 
@@ -64,7 +64,7 @@ class FromMixture(Stage):
 
 
 class Detail(Stage):
-    """The search on a finer grid."""
+    """Stage 2: the search on a finer grid."""
 
     name, order, ends_at = "detail", 2, "detail_share"
 
@@ -81,7 +81,7 @@ class Detail(Stage):
 
 
 class Populations(Stage):
-    """Sets of as many maps as are asked for, crossed: the place of stages 1 and 2 where this is the better search."""
+    """Crossed populations of sets with the given number of maps, instead of stages 1 and 2 where they search better."""
 
     name, order, ends_at = "population", 0, "detail_share"
 

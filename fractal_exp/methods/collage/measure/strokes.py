@@ -1,7 +1,7 @@
 """Drawings of a recursion that ended: a stroke, and smaller copies of it under every word of some maps.
 
-Programs draw trees so: a trunk, then each branch as a smaller tree, down to some depth. The trunk is what a map makes
-of the whole shape when it flattens it to a segment. The last twigs end before the attractor does.
+This is how programs draw trees: a trunk, then each branch as a smaller tree, down to some depth. The trunk is the image
+of a map that flattens the whole shape to a segment. The last twigs end before the attractor does.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ MOST_PLACES = 2_000_000    # on the strokes of one level
 
 
 class Strokes(Drawn):
-    """Segments with a round pen. A map whose image is no wider than `camera.stroke` draws a stroke, all others copy
-    what is there. values: how many maps, at most, copy a stroke; 1 if the pen shrinks with the copies, else 0; the
-    pen's radius, and the standard deviation of the blur, canvas units."""
+    """Segments drawn with a round pen. A map whose image is at most `camera.stroke` wide draws a stroke; all others
+    copy the drawing. values: the depth, which is how many maps copy a stroke at most; 1 if the pen shrinks with the
+    copies, else 0; the pen's radius and the standard deviation of the blur, canvas units."""
 
     is_whole = False
     numbers, lengths = ("depth", "thinning"), ("pen_px", "blur_px")
@@ -48,15 +48,14 @@ class Strokes(Drawn):
         depth, thinning, radius, sigma = self.values
         levels = self._levels(code, resolution, int(depth))
         widths = self._widths(levels, bool(thinning), radius * resolution / 2)
-        same = {}  # levels of one width are drawn together
+        same = {}  # levels of equal width are drawn together
         for level, width in zip(levels, widths, strict=True):
             same.setdefault(width, []).append(level.places)
         lit = [(self._distance_of(torch.cat(places), resolution), width) for width, places in same.items()]
         return blurred(self._inked(lit, resolution), sigma * resolution / 2)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
-        """Values of the camera, each with the rendering (R,R) of the code that it makes; none for a code without
-        strokes."""
+        """Pairs of camera values and the rendering (R,R) of the code with them; none for a code without strokes."""
         camera, pixel = self.camera, 2 / resolution
         levels = self._levels(code, resolution, int(self.values[0]) if self.values else camera.deepest)
         distances = [self._distance_of(level.places, resolution) for level in levels]
@@ -70,7 +69,8 @@ class Strokes(Drawn):
                             for sigma in given(camera.blur_px, camera.blurs_px))
 
     def _levels(self, code: IFS, resolution: int, depth: int) -> list[_Level]:
-        """The strokes that no map copies, one, and so on, to this depth or until they are too short to be seen."""
+        """The strokes of levels 0, 1, … (copied by 0, 1, … maps), down to this depth or until they are too short to
+        see."""
         segments, copies = self._parts(code)
         found: list[_Level] = []
         words = copies.new_tensor([[1.0, 0, 0, 1, 0, 0]])
@@ -84,7 +84,7 @@ class Strokes(Drawn):
         return found
 
     def _parts(self, code: IFS) -> tuple[Tensor, Tensor]:
-        """The segments (S,2,2) that flat maps draw, by their ends, and the maps (N,6) that are not flat."""
+        """The segments (S,2,2) that flat maps draw, as pairs of ends, and the maps (N,6) that are not flat."""
         code = code.to("cpu")
         maps, reach = affine.from_code(code), attractor.support_function(code)
         axes, sizes, sources = torch.linalg.svd(code.linear)
@@ -98,12 +98,12 @@ class Strokes(Drawn):
         return torch.stack(segments)[flat], maps[~torch.tensor(flat)]
 
     def _widths(self, levels: list[_Level], thinning: bool, radius: float) -> list[float]:
-        """The pen's radius in each level, in the unit of that given."""
+        """The pen's radius in each level, in the unit of `radius`."""
         least = min(radius, *self.camera.pens_px)
         return [max(least, radius * level.scale) if thinning else radius for level in levels]
 
     def _distance_of(self, places: Tensor, resolution: int) -> Tensor:
-        """From each subpixel to the nearest of points (P,2), (R·fine, R·fine), pixels."""
+        """Distance (R·fine, R·fine) from each subpixel to the nearest of the points (P,2), pixels."""
         side = resolution * self.fine
         lit = torch.zeros(side * side)
         column, row = ((places * places.new_tensor([1, -1]) + 1) * (side / 2)).floor().long().unbind(1)
@@ -112,15 +112,15 @@ class Strokes(Drawn):
         return self.distance_to(lit.view(side, side))
 
     def _inked(self, drawn: list[tuple[Tensor, float]], resolution: int) -> Tensor:
-        """The share (R,R) of pixels within a radius of each of some distances; pixels."""
+        """The share (R,R) of each pixel that some pen covers, from pairs of distances and radii in pixels."""
         if not drawn:
             return torch.zeros(resolution, resolution)
         return inked(torch.stack([distance - radius for distance, radius in drawn]).amin(0), 0.0, self.fine)
 
 
 class _Level(NamedTuple):
-    """The strokes that as many maps copy: points (P,2) on them, how much smaller they are than those that none copies,
-    and the length of the longest, canvas units."""
+    """The strokes of one level: points (P,2) on them, their mean size relative to level 0, and the length of the
+    longest, canvas units."""
 
     places: Tensor
     scale: float
@@ -128,7 +128,7 @@ class _Level(NamedTuple):
 
 
 def _extent(reach: np.ndarray, direction: Tensor) -> tuple[float, float]:
-    """The least and the greatest of u·x over an attractor, of a unit vector u (2,), from its support function (K,)."""
+    """Minimum and maximum of u·x over an attractor, for a unit vector u (2,), from its support function (K,)."""
     x, y = direction.tolist()
     turn = math.atan2(y, x) / (2 * math.pi) * len(reach)
     low, high = np.interp([turn + len(reach) / 2, turn], np.arange(len(reach)), reach, period=len(reach))
@@ -136,7 +136,7 @@ def _extent(reach: np.ndarray, direction: Tensor) -> tuple[float, float]:
 
 
 def _along(ends: Tensor, step: float) -> tuple[Tensor, float]:
-    """Points (P,2) on segments (S,2,2), no further apart than a step, and the greatest length."""
+    """Points (P,2) on segments (S,2,2), at most `step` apart, and the length of the longest segment."""
     length = float((ends[:, 1] - ends[:, 0]).norm(dim=-1).max())
     count = min(max(2, MOST_PLACES // len(ends)), math.ceil(length / step) + 1)
     part = torch.linspace(0, 1, count)[None, :, None]

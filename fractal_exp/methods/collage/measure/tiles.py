@@ -1,7 +1,7 @@
-"""The construction of a fractal that ended after some steps: copies of one shape, as polygons and turtles draw them.
+"""Constructions that ended after some steps: copies of one shape, as polygons and turtles draw them.
 
-A picture W^d(B) consists of the images of an initiator B under all words of d maps. B is not known, but for the true
-code each word shows it: pulled back by the words, all parts of the picture are the same.
+A picture W^d(B) consists of the images of an initiator B under all words of d maps. B is unknown, but under the true
+code each word shows it: pulled back by its word, every part of the picture is the same.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from ....ifs.attractor import FRAME_SIDE
 from ....ifs.code import IFS
 from ..maps import from_code, largest_singular
 
-MOST_WORDS, SEEN_WORDS = 6000, 800   # that are drawn, and in which the initiator is looked at
-WIDEST = 160                         # cells a side of the initiator's grid
-MARGIN = 1.13                        # of that grid, around the frame
-LIT = 0.5                            # of the words must show a cell of the initiator
+MOST_WORDS, SEEN_WORDS = 6000, 800   # maximum words that are drawn, and that estimate the initiator
+WIDEST = 160                         # maximum cells per side of the initiator's grid
+MARGIN = 1.13                        # side of that grid, relative to the frame
+LIT = 0.5                            # share of its highest level above which a cell belongs to the initiator
 
 
 def words(maps: Tensor, size: float) -> Tensor:
-    """The words (M,6) of maps (N,6) that bring the frame to a length of `size` (canvas units) or less, and those that
-    they begin with do not; only a part of them where there are too many, as there are of maps that hardly contract."""
+    """The shortest words (M,6) of maps (N,6) that shrink the frame to at most `size`, canvas units. Only some of them
+    if there are too many, as for maps that hardly contract."""
     done, left = [], torch.eye(3, dtype=torch.float64)[:2].T.reshape(1, 6)[:, [0, 2, 1, 3, 4, 5]]
     maps = maps.double()
     while len(left):
@@ -38,8 +38,8 @@ def words(maps: Tensor, size: float) -> Tensor:
 
 
 def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int) -> Tensor:
-    """The picture (resolution, resolution) of which the image (R,R) would be if all its parts of this size (canvas
-    units) were the same: the share of a pixel that is covered, with `fine`² subpixels."""
+    """The picture (resolution, resolution) that the image (R,R) would be if all its parts of this size (canvas units)
+    were the same: the covered share of each pixel, from `fine`² subpixels."""
     found = words(from_code(code), size)
     cells = min(WIDEST, max(12, math.ceil(MARGIN * size * resolution * fine / 2)))
     if not len(found):
@@ -56,8 +56,8 @@ def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int) -> 
 
 
 def _initiator(image: Tensor, found: Tensor, cells: int) -> tuple[Tensor, Tensor]:
-    """The centres (K,2) of a grid of so many cells a side, and the mean level (K,) that words (M,6) show there, each
-    by its area."""
+    """The centres (K,2) of a grid with `cells` per side, and the mean level (K,) that words (M,6) show there, weighted
+    by their areas."""
     half = MARGIN * FRAME_SIDE / 2
     axis = ((torch.arange(cells) + 0.5) / cells * 2 - 1) * half
     places = torch.stack([axis.repeat(cells), axis.repeat_interleave(cells)], 1)
@@ -68,7 +68,7 @@ def _initiator(image: Tensor, found: Tensor, cells: int) -> tuple[Tensor, Tensor
 
 
 def composed(first: Tensor, then: Tensor) -> Tensor:
-    """All words (nm,6) of maps (n,6) after maps (m,6)."""
+    """All compositions (nm,6) of maps (n,6) after maps (m,6)."""
     a, b = first[:, None, :4].unflatten(-1, (2, 2)), then[None, :, :4].unflatten(-1, (2, 2))
     offset = (a @ then[None, :, 4:, None])[..., 0] + first[:, None, 4:]
     return torch.cat([(a @ b).flatten(-2), offset], -1).flatten(0, 1)

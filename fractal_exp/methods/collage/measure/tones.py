@@ -1,4 +1,4 @@
-"""Which meaning the grey levels of an image have: as it is given, or as they look."""
+"""Choose what the grey levels of an image mean, by name or by their look."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .strokes import Strokes
 
 LEVELS: dict[str, type[Levels]] = {"density": Density, "linear": Linear, "dots": Dots, "coverage": Drawn,
                                  "strokes": Strokes, "binary": Binary}
-Camera = tuple[str | float, ...]   # the name of the levels and their values; empty: as the levels are given
+Camera = tuple[str | float, ...]   # the name of the levels and their values; empty: nothing was estimated
 
 
 def levels_of(image: Tensor, name: str, camera: CameraParams) -> Levels:
-    """What the grey levels of an image (R,R) mean, by name; "auto": as they look."""
+    """The levels of an image (R,R), by name; "auto": guessed from the image."""
     return LEVELS[guess_levels(image, camera) if name == "auto" else name].of(image, camera)
 
 
@@ -31,13 +31,13 @@ def seen_with(levels: Levels, camera: Camera) -> Levels:
 
 
 def camera_of(levels: Levels, values: tuple[float, ...] | None = None) -> Camera:
-    """The camera of these levels, with their own values or others; empty if there are none."""
+    """The camera of these levels, with their own or other values; empty if there are no values."""
     values = levels.values if values is None else values
     return (_name(levels), *values) if values else ()
 
 
 def described(levels: Levels) -> dict[str, str | float]:
-    """The camera in words and pixels of the image, as `taken_with` reads it."""
+    """The camera as a dictionary, with lengths in pixels of the image. `taken_with` reads it back."""
     name = _name(levels)
     pixel = 1.0 if levels.image is None else 2 / len(levels.image)
     units = [1.0] * len(levels.numbers) + [pixel] * len(levels.lengths)
@@ -50,7 +50,7 @@ def _name(levels: Levels) -> str:
 
 
 def taken_with(image: Tensor, described: Mapping[str, str | float], camera: CameraParams) -> Levels:
-    """The levels of an image (R,R) that was taken with the camera so described."""
+    """The levels of an image (R,R) with the camera that `described` returned."""
     kind, pixel = LEVELS[str(described["levels"])], 2 / len(image)
     values = (*(float(described[key]) for key in kind.numbers if key in described),
               *(float(described[key]) * pixel for key in kind.lengths if key in described))
@@ -58,8 +58,8 @@ def taken_with(image: Tensor, described: Mapping[str, str | float], camera: Came
 
 
 def guess_levels(image: Tensor, camera: CameraParams) -> str:
-    """"binary" if there are no greys; "density" if all are shares of as many subpixels as our renderer has, and some of
-    no fewer, unlike those of a picture that was shrunk; "coverage" for what others drew."""
+    """"binary" if there are no greys; "density" if all greys are whole numbers of our renderer's subpixels, and some
+    are odd, unlike in a shrunk picture; else "coverage", for pictures that others drew."""
     if bool(((image == 0) | (image == 1)).all()):
         return "binary"
     shares = image * camera.supersample**2

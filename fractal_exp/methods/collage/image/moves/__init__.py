@@ -1,7 +1,7 @@
-"""The moves of stage 3, a file each: how a neighbour of a code is got, and when the move makes sense.
+"""The moves of stage 3, one file each: how a move makes a neighbour of a code, and when it makes sense.
 
-`MOVES` holds them by the name that their odds have in `MoveParams`. A new move is a module with both functions, an
-entry here and its odds there.
+`MOVES` maps names to moves; their odds in `MoveParams` have the same names. A new move is a module with both functions,
+an entry here and its odds there.
 """
 
 from __future__ import annotations

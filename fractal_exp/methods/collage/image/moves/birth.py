@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 def is_open(search: ImageSearch, shown: Rendered) -> bool:
-    """Unless there are as many maps as there may be."""
+    """True unless the code has as many maps as allowed."""
     n, params = len(shown.maps), search.params
     return n < (params.maps or params.most_maps or n + 1)
 
 
 def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
-    """The code with a new map where it lacks mass."""
+    """The code with a new map where mass is missing."""
     return search.polished_last(grown(search, shown, shown, None, g), shown, search.params.moves.polish_new)

@@ -1,4 +1,4 @@
-"""How a code gets a new map: the likeliest of many, by the measure first and by renderings in the end."""
+"""How a code gets a new map: the best of many candidates, judged first by the measure and finally by renderings."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CorrectedMeasure:
-    """The image's measure, corrected for saturation by the code of these maps, on a fine grid and a coarse one; the
-    correction (R,R), and the sum of what it was applied to."""
+    """The image's measure on a fine and a coarse grid, corrected for saturation with the code of these maps; the
+    correction (R,R), and the sum of the corrected masses."""
 
     maps: Tensor
     fine: BinnedMeasure
@@ -33,7 +33,7 @@ class CorrectedMeasure:
 
     @classmethod
     def of(cls, masses: Tensor, shown: Rendered, objective: ImageObjective, seed: int) -> CorrectedMeasure:
-        """That of an image's masses (R,R)."""
+        """The corrected measure of an image's masses (R,R)."""
         params = objective.params
         factors = correction(masses, shown.code, objective.levels, params.saturation, seed)
         corrected, grids = masses * factors, params.descent.grids
@@ -42,9 +42,9 @@ class CorrectedMeasure:
                    corrected.sum())
 
     def explained(self, rendered: Rendered, volume: Tensor, objective: ImageObjective) -> Tensor:
-        """The part (G,G) of the measure that maps of a code of this volume tile or their rendering shows. Where a map
-        is missing, so are its copies in the rendering, which the other maps will show as soon as it is there; and what
-        tiles the measure in another way than the grey levels tell is not to be filled up."""
+        """The part (G,G) of the measure that maps of a code of this volume tile, or that their rendering shows. If a
+        map is missing, its copies are missing in the rendering too, but the other maps will show them once it is there.
+        And where maps tile the measure unlike the grey levels suggest, the difference must not be filled."""
         measure = self.fine
         shares = affine.volumes(rendered.maps) / volume if rendered.weights is None else rendered.weights
         tiled = pushforward(rendered.maps[None], shares[None], measure.samples, measure.size)[0]
@@ -55,8 +55,8 @@ class CorrectedMeasure:
 
 
 def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | None, g: torch.Generator) -> Rendered:
-    """A part of the shown code and the likeliest of many maps born where it lacks mass, or, with an old one (6,) that
-    is missing in it, of many in other orientations."""
+    """`rest`, a part of the code `shown`, with the best of many new maps. They are born where mass is missing or, if
+    the map `old` (6,) is given, which `rest` lacks, they are `old` in other orientations."""
     params, objective = search.params.moves, search.objective
     corrected = search.corrected_measure(shown)
     measure, coarse = corrected.fine, corrected.coarse
@@ -65,7 +65,7 @@ def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | No
     renderings = []
     if old is not None:
         born = reoriented(old, measure, params, g)
-        if affine.thinness(old, measure) < params.thin:  # no grid tells which way a line lies
+        if affine.thinness(old, measure) < params.thin:  # no grid shows how a line was projected
             lines = flattened(born, measure, params.widths[-1])
             renderings += [with_map(objective, rest, each, affine.volumes(each[None])[0] / volume) for each in lines]
     else:
@@ -94,7 +94,7 @@ def with_map(objective: ImageObjective, rest: Rendered, born: Tensor, weight: Te
 
 
 def small_maps(shown: Rendered, g: torch.Generator, count: int = 1) -> list[int]:
-    """Maps drawn at random, small ones preferred."""
+    """Indices of random maps, small ones preferred."""
     return torch.multinomial(1 / affine.volumes(shown.maps).cpu(), count, generator=g).tolist()
 
 

@@ -1,5 +1,4 @@
-"""Remove one to three maps, small ones preferred: small maps that make up for what is wrong in another hold it where it
-is."""
+"""Remove some maps, small ones preferred. Small maps that compensate for a wrong map hold it in place."""
 
 from __future__ import annotations
 
@@ -15,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def is_open(search: ImageSearch, shown: Rendered) -> bool:
-    """Unless two are left, or the number is given."""
+    """True unless only two maps are left or their number is given."""
     return len(shown.maps) > 2 and not search.params.maps
 
 
 def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
-    """The code without the maps, the others polished."""
+    """The code without the removed maps, with the others polished."""
     most = min(len(shown.maps) - 2, search.params.moves.remove_most)
     gone = small_maps(shown, g, 1 + int(torch.randint(most, (), generator=g)))
     return search.polished_all(search.objective.without(shown, gone), shown)

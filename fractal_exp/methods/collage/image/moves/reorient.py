@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 def is_open(search: ImageSearch, shown: Rendered) -> bool:
-    """If a map is left to stay."""
+    """True if another map stays."""
     return len(shown.maps) > 1
 
 
 def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
-    """The code with one map in another orientation; a line also in other projections."""
+    """The code with one map in another orientation; for a line, also in other projections."""
     gone = small_maps(shown, g)
     rest, old = search.objective.without(shown, gone), shown.maps[gone[0]]
     found = [search.polished_last(grown(search, rest, shown, old, g), shown, search.params.moves.polish_new)]
@@ -36,15 +36,15 @@ def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rende
 
 
 def _is_line(search: ImageSearch, shown: Rendered, old: Tensor) -> bool:
-    """Whether the image of the map (6,) is thin, and within the pixels that it crosses."""
+    """Whether the image of the map (6,) is thin, and at most `LineParams.widest_px` wide."""
     measure, side = search.corrected_measure(shown).fine, search.objective.image.shape[0]
     widest = search.params.lines.widest_px
     return affine.thinness(old, measure) < search.params.moves.thin and 2 * side * affine.width(old, measure) < widest
 
 
 def _reprojected(search: ImageSearch, rest: Rendered, shown: Rendered, gone: int) -> list[Rendered]:
-    """The rest of the code and the map that is gone, a line, in the other projections that the light along it tells of;
-    the hopeful ones polished."""
+    """The rest of the code with the removed map, a line, in other projections that fit the light along it. Hopeful
+    codes are polished, the others are left out."""
     params, objective = search.params, search.objective
     volumes = affine.volumes(rest.maps).sum() + PROBABILITY_FLOOR
     share = PROBABILITY_FLOOR / volumes if rest.weights is None else shown.probabilities[gone]

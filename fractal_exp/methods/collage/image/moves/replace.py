@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 def is_open(search: ImageSearch, shown: Rendered) -> bool:
-    """If a map is left to stay."""
+    """True if another map stays."""
     return len(shown.maps) > 1
 
 
 def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
-    """The code with a new map instead of one."""
+    """The code with one map replaced by a new one."""
     rest = search.objective.without(shown, small_maps(shown, g))
     return search.polished_last(grown(search, rest, shown, None, g), shown, search.params.moves.polish_new)

@@ -1,5 +1,5 @@
-"""Replace a large map by its square or cube root, and prune: an attractor is also that of the code in which f stands
-squared and the other maps g have company, f∘g."""
+"""Replace a large map by its square or cube root, and prune. The code {f∘f, g, f∘g} has the same attractor as {f, g}.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def is_open(search: ImageSearch, shown: Rendered) -> bool:
-    """Unless two maps are left, or the number is given."""
+    """True unless only two maps are left or their number is given."""
     return len(shown.maps) > 2 and not search.params.maps
 
 
@@ -27,8 +27,8 @@ def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rende
 
 
 def rooted(search: ImageSearch, shown: Rendered, chosen: int, order: int) -> Rendered:
-    """The code with the root f of one map, or as it is if that map has none. What was found beside a power of f may be
-    f∘g instead of g: both are given to choose from."""
+    """The code with the root f of one map; unchanged if there is none or it does not help. Maps found beside a power of
+    f may be f∘g instead of g, so pruning chooses between both."""
     params, objective = search.params.moves, search.objective
     if len(shown.maps) > params.root_maps and objective.is_hopeless(shown.error):
         return shown

@@ -1,0 +1,20 @@
+"""A search that begins with a code that somebody made, in place of its own search on the measure."""
+
+from __future__ import annotations
+
+from ...ifs.code import IFS
+from ...runtime.checkpoint import Snapshot
+from .maps import from_code
+from .measure.stages import Detail
+from .state import Candidate, State
+
+OPTIONS = {"rounds": 1, "growth": {"enabled": False}}   # another round, or growth, would begin without the code
+
+
+def found_already(code: IFS) -> Snapshot:
+    """What a checkpoint holds of a search whose first round has found `code`, and has yet to judge it by renderings.
+
+    Gone on from with `OPTIONS`, the search improves the code.
+    """
+    best = Candidate(from_code(code).float(), code.probabilities, float("inf"))
+    return State(done=(0, Detail.order, 0), best=best).snapshot()

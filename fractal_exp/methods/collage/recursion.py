@@ -1,0 +1,116 @@
+"""A drawing of a recursion that ended after few steps: found as few maps, and seen as strokes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...runtime.seeds import derive
+from .image.camera import as_strokes, in_turns
+from .image.likeness import likeness_of
+from .image.objective import ImageObjective, Rendered
+from .maps import WeightedMaps
+from .measure.pens import Drawn
+from .measure.search import MeasureSearch, Regime
+from .measure.tones import camera_of, seen_with
+from .problem import SearchProblem
+from .stage import Stage
+from .state import Candidate, Key, State
+
+
+class Recursion(Stage):
+    """Searches for few maps, each looked at as strokes.
+
+    A tree of four levels is a lattice of lines. Many maps explain it better than its trunk and two branches do, unless
+    it is known that the twigs end. So few maps are searched for, and seen as strokes of the depth that suits them. The
+    code is taken if it draws the picture; the moves by renderings are then left out. A move is a search.
+    """
+
+    name, order, ends_at = "strokes", 3, "approach_share"
+
+    def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
+        super().__init__(problem, number, restart)
+        self.objective: ImageObjective | None = None
+
+    @staticmethod
+    def may_help(problem: SearchProblem) -> bool:
+        """Whether an image may show strokes: lines and areas that others drew, not too many pixels of them."""
+        return isinstance(problem.levels, Drawn) and not problem.is_reduced and not problem.params.maps
+
+    @property
+    def expected_moves(self) -> int:
+        return len(self.params.camera.recursion_maps)
+
+    def is_wanted(self, state: State) -> bool:
+        if state.current is not None:
+            return True
+        self.open(state)
+        return self._likeness(state.best) < self.params.stages.unlike
+
+    def open(self, state: State) -> None:
+        if self.objective is None:
+            problem, seed = self.problem, derive(self.problem.seed, "recursion")
+            camera = problem.camera(state.best.code, seed)
+            self.objective = problem.objective(len(problem.image), state.best.code, seed, camera=camera)
+
+    def begin(self, state: State) -> Candidate:
+        return _candidate(self.objective, self.objective.judge(state.best.maps, state.best.weights))
+
+    def step(self, now: Candidate, number: int) -> Candidate:
+        few = self._few_maps(number)
+        found = min(as_strokes(self.objective, few, self.deadline), key=lambda each: each[1].error, default=None)
+        enough = float("inf") if self._has_tiles(few) else self.params.camera.recursion_gain * few.error
+        if found is None or found[1].error >= enough:
+            return now
+        best = _candidate(*in_turns(*found, self.deadline))
+        return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
+
+    def is_settled(self, state: State) -> bool:
+        return self._is_explained(state.current)
+
+    def close(self, state: State) -> State:
+        return replace(state, best=state.current) if self._is_explained(state.current) else state
+
+    def last_key(self, state: State) -> Key:
+        """The next stage, the moves by renderings, is done with if the picture is explained."""
+        return (self.round, self.order + 1, 0) if self._is_explained(state.best) else self.key
+
+    def _few_maps(self, number: int) -> Rendered:
+        """What a search for few maps finds."""
+        most = self.params.camera.recursion_maps[number]
+        most = min(most, self.params.most_maps or most)
+        few = self.params.updated(at_most=most, bytes=None, likeness=None)
+        search = MeasureSearch(self.problem.masses_of(self.round), Regime.whole(few), few,
+                               derive(self.problem.seed, "recursion", number), few.camera.recursion_contraction)
+        found = search.start()
+        for move in range(few.search.moves):
+            if self.deadline.passed:
+                break
+            found = search.step(found, move)
+        return self.objective.judge(found.maps)
+
+    def _error_to_beat(self, now: Candidate) -> float:
+        if _has_strokes(now):
+            return now.error
+        return float("inf") if self._has_tiles(now) else self.params.camera.stroked * now.error
+
+    def _has_tiles(self, found: WeightedMaps) -> bool:
+        """Whether a code is drawn by tiles, which show the picture itself, so that its error says nothing."""
+        return self.objective.levels.smallest_part(found.code, len(self.objective.image)) > 0
+
+    def _is_explained(self, found: Candidate) -> bool:
+        return _has_strokes(found) and self._likeness(found) >= self.params.stages.unlike
+
+    def _likeness(self, found: Candidate) -> float:
+        """How like the picture a code is, with its own camera or the one that suits the code so far."""
+        objective = self.objective
+        if found.camera:
+            objective = objective.seen_with(seen_with(objective.levels, found.camera))
+        return likeness_of(objective.judge(found.maps, found.weights), objective)
+
+
+def _candidate(objective: ImageObjective, shown: Rendered) -> Candidate:
+    return Candidate(shown.maps, shown.weights, shown.error, shown.error, camera_of(objective.levels))
+
+
+def _has_strokes(found: Candidate) -> bool:
+    return found.camera[:1] == ("strokes",)

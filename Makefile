@@ -6,6 +6,7 @@ READY := $(VENV)/.ready
 DOCS_READY := $(VENV)/.docs-ready
 PYTEST_ARGS ?=
 PORT ?= 5000
+STUDIO_PORT ?= 8421
 SCALE ?= laptop
 COUNT ?= 4
 WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
@@ -15,7 +16,7 @@ PYTEST := -m pytest -n $(WORKERS) --maxprocesses 8 --dist loadfile --no-loadscop
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
-.PHONY: help setup run ablations comparisons test test-all mutations test-launchers dashboard docs bench bench-gpu lint clean
+.PHONY: help setup run ablations comparisons test test-all mutations test-launchers dashboard studio docs bench bench-gpu lint clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-15s %s\n", $$1, $$2}'
@@ -57,6 +58,9 @@ test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for
 
 dashboard: $(READY) ## Serve the runs in the browser, best F1 first (PORT=5000, STUDY=name for another than the newest)
 	@$(BIN)/python -m fractal_exp.tracking dashboard outputs --port $(PORT) $(if $(STUDY),--study $(STUDY))
+
+studio: $(READY) ## Offer the studio: drop a picture, see its code found, drag the maps, save (STUDIO_PORT=8421)
+	@$(BIN)/fractal-studio --port $(STUDIO_PORT)
 
 $(DOCS_READY): $(READY) pyproject.toml
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'

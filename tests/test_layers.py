@@ -24,6 +24,7 @@ FLOORS = [  # from the ground up; what is named alone is a file or a folder of t
     {"pretraining"},
     {"inversion"},
     {"api"},
+    {"studio"},
     {"cli"},
 ]
 # What a code shows of itself in a notebook, as an SVG and as a page, imported when it is shown.

@@ -49,6 +49,7 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> 
     poster = EMPTY if still is None else f"data:image/png;base64,{base64.b64encode(still).decode()}"
     parts = {"policy": html.escape(policy), "title": html.escape(title), "style": style, "script": script,
              "label": html.escape(f"The attractor of {title}"), "given": _embedded(given)}
+    parts |= fragments()
     text = Template(_read("page.html")).substitute(parts, still=poster)
     if len(text.encode()) > LARGEST:
         text = Template(_read("page.html")).substitute(parts, still=EMPTY)
@@ -56,6 +57,12 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> 
         raise InputError(f"the page would have {size} bytes, at most {LARGEST} are allowed; show fewer maps than "
                          f"{len(code)}")
     return text
+
+
+def fragments() -> dict[str, str]:
+    """HTML that other pages with an editor need too, by name: the panel of the maps, and the dialogs of import and
+    export. The ids in it are those that editor.mjs and the modules below it know."""
+    return {name: _read(f"{name}.html") for name in ("panel", "exchange")}
 
 
 def check(code: IFS) -> None:

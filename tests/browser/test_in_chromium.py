@@ -14,6 +14,9 @@ from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite
 
 LEAST_F1 = 0.97
+MOST_CHI_SQUARE = 0.8                  # a part; two independent counts of points would have 1, of lit subpixels less
+BLOCK, SUBPIXELS, LEAST_COUNT = 8, 64, 20  # pixels a side of a part; in a pixel; lit in a part that counts
+BY_LOT = {("maple_leaf", 1e6), ("suite-011", 1e6)}  # where words are drawn by lot, parts are less even than `render`'s
 
 
 def named(name: str) -> IFS:
@@ -34,6 +37,16 @@ def address(path, view: View, query: str = "") -> str:
 def alike(picture: np.ndarray, code: IFS, view: View) -> float:
     truth = render(code, view, resolution=len(picture))
     return float(f1(torch.tensor(picture, dtype=torch.float32)[None], truth[None]))
+
+
+def chi_square(one: np.ndarray, other: np.ndarray) -> float:
+    """Pearson's statistic of the lit subpixels in square parts of two pictures, a part: whether the points are
+    distributed alike, whatever their number."""
+    a, b = (SUBPIXELS * np.asarray(each, float).reshape(len(each) // BLOCK, BLOCK, -1, BLOCK).sum((1, 3))
+            for each in (one, other))
+    a = a * b.sum() / a.sum()
+    a, b = (each[a + b >= LEAST_COUNT] for each in (a, b))
+    return float(((a - b) ** 2 / (a + b)).mean())
 
 
 def shown_view(opened: Opened) -> View:
@@ -60,8 +73,21 @@ def test_stills_agree_with_render_at_any_zoom(name, tmp_path, open_page):
     point = attractor.random_point(code, 3)
     for view in (View(), View(point, 64), View(point, 1e6)):
         picture = open_page().go(address(path, view)).picture()
+        truth = render(code, view, resolution=128)
         assert picture.shape == (128, 128) and alike(picture, code, view) >= LEAST_F1
-        assert picture.mean() == pytest.approx(float(render(code, view, resolution=128).mean()), rel=0.15)
+        assert picture.mean() == pytest.approx(float(truth.mean()), rel=0.15)
+        assert (name, view.zoom) in BY_LOT or chi_square(picture, truth) <= MOST_CHI_SQUARE
+
+
+def test_another_distribution_on_the_same_shape_is_told_apart():
+    code, view = named("heighway_dragon"), View()
+    other = IFS(code.linear, code.offset, torch.tensor([0.55, 0.45]))
+    truth, again, wrong = (render(each, view, resolution=128, seed=seed)
+                           for each, seed in ((code, 0), (code, 1), (other, 2)))
+    assert chi_square(again, truth) <= MOST_CHI_SQUARE
+    assert chi_square(render(other, View((0.1, 0.1), 16), resolution=128),
+                      render(code, View((0.1, 0.1), 16), resolution=128)) > 3 * MOST_CHI_SQUARE
+    assert chi_square(wrong, truth) > 2 * chi_square(again, truth)
 
 
 def test_the_gpu_throws_the_same_picture_as_the_processor(fern, open_page):

@@ -152,6 +152,14 @@ export class Editor {
     this.drawn();
   }
 
+  /** Show a code from elsewhere, with no way back to the one before. */
+  replace(code) {
+    const box = boxOf(code);
+    this.steps = new Steps({ code, box, home: homeOf(box) });
+    this.hold = null;
+    this.drawn();
+  }
+
   /** The view of the whole as it is now. */
   home() {
     const { code, home } = this.state;

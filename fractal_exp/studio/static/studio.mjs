@@ -1,0 +1,179 @@
+// The studio's page: what the studio tells is shown, and what hands want is asked of it.
+
+import { Channel } from "./channel.mjs";
+import { Stage } from "./stage.mjs";
+
+const ACTS = ["stop", "go_on", "save"]; // that take nothing more
+const SEARCHES = ["find", "polish"];
+const DOING = {
+  read: "The picture is being read …", judge: "The code is being judged …", save: "Saving …", find: "Searching …",
+  polish: "Polishing …",
+};
+
+const $ = (id) => document.getElementById(id);
+let state = null, edits = 0;
+
+const channel = new Channel(heard, (open, reason) => {
+  $("lost").hidden = open;
+  $("lost").textContent = reason || "The studio does not answer. What was found is kept there; this page goes on as soon "
+    + "as it is back.";
+  if (!open) disable(true);
+});
+const stage = new Stage((code) => {
+  edits += 1; // what comes back of it is on the stage already
+  if (!channel.ask("edit", { code })) say("The studio does not answer: the change was not kept");
+}, say);
+
+function heard(word) {
+  if (word.told === "progress") return progress(word);
+  if (word.told === "refused") {
+    edits = 0;
+    say(word.why);
+    if (state) show(state, true);
+    return;
+  }
+  const before = state;
+  state = word;
+  show(before, false);
+}
+
+function say(text) {
+  $("said").textContent = text;
+}
+
+function show(before, again) {
+  const { task, picture, version, why } = state, searching = SEARCHES.includes(task);
+  if (!again && (why || before?.task !== task)) say(why);
+  if (before?.version.picture !== version.picture || again) showPicture();
+  if (before?.version.code !== version.code || again) showCode(before);
+  showScores();
+  showSaved();
+  $("stage-said").textContent = state.stopping ? "Stopping: the best code is kept …" : DOING[task]
+    ?? (state.ready || !picture ? "" : "The search gets ready …");
+  $("status").textContent = state.verdict?.words ?? DOING[task] ?? "";
+  $("bar").hidden = !searching;
+  if (!searching) $("bar").value = 0;
+  disable(false);
+}
+
+function disable(all) {
+  const { task, picture, code, can_go_on: on, stopping, likeness } = state ?? {};
+  const free = !all && task === "", searching = SEARCHES.includes(task);
+  $("do-find").disabled = !(free && picture);
+  $("do-stop").disabled = all || !searching || stopping;
+  $("do-go_on").disabled = !(free && on);
+  $("do-polish").disabled = !(free && code);
+  $("do-save").disabled = !(free && code && likeness !== null);
+  for (const id of ["reading", "settings"]) $(id).disabled = !(free && picture);
+  $("file").disabled = !free;
+  stage.allow(!all && Boolean(code) && !searching);
+}
+
+function showPicture() {
+  const { picture, version } = state;
+  document.body.classList.toggle("has-picture", Boolean(picture));
+  $("understood").hidden = !picture;
+  stage.showPicture(picture && `target.png?version=${version.picture}`);
+  if (!picture) return;
+  $("given").src = `given.png?version=${version.picture}`;
+  const { width, height, crop: [x0, y0, x1, y1], reading } = picture;
+  $("crop").setAttribute("viewBox", `0 0 ${width} ${height}`);
+  const sides = { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
+  for (const [name, value] of Object.entries(sides)) $("crop").firstElementChild.setAttribute(name, value);
+  $("picture-name").textContent = `${picture.name}, ${width} × ${height} px`;
+  const line = (text, kind) => Object.assign(document.createElement("li"), { textContent: text, className: kind });
+  $("notes").replaceChildren(...picture.warnings.map((text) => line(text, "warning")),
+    ...picture.notes.map((text) => line(text, "")));
+  $("read-invert").value = String(reading.invert);
+  $("read-frame").value = reading.frame;
+  $("read-threshold").value = reading.threshold ?? "";
+  $("read-clean").checked = reading.clean;
+  $("upload-said").textContent = "";
+}
+
+function showCode() {
+  if (edits > 0) {
+    edits -= 1;
+    return;
+  }
+  stage.showCode(state.code);
+}
+
+function showScores() {
+  const { scores, likeness, verdict, code, curve } = state;
+  const short = (share) => (typeof share === "number" ? share.toFixed(3) : "–");
+  $("scores").hidden = $("legend").hidden = !code;
+  $("f1").textContent = short(scores?.f1);
+  $("iou").textContent = short(scores?.iou);
+  $("f1-1px").textContent = short(likeness);
+  $("map-count").textContent = code ? code.linear.length : "–";
+  $("verdict").textContent = verdict?.words ?? "";
+  $("remedy").textContent = verdict?.remedy ? `May help: ${verdict.remedy}` : "";
+  $("curve-line").hidden = curve.length < 2;
+  const options = curve.map(({ maps, likeness: f1 }, i) => new Option(`${maps} maps, F1 ${short(f1)}`, i));
+  $("curve").replaceChildren(new Option("as chosen", ""), ...options);
+}
+
+function showSaved() {
+  const { folder, files, run, not_tracked: not } = state.saved;
+  $("saved").textContent = !folder ? "" : `Saved in ${folder}: ${files}. ${run ? `Tracked; see it with ${run}`
+    : not ? `Not tracked: ${not}` : "It is being tracked …"}`;
+}
+
+function progress({ seconds, left, stage: name, fraction, error }) {
+  if (!state || state.stopping) return;
+  $("bar").value = fraction;
+  const rest = left === null ? "" : `, about ${left.toFixed(0)} s left`;
+  const far = error === null ? "" : `, error ${error.toPrecision(2)}`;
+  $("stage-said").textContent = `${name}: ${seconds.toFixed(0)} s${rest}${far}`;
+}
+
+/** The number in a field, null where it is empty. */
+function numberIn(id) {
+  const text = $(id).value.trim();
+  return text === "" ? null : Number(text);
+}
+
+function settings() {
+  return { seconds: numberIn("seconds"), maps: numberIn("count"), levels: $("levels").value };
+}
+
+async function send(file) {
+  if (!file) return;
+  $("upload-said").textContent = "";
+  $("upload-said").textContent = (await channel.send(file)) ?? "";
+  $("file").value = "";
+}
+
+function listen() {
+  for (const act of ACTS) $(`do-${act}`).addEventListener("click", () => channel.ask(act));
+  for (const act of SEARCHES) $(`do-${act}`).addEventListener("click", () => channel.ask(act, { settings: settings() }));
+  $("file").addEventListener("change", () => send($("file").files[0]));
+  $("reading").addEventListener("change", () => {
+    const invert = { auto: "auto", true: true, false: false }[$("read-invert").value];
+    channel.ask("read", { reading: { invert, frame: $("read-frame").value, threshold: numberIn("read-threshold"),
+      clean: $("read-clean").checked } });
+  });
+  $("curve").addEventListener("change", () => {
+    if ($("curve").value) channel.ask("choose", { index: Number($("curve").value) });
+  });
+  addEventListener("dragover", (event) => {
+    event.preventDefault();
+    document.body.classList.add("dropping");
+  });
+  addEventListener("dragleave", ({ relatedTarget }) => {
+    if (!relatedTarget) document.body.classList.remove("dropping");
+  });
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    document.body.classList.remove("dropping");
+    send(event.dataTransfer.files[0]);
+  });
+  addEventListener("paste", (event) => {
+    const [file] = event.clipboardData?.files ?? [];
+    if (file) send(file);
+  });
+}
+
+listen();
+disable(true);

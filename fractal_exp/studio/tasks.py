@@ -1,0 +1,139 @@
+"""What the studio's worker process does, and what it tells of it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..api import INTERRUPTED, invert
+from ..evaluation import metrics
+from ..ifs.code import IFS
+from ..images.reading import ReadImage
+from ..inversion import Inversion, Likeness, Verdict
+from ..methods.base import Progress
+from ..methods.collage import given
+from ..rendering.still import render
+from ..runtime.checkpoint import Checkpoint
+
+TELL_EVERY = 0.2   # seconds between two words of progress
+BY_HAND = "made by hand"
+
+
+@dataclass(frozen=True)
+class Told:
+    """How far a search is: seconds that it took, seconds that are left (None: nobody knows yet), the stage in words,
+    its fraction in [0,1], and the error of what it looks at."""
+
+    seconds: float
+    left: float | None
+    stage: str
+    fraction: float
+    error: float | None = None
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best code so far, with F1 and IoU of what it draws, of all lit pixels."""
+
+    code: IFS
+    f1: float
+    iou: float
+
+
+@dataclass(frozen=True)
+class Done:
+    """The end of a task: what was found, None where nothing was; interrupted: whether the search can go on; why: what a
+    user can mend, empty where all is well."""
+
+    found: Inversion | None = None
+    interrupted: bool = False
+    why: str = ""
+
+
+Tell = Callable[[Told | Best], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Find:
+    """Search the code of a picture, or go on with a search that was stopped.
+
+    path: of the checkpoint; options: of `invert`; begin: "anew", "again" (from the checkpoint), or a code to improve.
+    """
+
+    picture: ReadImage
+    path: Path
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seconds: float | None = None
+    begin: str | IFS = "anew"
+
+    def run(self, tell: Tell) -> Done:
+        """Search, and tell of it. Raises `InputError`, before any work, on options that `invert` refuses."""
+        options = dict(self.options)
+        if isinstance(self.begin, IFS):
+            options |= given.OPTIONS
+        checkpoint = Checkpoint(self.path, identity=options, resume=self.begin != "anew")
+        if isinstance(self.begin, IFS):
+            checkpoint.save(given.found_already(self.begin))
+        try:
+            found = invert(self.picture, seconds=self.seconds, on_step=_Telling(tell, self.picture, self.seconds),
+                           keep_interrupted=True, checkpoint=checkpoint, **options)
+        except KeyboardInterrupt:  # before there was any code
+            return Done(interrupted=True)
+        return Done(found, interrupted=found.stopped == INTERRUPTED)
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """Judge a code that somebody made, as `invert` judges those that it finds."""
+
+    picture: ReadImage
+    code: IFS
+
+    def run(self, tell: Tell) -> Done:
+        """The code with its likeness and its verdict."""
+        likeness = Likeness.of(self.code, self.picture.image)
+        verdict = Verdict.of(likeness, len(self.code), self.picture.image, picture=self.picture)
+        tell(Best(self.code, likeness.f1, likeness.iou))
+        return Done(Inversion(code=self.code, target=self.picture, source=self.picture.source or self.picture.image,
+                              likeness=likeness, verdict=verdict, history=(), stopped=BY_HAND, seconds=0.0,
+                              method="hand", notes=self.picture.notes, warnings=self.picture.warnings))
+
+
+Task = Find | Judge
+
+
+class _Telling:
+    """An `on_step` that tells how far a search is, and each code that a stage ends with."""
+
+    def __init__(self, tell: Tell, picture: ReadImage, limit: float | None):
+        self.tell, self.image, self.limit = tell, picture.image, limit
+        self.began, self.last = time.monotonic(), -math.inf
+
+    def __call__(self, progress: Progress) -> None:
+        now = time.monotonic()
+        if progress.code is not None:
+            self.tell(best(progress.code, self.image))
+        elif now - self.last < TELL_EVERY:
+            return
+        self.last, seconds = now, now - self.began
+        error = progress.scalars.get("error")
+        self.tell(Told(seconds, seconds_left(seconds, progress.fraction, self.limit), progress.stage or "search",
+                       progress.fraction, error if error is not None and math.isfinite(error) else None))
+
+
+def seconds_left(seconds: float, fraction: float, limit: float | None) -> float | None:
+    """How long a search will go on: by its limit, or by the part of its work that is done."""
+    if limit is not None:
+        return max(0.0, limit - seconds)
+    return seconds * (1 - fraction) / fraction if fraction > 0.02 else None
+
+
+def best(code: IFS, image: Any) -> Best:
+    """A code with the scores of what it draws, lit where the image (R,R) is, or not."""
+    drawn = render(code, resolution=len(image))
+    masks = [(each > 0).float()[None] for each in (drawn, image)]
+    return Best(code, float(metrics.f1(*masks)), float(metrics.iou(*masks)))

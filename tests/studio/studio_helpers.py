@@ -1,0 +1,126 @@
+"""A studio that is served for real in a thread of the test, and a page of it without a browser."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+TOKEN = "the-token-of-the-test"
+PATIENCE = 90  # seconds
+
+
+@dataclass
+class Studio:
+    """Where a studio listens and writes."""
+
+    port: int
+    output: Path
+    kept: list[Path] = field(default_factory=list)
+
+    @property
+    def host(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def ask(self, method: str, path: str, body: bytes | None = None, **headers: str) -> tuple[int, bytes]:
+        """The status and the text of an answer; `headers` replace those of its own page; an empty one is left out."""
+        line = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
+        given = {"Host": self.host, "Origin": f"http://{self.host}", "Content_Length": str(len(body or b""))} | headers
+        line.putrequest(method, path, skip_host=True)
+        for name, text in given.items():
+            if text:
+                line.putheader(name.replace("_", "-"), text)
+        line.endheaders()
+        if body:
+            line.send(body)
+        answer = line.getresponse()
+        return answer.status, answer.read()
+
+    def send(self, data: bytes, name: str = "picture.png") -> tuple[int, str]:
+        status, text = self.ask("POST", f"/{TOKEN}/picture?name={name}", data)
+        return status, json.loads(text)["why"]
+
+    @contextmanager
+    def tab(self, token: str = TOKEN, **headers: str) -> Iterator[Tab]:
+        from websockets.sync.client import connect
+
+        given = {"Origin": f"http://{self.host}"} | headers
+        with connect(f"ws://{self.host}/{token}/live", additional_headers=given, max_size=None) as socket:
+            yield Tab(socket)
+
+
+@dataclass
+class Tab:
+    """A page's line to the studio; `state` is what it was told last."""
+
+    socket: Any
+    state: dict[str, Any] = field(default_factory=dict)
+    progress: list[dict[str, Any]] = field(default_factory=list)
+
+    def do(self, act: str, **more: Any) -> None:
+        self.socket.send(json.dumps({"do": act, **more}))
+
+    def until(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """The first state of which something holds, from now on."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            word = json.loads(self.socket.recv(timeout=PATIENCE))
+            if word["told"] == "state":
+                self.state = word
+                if wanted(word):
+                    return word
+            elif word["told"] == "progress":
+                self.progress.append(word)
+            else:
+                raise AssertionError(f"refused: {word['why']}")
+        raise AssertionError(f"not within {PATIENCE} s; the last state: {self.state}")
+
+    def refused(self, act: str, **more: Any) -> str:
+        """Why the studio does not do something."""
+        self.do(act, **more)
+        while (word := json.loads(self.socket.recv(timeout=PATIENCE)))["told"] != "refused":
+            pass
+        return word["why"]
+
+
+def deaf(pipe: Any) -> None:
+    """The work of a process whose tasks are seconds to sleep, and which no interrupt stops."""
+    import pickle
+    import signal
+
+    from fractal_exp.studio.tasks import Done
+    from fractal_exp.studio.worker import Ready
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    pipe.send_bytes(pickle.dumps(Ready()))
+    while (seconds := pickle.loads(pipe.recv_bytes())) is not None:
+        time.sleep(seconds)
+        pipe.send_bytes(pickle.dumps(Done()))
+
+
+@contextmanager
+def served(output: Path) -> Iterator[Studio]:
+    import uvicorn
+
+    from fractal_exp.studio.server import LONGEST_WORD, application
+    from fractal_exp.studio.serving import bound
+
+    listening = bound(0)
+    studio = Studio(listening.getsockname()[1], output)
+    app = application(output, token=TOKEN, port=studio.port, kept=studio.kept.append)
+    server = uvicorn.Server(uvicorn.Config(app, ws="websockets-sansio", ws_max_size=LONGEST_WORD, log_level="error",
+                                           lifespan="on", timeout_graceful_shutdown=1))
+    thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
+    thread.start()
+    while not server.started:
+        assert thread.is_alive()
+        time.sleep(0.02)
+    yield studio
+    server.should_exit = True
+    thread.join(PATIENCE)

@@ -148,7 +148,7 @@ def main() -> None:
     parser.add_argument("--without", nargs="+", choices=parts(), default=parts(), metavar="PART")
     parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
     parser.add_argument("--count", type=int, default=30, help="fractals of the suite")
-    parser.add_argument("--limit", type=float, default=60, help="seconds of one core")
+    parser.add_argument("--limit", type=float, default=40, help="seconds of one core")
     parser.add_argument("--workers", type=int, default=threads.available())
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--report", action="store_true", help="only write the table")

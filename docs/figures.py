@@ -5,6 +5,7 @@
     python -m docs.figures hero      docs/images/hero.png
     python -m docs.figures zoom      docs/images/zoom.webp, a film into a recovered code
     python -m docs.figures stages    docs/images/stages.png: a target, and the code after each stage of collage search
+    python -m docs.figures failures  docs/images/failures.png: pictures that others drew, on which collage search fails
     python -m docs.figures retina outputs/fits   docs/images/retina.png, from what `make run` left
 """
 
@@ -46,6 +47,8 @@ HERO_ZOOM = 1000
 ZOOMS = (16, 1024)
 FILM = 23
 LEVELS = 16                       # grey levels of a picture's palette
+FAILURES = {"textbook": "f1_truth", "shapes": "f1_input"}   # the sets, and which F1 within a pixel tells failures
+FAILED, MOST_FAILURES = 0.9, 8
 STAGES_SUITE, STAGES_INDEX = 101, 7
 
 
@@ -176,6 +179,20 @@ def stages() -> None:
     _save(IMAGES / "stages.png", np.concatenate(rows), 64)
 
 
+def failures() -> None:
+    """Input, result and difference of the picture with the lowest F1 of each family, lowest first."""
+    from benchmarks.pictures import fitting, report
+
+    worst = {}
+    for kind, score in FAILURES.items():
+        for line in fitting.read(ROOT / "benchmarks" / "results" / f"pictures_{kind}"):
+            family = line.get("family", line["picture"])
+            if line["role"] == "reporting" and line[score] < min(FAILED, worst.get(family, (FAILED,))[0]):
+                worst[family] = line[score], kind, line
+    chosen = sorted(worst.values(), key=lambda each: each[0])[:MOST_FAILURES]
+    _save(IMAGES / "failures.png", report.sheet([(kind, line) for _, kind, line in chosen], 180), 64)
+
+
 def retina(folder: Path) -> None:
     """Target, result and difference of the fit of the retina's vessels."""
     views = next(folder.glob("retina-collage-*-laptop-*")) / "views"
@@ -200,7 +217,8 @@ def _run(command: str, *arguments: str) -> None:
 
 
 if __name__ == "__main__":
-    parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "stages": stages, "retina": retina}
+    parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "stages": stages, "failures": failures,
+             "retina": retina}
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     parts[sys.argv[1]](*map(Path, sys.argv[2:]))

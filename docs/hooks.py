@@ -6,6 +6,8 @@ for it.
 A line `[parameters: package.module.Class]`, with a prefix for the names if one follows after a space, becomes the
 table of the fields of that class. The class is a pydantic model or a dataclass; a field that holds another such class
 becomes a table of its own.
+
+Every code in docs/codes becomes a page to fly through, and a link `[code](codes/NAME.json)` gets one to it.
 """
 
 from __future__ import annotations
@@ -17,8 +19,9 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from importlib import import_module
+from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -26,6 +29,7 @@ INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 TOGETHER = re.compile(r"(<math[^>]*>(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 TAG = re.compile(r"\\tag\{(\w+)\}")
+CODE = re.compile(r"\[code\]\((codes/\w+)\.json\)")
 PARAMETERS = re.compile(r"^\[parameters: ([\w.]+)\.(\w+)(?: ([\w.]+))?\]$", re.MULTILINE)
 
 SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
@@ -33,8 +37,28 @@ SPACE = "\N{NO-BREAK SPACE}"
 REQUIRED = object()
 
 
+def on_files(files: Any, *, config: Any) -> Any:
+    """Add a page for every code."""
+    from mkdocs.structure.files import File
+
+    for path in sorted(Path(config.docs_dir, "codes").glob("*.json")):
+        files.append(File.generated(config, f"codes/{path.stem}.html", content=code_page(path)))
+    return files
+
+
+def code_page(path: Path) -> str:
+    """The HTML of a code's page, on the whole attractor, titled as the classic code of the file's name is."""
+    from fractal_exp import IFS, codes
+    from fractal_exp.viewer import page
+
+    code = IFS.load(path)
+    title = codes.known(path.stem).meta.get("title") if path.stem in codes.names() else None
+    return page(replace(code, meta={"title": title or path.stem, "name": path.stem}))
+
+
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put tables in the place of lines that ask for them."""
+    """Put tables in the place of lines that ask for them, and links to pages beside those to codes."""
+    markdown = CODE.sub(r"[code](\1.json), [fly through it](\1.html)", markdown)
     return PARAMETERS.sub(lambda found: parameter_tables(getattr(import_module(found[1]), found[2]), found[3] or ""),
                           markdown)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -71,21 +72,31 @@ def _all(lines: list[dict[str, Any]], key: str, length: int | None = None) -> st
 
 
 def _sheets(kind: str, lines: list[dict[str, Any]], folder: Path) -> None:
-    """Sheets of twenty pictures each, those of one resolution together."""
-    chosen = SETS[kind]
+    """Sheets of sixteen pictures each."""
     for number, first in enumerate(range(0, len(lines), ROWS)):
-        inputs, results, captions = [], [], []
-        for line in lines[first:first + ROWS]:
-            options = {**chosen.options, **line["options"]}
-            resolution = options.get("resolution", RESOLUTION)
-            read = read_target(chosen.picture(line["picture"]), resolution, frame=options.get("frame", "fit"))
-            for images, image in zip((inputs, results), chosen.shown(fitting.code_of(line), read.image.numpy()),
-                                     strict=True):
-                images.append(_resized(image))
-            score = next(key for key in MAIN_SCORES if line.get(key) is not None)
-            captions.append(f"{line['picture']}, {line['maps']} maps, {score} {line[score]:.3g}")
-        strip = comparison_strip(torch.stack(results), torch.stack(inputs), captions, side=SIDE)
-        write_image(folder / f"sheet_{number:02d}.png", strip)
+        write_image(folder / f"sheet_{number:02d}.png", sheet([(kind, line) for line in lines[first:first + ROWS]]))
+
+
+def sheet(fits: Sequence[tuple[str, dict[str, Any]]], side: int = SIDE) -> np.ndarray:
+    """Input, result and difference of fits, each given by its set and its line of the file, a row each: (H,W,3)
+    uint8, with `side` pixels a picture."""
+    shown = [_shown(kind, line) for kind, line in fits]
+    captions = []
+    for _, line in fits:
+        score = next(key for key in MAIN_SCORES if line.get(key) is not None)
+        captions.append(f"{line['picture']}, {line['maps']} maps, {score} {line[score]:.3g}")
+    inputs, results = (torch.stack(images) for images in zip(*shown, strict=True))
+    return comparison_strip(results, inputs, captions, side=side)
+
+
+def _shown(kind: str, line: dict[str, Any]) -> tuple[torch.Tensor, torch.Tensor]:
+    """What a fit was given, and what came of it."""
+    chosen = SETS[kind]
+    options = {**chosen.options, **line["options"]}
+    read = read_target(chosen.picture(line["picture"]), options.get("resolution", RESOLUTION),
+                       frame=options.get("frame", "fit"))
+    image, result = chosen.shown(fitting.code_of(line), read.image.numpy())
+    return _resized(image), _resized(result)
 
 
 def _resized(image: np.ndarray) -> torch.Tensor:

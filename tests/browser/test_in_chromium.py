@@ -195,20 +195,23 @@ def test_pinching_zooms(fern, open_page):
     assert shown_view(opened).zoom == pytest.approx(4, rel=0.01)
 
 
-FRAMES = {"srcdoc": "", "blob": """
-<script>const frame = document.querySelector("iframe"), text = frame.srcdoc; frame.removeAttribute("srcdoc");
-frame.src = URL.createObjectURL(new Blob([text], {type: "text/html"}));</script>"""}
+FRAMES = {"srcdoc": "{frame}", "blob": """<template>{frame}</template>
+<script>const frame = document.querySelector("template").content.querySelector("iframe");
+frame.src = URL.createObjectURL(new Blob([frame.srcdoc], {{type: "text/html"}}));
+frame.removeAttribute("srcdoc");
+document.body.append(frame);</script>"""}
 
 
 @pytest.mark.parametrize("kind", FRAMES)
 def test_a_sandboxed_frame_draws_and_offers_what_it_may_not_save(fern, open_page, tmp_path, kind):
     code, _ = fern
-    (tmp_path / "notebook.html").write_text(f"<!doctype html><title>n</title>{code._repr_html_()}{FRAMES[kind]}")
+    (tmp_path / "notebook.html").write_text(
+        f"<!doctype html><title>n</title><body>{FRAMES[kind].format(frame=code._repr_html_())}")
     opened = open_page((700, 520))
     opened.page.goto(f"file://{tmp_path}/notebook.html")
-    opened.page.wait_for_timeout(200)
-    frame = opened.page.frames[-1]
+    frame = opened.page.wait_for_selector("iframe").content_frame()
     opened.drawn(frame)
+    assert frame.url.split(":")[0] == ("blob" if kind == "blob" else "about")
     frame.click("#do-save")
     frame.wait_for_selector("#still[src^='data:image/png']")
     assert "lets no page save files" in frame.inner_text("#why")

@@ -69,7 +69,7 @@ def problems(names: Iterable[str], count: int) -> list[tuple[str, int | str]]:
     return [(name, fractal) for name in names for fractal in every[name]]
 
 
-def fit(part: str, name: str, fractal: int | str, limit: float, resolution: int = 256) -> dict:
+def fit(part: str, name: str, fractal: int | str, limit: float, resolution: int = 128) -> dict:
     """Fit one target on one core without a part, and judge the code."""
     threads.use(1)
     seed = None if isinstance(fractal, str) else SEED
@@ -123,8 +123,9 @@ def report(folder: Path) -> str:
     if fits.empty:
         raise SystemExit(f"{folder} holds no fits yet")
     limits, commits = sorted(set(fits["limit"])), sorted({str(commit)[:9] for commit in fits["commit"]})
-    text = [f"Collage search without each part; at most {', '.join(f'{each:g}' for each in limits)} s of one core a "
-            f"fit; fitted by {', '.join(commits)}.", ""]
+    sides = ", ".join(f"{side}²" for side in sorted(set(fits["resolution"])))
+    text = [f"Collage search without each part; targets of {sides}; at most "
+            f"{', '.join(f'{each:g}' for each in limits)} s of one core a fit; fitted by {', '.join(commits)}.", ""]
     for name, rows in table(fits).groupby("set", sort=False):
         text += [f"### {name}", "", "| without | fits | changed | F1, own box | difference | F1, frame | difference | "
                  "exact | difference | seconds | difference |", "|" + "---|" * 11]
@@ -148,7 +149,8 @@ def main() -> None:
     parser.add_argument("--without", nargs="+", choices=parts(), default=parts(), metavar="PART")
     parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
     parser.add_argument("--count", type=int, default=30, help="fractals of the suite")
-    parser.add_argument("--limit", type=float, default=40, help="seconds of one core")
+    parser.add_argument("--limit", type=float, default=20, help="seconds of one core")
+    parser.add_argument("--resolution", type=int, default=128, help="pixels a side of the targets")
     parser.add_argument("--workers", type=int, default=threads.available())
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--report", action="store_true", help="only write the table")
@@ -159,7 +161,7 @@ def main() -> None:
         jobs = [(part, *problem) for problem in problems(args.sets, args.count)
                 for part in dict.fromkeys([FULL, *args.without])]
         with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
-            running = [pool.submit(fit, *job, args.limit) for job in jobs if job not in done]
+            running = [pool.submit(fit, *job, args.limit, args.resolution) for job in jobs if job not in done]
             with open(args.output / "codes.jsonl", "a") as file:
                 for job in tqdm(as_completed(running), "fitting", len(running), unit="fit"):
                     file.write(json.dumps(job.result()) + "\n")

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import os
-import threading
+from pathlib import Path
+
+import numpy as np
 
 from ..errors import InputError
+
+USUAL_SPINS = 300_000  # of GNU's OpenMP where the environment says nothing: some milliseconds
+SPINS = 1000
 
 
 def available() -> int:
@@ -15,31 +20,33 @@ def available() -> int:
 
 
 def keep_idle_threads_quiet() -> None:
-    """Let idle OpenMP threads spin for microseconds instead of milliseconds, whoever loaded OpenMP and when.
+    """Let idle threads of OpenMP spin for microseconds instead of milliseconds, whoever loaded OpenMP and when.
 
-    Kernels and torch's operations take turns, each with threads of its own or, where torch came first, with the same
-    ones. Threads that spin while they wait take the cores from those that work, and from other processes: a chaos game
-    of 4 ms takes 30. Threads that sleep at once take longer to wake than small operations last.
+    Kernels and torch's operations take turns, each with threads of its own. Threads that spin while they wait take the
+    cores from those that work, and from other processes: a chaos game of 4 ms takes 30. Threads that sleep at once take
+    longer to wake than small operations last.
 
-    GNU's OpenMP reads the environment once, when it is loaded. If it is there already, what is left is its rule to
-    spin a thousandth as long while it has more threads than there are cores: a second team of threads, which sleeps for
-    good, sees to that.
+    GNU's OpenMP reads the environment once, when it is loaded. Where torch came first, it is loaded already and has no
+    function to change its mind. Its own copy of the number is then changed in its memory.
     """
-    os.environ["OMP_WAIT_POLICY"], os.environ["GOMP_SPINCOUNT"] = "passive", "1000"
+    os.environ["OMP_WAIT_POLICY"], os.environ["GOMP_SPINCOUNT"] = "passive", str(SPINS)
+    for numbers in numbers_of_openmp():
+        numbers[numbers == USUAL_SPINS] = SPINS
+
+
+def numbers_of_openmp() -> list[np.ndarray]:
+    """The variables (K,) uint64, in place, of each copy of GNU's OpenMP that is loaded. None but on Linux."""
     try:
-        team = ctypes.CDLL(None).GOMP_parallel  # "start a team", of the OpenMP that is loaded for all to see
-        nothing = ctypes.CDLL(None).free        # what the team does: free(NULL)
-    except (AttributeError, OSError, TypeError):
-        return  # none is loaded, or it is not GNU's
-    started = threading.Event()
-
-    def sleep_as_a_team() -> None:
-        team(nothing, None, ctypes.c_uint(available()), ctypes.c_uint(0))
-        started.set()
-        threading.Event().wait()  # the team lasts as long as this thread, which leads it
-
-    threading.Thread(target=sleep_as_a_team, name="idle OpenMP team", daemon=True).start()
-    started.wait()
+        regions = [line.split() for line in Path("/proc/self/maps").read_text().splitlines()]
+    except OSError:
+        return []
+    found = []
+    for bounds, permissions, *_, file in regions:
+        if "libgomp" in file and permissions.startswith("rw"):
+            begin, end = (int(bound, 16) for bound in bounds.split("-"))
+            memory = (ctypes.c_uint64 * ((end - begin) // 8)).from_address(begin)
+            found.append(np.ctypeslib.as_array(memory))
+    return found
 
 
 def use(count: int | None = None) -> int:

@@ -8,6 +8,7 @@ import torch
 from collage_helpers import merged, objective, tied
 from PIL import Image, ImageDraw
 
+from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
@@ -24,6 +25,7 @@ from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.runtime.seeds import generator
+from fractal_exp.suite import random_suite, target
 
 FEW = {"counts": (6, 12), "usual": 18, "steps": 30}
 BLOB = torch.tensor([[0.0, -0.9, 0.92, 0, 0.1, 0], [0.92, 0, 0, 0.9, 0, 0.01]])   # turns that hardly contract
@@ -155,6 +157,14 @@ def test_nothing_is_grown_where_growth_is_switched_off():
 def test_where_the_search_found_the_code_nothing_is_grown(triangle):
     code, image = triangle
     right = tied(affine.from_code(code))
+    assert not stage(image).is_wanted(State(best=right))
+    assert stage(image).is_wanted(State(best=tied(BLOB)))
+
+
+def test_a_code_that_draws_faint_parts_too_is_no_blob():
+    truth = attractor.normalize(random_suite(67)[66])
+    image, right = target(truth, 128), tied(affine.from_code(truth))
+    assert grower(image).likeness(right) < CollageParams().growth.unlike   # of the brighter pixels alone
     assert not stage(image).is_wanted(State(best=right))
     assert stage(image).is_wanted(State(best=tied(BLOB)))
 

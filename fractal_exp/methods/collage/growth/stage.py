@@ -47,7 +47,8 @@ class Growth(Stage):
         if found is None or state.current is not None:
             return True
         self.open(state)
-        return self._likeness(found) < max(self.params.likeness or 0, self.params.growth.unlike)
+        return (self._likeness(found) < max(self.params.likeness or 0, self.params.growth.unlike)
+                and not self._explains_densities(found))
 
     def open(self, state: State) -> None:
         problem = self.problem
@@ -81,6 +82,15 @@ class Growth(Stage):
         objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"),
                                       camera=found.camera)
         return likeness_of(objective.judge(found.maps, found.weights), objective)
+
+    def _explains_densities(self, found: Candidate) -> bool:
+        """Whether what the search found draws the densities of our own renderer roughly. Its likeness is then no reason
+        to grow maps: the likeness looks at the brighter pixels alone, and grown maps draw everything evenly."""
+        problem = self.problem
+        if not (problem.levels.is_exact and problem.levels.is_density):
+            return False
+        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
+        return not objective.is_hopeless(objective.judge(found.maps, found.weights).error)
 
     @property
     def _goal(self) -> float:

@@ -40,7 +40,7 @@ from .record import machine
 FULL, SEED = "nothing", 20261123
 SETS = {"suite": "grey", "classics": "grey", "binary": "binary"}   # and the kind of their targets
 SCORES = ["f1_box", "f1_frame", "exact", "seconds"]
-OUTPUT = Path("benchmarks/results/collage_ablation")
+OUTPUT = "benchmarks/results/collage_ablation_{resolution}"
 
 
 class CoreTime(Collage):
@@ -99,6 +99,15 @@ def read(folder: Path) -> pd.DataFrame:
     return pd.DataFrame([json.loads(line) for line in lines], columns=None if lines else ["without", "set", "fractal"])
 
 
+def check_same(fits: pd.DataFrame, limit: float, resolution: int, folder: Path) -> None:
+    """End with an error if a folder holds fits of another limit or resolution: they cannot be paired."""
+    for name, wanted in (("limit", limit), ("resolution", resolution)):
+        other = set(fits.get(name, ())) - {wanted}
+        if other:
+            raise SystemExit(f"{folder} holds fits with --{name} {', '.join(f'{each:g}' for each in sorted(other))}, "
+                             f"not {wanted:g}; name another folder with --output")
+
+
 def table(fits: pd.DataFrame) -> pd.DataFrame:
     """A row for each part and set: its means, and their paired differences from the whole, with 95% intervals."""
     keys, rows = ["set", "fractal"], []
@@ -152,21 +161,24 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=20, help="seconds of one core")
     parser.add_argument("--resolution", type=int, default=128, help="pixels a side of the targets")
     parser.add_argument("--workers", type=int, default=threads.available())
-    parser.add_argument("--output", type=Path, default=OUTPUT)
+    parser.add_argument("--output", type=Path, help=f"folder of the fits (default: {OUTPUT})")
     parser.add_argument("--report", action="store_true", help="only write the table")
     args = parser.parse_args()
+    folder = args.output or Path(OUTPUT.format(resolution=args.resolution))
     if not args.report:
-        args.output.mkdir(parents=True, exist_ok=True)
-        done = set(read(args.output)[["without", "set", "fractal"]].itertuples(index=False, name=None))
+        folder.mkdir(parents=True, exist_ok=True)
+        fits = read(folder)
+        check_same(fits, args.limit, args.resolution, folder)
+        done = set(fits[["without", "set", "fractal"]].itertuples(index=False, name=None))
         jobs = [(part, *problem) for problem in problems(args.sets, args.count)
                 for part in dict.fromkeys([FULL, *args.without])]
         with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
             running = [pool.submit(fit, *job, args.limit, args.resolution) for job in jobs if job not in done]
-            with open(args.output / "codes.jsonl", "a") as file:
+            with open(folder / "codes.jsonl", "a") as file:
                 for job in tqdm(as_completed(running), "fitting", len(running), unit="fit"):
                     file.write(json.dumps(job.result()) + "\n")
                     file.flush()
-    print(report(args.output))
+    print(report(folder))
 
 
 if __name__ == "__main__":

@@ -29,3 +29,12 @@ def test_every_part_has_its_options_and_the_whole_has_none():
 
 def test_no_fit_so_far_is_an_empty_table(tmp_path):
     assert list(ablation.read(tmp_path).columns) == ["without", "set", "fractal"]
+
+
+def test_fits_under_another_limit_are_not_mixed_in(tmp_path):
+    frame = pd.DataFrame([each | {"limit": 40, "resolution": 256} for each in fits("lines", {0: 0.9})])
+    ablation.check_same(frame, 40, 256, tmp_path)
+    ablation.check_same(ablation.read(tmp_path), 20, 128, tmp_path)
+    for limit, resolution in ((20, 256), (40, 128)):
+        with pytest.raises(SystemExit, match="name another folder with --output"):
+            ablation.check_same(frame, limit, resolution, tmp_path)

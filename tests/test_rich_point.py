@@ -1,12 +1,14 @@
 """Where a film zooms to unless told, and options of fractal-render that would change nothing."""
 
+import numpy as np
 import pytest
 
 from fractal_exp import View, codes
 from fractal_exp.cli import render as render_app
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering.still import render_with_info
-from fractal_exp.rendering.zoom import _look, _richness, _without_noise, rich_point
+from fractal_exp.rendering.zoom import _eyes, _look, _richness, _without_noise, rich_point
+from fractal_exp.suite import random_suite
 
 DRAGON = attractor.normalize(codes.known("heighway_dragon"))
 
@@ -19,6 +21,26 @@ def test_a_film_of_the_dragon_follows_its_border():
     for zoom in (10, 100, 1e3, 1e4):
         assert 0.05 < float(_without_noise(_look(DRAGON, point, zoom)).mean()) < 0.95
     assert not render_with_info(DRAGON, View(point, 1e5), resolution=16, points_in_view=1000)[1].empty
+
+
+@pytest.mark.parametrize("index", [0, 57])
+def test_a_film_of_a_code_that_flattens_does_not_end_in_stripes(index):
+    """About almost every point of such a code, deep views show parallel lines."""
+    code = attractor.normalize(random_suite(index + 1)[index])
+    zooms = np.geomspace(20, 2e5, 5)
+    stripes = [min(_richness(_look(code, attractor.random_point(code, seed), float(zoom))) for zoom in zooms)
+               for seed in range(4)]
+    point = rich_point(code, 0, end_zoom=1e6)
+    assert min(_richness(_look(code, point, float(zoom))) for zoom in zooms) > max(1, 4 * max(stripes))
+
+
+def test_the_eyes_of_a_code_lie_on_it_and_a_code_without_turns_has_none():
+    code = attractor.normalize(codes.known("spiral"))
+    found = _eyes(code, 1e3)
+    assert len(found) == 12
+    for eye in found:
+        assert not render_with_info(code, View(eye, 1e6), resolution=8, points_in_view=100)[1].empty
+    assert _eyes(attractor.normalize(codes.known("sierpinski_triangle")), 1e3) == []
 
 
 def test_what_is_empty_full_or_striped_is_not_rich():

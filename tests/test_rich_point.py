@@ -55,9 +55,17 @@ def test_what_is_empty_full_or_striped_is_not_rich():
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["a.png", "--fps", "30"], "--fps is for films (.mp4, .gif); a.png is a still"),
+    (["a.png", "--fps", "30"], "--fps is for films; a.png is a still"),
     (["a.png", "--seconds", "12"], "--seconds is for films"),
     (["a.png", "--start-zoom", "2"], "--start-zoom is for films"),
+    (["a.png", "--loop"], "--loop is for films; a.png is a still"),
+    (["a.mp4", "--loop"], "--loop returns to the first of several codes"),
+    (["tree", "a.mp4", "--zoom", "9"], "--zoom is for a zoom into one code, not for a morph"),
+    (["tree", "a.mp4", "--center", "0", "0"], "--center is for a zoom into one code"),
+    (["tree", "a.mp4", "--start-zoom", "2"], "--start-zoom is for a zoom into one code"),
+    (["tree", "a.mp4", "--seed", "2"], "--seed is for a zoom into one code"),
+    (["tree", "a.mp4", "--frame", "own"], "--frame own would leave the codes where they are"),
+    (["tree", "a.png"], "2 codes make a film, which is .mp4, .webm, .gif, or .png with %04d"),
     (["a.mp4", "--bits", "8"], "--bits is for stills; a.mp4 is a film"),
     (["a.gif", "--transparent"], "--transparent is for stills"),
     (["a.png", "--mode", "density", "--supersample", "8"], "--supersample changes nothing with --mode density"),

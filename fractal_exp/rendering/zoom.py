@@ -28,11 +28,12 @@ def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[floa
     """A point (x, y) of the attractor with much to see around it at every zoom up to `end_zoom`.
 
     A random point often lies in an evenly filled region. Where maps flatten, almost all deep views show parallel lines.
-    Candidates are `CANDIDATES` random points, as many points about which half of each view is lit (`_half_lit_point`),
-    and three times as many eyes of spirals (`_eyes`), around which a view comes back at ever smaller scales. Each has
-    `DEPTHS` views, evenly spaced in the logarithm of the zoom, and counts as its dullest. One is drawn from those that
-    come near the best. The same seed gives the same point. It takes about two hundred drawings of 64². Raises
-    `InputError` if the code is not contractive.
+    Candidates are a few random points, as many points about which half of each view is lit, and three times as many
+    eyes of spirals, around which a view comes back at ever smaller scales. Each has six views, evenly spaced in the
+    logarithm of the zoom, and counts as much as its dullest. One is drawn by the seed from those that come near the
+    best. The same seed gives the same point. It takes about two hundred drawings of 64².
+
+    Raises `InputError` if the code is not contractive.
     """
     points = [find(code, derive(seed, "target", number), end_zoom) for number in range(CANDIDATES)
               for find in (_half_lit_point, lambda code, seed, _: attractor.random_point(code, seed))]

@@ -157,7 +157,7 @@ def main() -> None:
     if options.dragging:
         ratios = {"median ms": statistics.median(row["median_ms"] for row in rows),
                   "slowest code's 95th percentile ms": max(row["p95_ms"] for row in rows),
-                  "least points": min(row["least_points"] for row in rows)}
+                  "least points": float(min(row["least_points"] for row in rows))}
         print(ratios, f"load before {load[0]:.1f}, after {os.getloadavg()[0]:.1f}")
         if options.record:
             record.append(options.record, "viewer_dragging", {"thrower": options.thrower, "side": DRAG_SIDE,

@@ -167,6 +167,14 @@ def test_the_camera_averages_a_box_that_jumps():
     assert views[0].center == pytest.approx((0, 0)) and views[-1].center == pytest.approx((-1, 0))
 
 
+def test_the_camera_holds_a_box_that_is_large_for_one_frame():
+    boxes = [np.array([-1.0, -1, 1, 1])] * 41
+    boxes[20] = np.array([-3.0, -2, 3, 2])
+    views = morphs._camera(boxes, 4, False)
+    assert views[20].box[2] == pytest.approx(4) and views[8].box[2] == views[32].box[2] == pytest.approx(4 / 3)
+    assert np.abs(np.diff(np.log([view.zoom for view in views]))).max() < 0.3
+
+
 @pytest.mark.parametrize(("work", "message"), [
     (lambda: morph(known("fern"), known("tree"), 1.5), "t must be a number from 0 to 1, got 1.5"),
     (lambda: morph(known("fern"), "tree", 0.5), "made of codes .IFS., got 'tree'"),

@@ -2,14 +2,15 @@
 
     python -m benchmarks.viewer                      some minutes; needs playwright and tests/browser/install.sh
     python -m benchmarks.viewer --record benchmarks/results/viewer.jsonl
-    python -m benchmarks.viewer --dragging           how soon the attractor follows a map that is dragged
+    python -m benchmarks.viewer --dragging           how soon the attractor follows a map that is dragged; --record too
 
 Ten codes at 256² pixels in Debian's Chromium with software rendering: the whole, and 64, 10⁶ and 10⁹ times closer about
 a point of the attractor with much to see around it up to 10⁶. F1 is that of the lit pixels against `render`, beside
 that of `render` with another seed; seconds are from opening the file to the finished picture, the browser being there.
 
 Dragging: from a pointer's movement to the end of drawing the attractor of the code as it then is, at the first showing
-of it, with the points that were thrown until then.
+of it, with the points that were thrown until then. Its record has the machine's load (the mean number of processes that
+ran or waited, over a minute) before and after, as other programs delay what is timed in milliseconds.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from __future__ import annotations
 import argparse
 import io
 import math
+import os
 import statistics
 import time
 from pathlib import Path
@@ -149,16 +151,18 @@ def main() -> None:
     options = parser.parse_args()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        load = os.getloadavg()
         rows = (dragging if options.dragging else measure)(browser, options.thrower)
         browser.close()
     if options.dragging:
         ratios = {"median ms": statistics.median(row["median_ms"] for row in rows),
                   "slowest code's 95th percentile ms": max(row["p95_ms"] for row in rows),
-                  "least points": min(row["least_points"] for row in rows)}
-        print(ratios)
+                  "least points": float(min(row["least_points"] for row in rows))}
+        print(ratios, f"load before {load[0]:.1f}, after {os.getloadavg()[0]:.1f}")
         if options.record:
             record.append(options.record, "viewer_dragging", {"thrower": options.thrower, "side": DRAG_SIDE,
-                                                              "codes": rows}, ratios)
+                                                              "codes": rows, "load_before": load,
+                                                              "load_after": os.getloadavg()}, ratios)
         return
     near = [row for row in rows if row["zoom"] <= 1e6]
     ratios = {"least F1 up to a million times": min(row["f1"] for row in near),

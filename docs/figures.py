@@ -4,6 +4,7 @@
     python -m docs.figures gallery   docs/images/gallery/: target, recovered code and two zooms, from the codes
     python -m docs.figures hero      docs/images/hero.png
     python -m docs.figures zoom      docs/images/zoom.webp, a film into a recovered code
+    python -m docs.figures morph     docs/images/morph.webp, a film through several recovered codes
     python -m docs.figures stages    docs/images/stages.png: a target, and the code after each stage of collage search
     python -m docs.figures failures  docs/images/failures.png: pictures that others drew, on which collage search fails
     python -m docs.figures retina outputs/fits   docs/images/retina.png, from what `make run` left
@@ -46,6 +47,8 @@ SPIRALS = ("spiral", 11, 22)      # flat maps: elsewhere than in the spiral's ey
 HERO_ZOOM = 1000
 ZOOMS = (16, 1024)
 FILM = 23
+FILM_CENTER = ("-0.1944408947", "0.7147514659")  # on the border: a film into an eye changes all over, and packs badly
+MORPH = ("fern", "maple_leaf", "spiral", "tree")
 LEVELS = 16                       # grey levels of a picture's palette
 FAILURES = {"textbook": "f1_truth", "shapes": "f1_input"}   # the sets, and which F1 within a pixel tells failures
 FAILED, MOST_FAILURES = 0.9, 8
@@ -147,9 +150,19 @@ def zoom() -> None:
         code, film = Path(folder) / "code.json", Path(folder) / "zoom.gif"
         of_suite(FILM).code.save(code)
         _run("fractal-render", str(code), str(film), "--size", "320", "--seconds", "8", "--fps", "12", "--zoom", "1e5",
-             "--frame", "own")
+             "--frame", "own", "--center", *FILM_CENTER)
         frames = [frame.convert("RGB") for frame in ImageSequence.Iterator(Image.open(film))]
         frames[0].save(IMAGES / "zoom.webp", save_all=True, append_images=frames[1:], duration=1000 // 12, loop=0,
+                       quality=30, method=6)
+
+
+def morph() -> None:
+    """A film by `fractal-render`, as numbered pictures, packed as an animated WebP."""
+    with tempfile.TemporaryDirectory() as folder:
+        _run("fractal-render", *(str(CODES / f"{name}.json") for name in MORPH), f"{folder}/%03d.png", "--loop",
+             "--size", "288", "--seconds", "12", "--fps", "12")
+        frames = [Image.open(path).convert("RGB") for path in sorted(Path(folder).glob("*.png"))]
+        frames[0].save(IMAGES / "morph.webp", save_all=True, append_images=frames[1:], duration=1000 // 12, loop=0,
                        quality=30, method=6)
 
 
@@ -217,8 +230,8 @@ def _run(command: str, *arguments: str) -> None:
 
 
 if __name__ == "__main__":
-    parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "stages": stages, "failures": failures,
-             "retina": retina}
+    parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "morph": morph, "stages": stages,
+             "failures": failures, "retina": retina}
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     parts[sys.argv[1]](*map(Path, sys.argv[2:]))

@@ -133,6 +133,15 @@ def test_a_link_to_a_code_gets_one_to_its_page():
     assert "<title>Barnsley&#x27;s fern (black spleenwort)</title>" in page and len(page) < 200_000
 
 
+def test_the_gallery_shows_one_code_as_a_page_and_links_to_all():
+    page = (DOCS / "gallery.md").read_text()
+    [frame] = re.findall(r"<iframe ([^>]+)>", page)
+    name = re.search(r'src="codes/(\w+)\.html"', frame)[1]
+    assert (DOCS / "codes" / f"{name}.json").exists() and 'loading="lazy"' in frame and "title=" in frame
+    linked = re.findall(r"\[code\]\(codes/(\w+)\.json\)", page)
+    assert sorted(linked) == sorted(path.stem for path in (DOCS / "codes").glob("*.json"))
+
+
 def test_what_nobody_documents_is_named():
     @dataclass(frozen=True)
     class Part:
@@ -176,7 +185,8 @@ def test_the_site_builds_strictly_and_shows_formulas_and_signatures(site):
     assert not (site / "hooks.py").exists()
     linked = re.findall(r'href="(codes/\w+\.html)"', (site / "gallery.html").read_text())
     assert len(linked) == len(list((DOCS / "codes").glob("*.json"))) > 5
-    assert all('<canvas id="picture"' in (site / name).read_text() for name in linked)
+    framed = re.findall(r'<iframe src="([^"]+)"', (site / "gallery.html").read_text())
+    assert len(framed) == 1 and all('<canvas id="picture"' in (site / name).read_text() for name in linked + framed)
 
 
 @pytest.mark.slow

@@ -58,13 +58,39 @@ def test_transparent_and_density_stills(tmp_path):
     assert 0 < (pixels(tmp_path / "b.png") > 0).mean() < 0.9
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "gif"])
+@pytest.mark.parametrize("suffix", ["mp4", "webm", "gif"])
 def test_a_film(tmp_path, suffix):
     out = tmp_path / f"zoom.{suffix}"
     render_app.main(["sierpinski_triangle", str(out), "--size", "64", "--points", "2e4", "--seconds", "0.5", "--fps",
                      "10", "--zoom", "1e4", "--center", "0.2", "0.1"])
     film = iio.imread(out)
     assert len(film) == 5 and (film.reshape(5, -1).mean(1) > 3).all()
+
+
+def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
+    pattern = tmp_path / "m-%03d.png"
+    render_app.main(["sierpinski_triangle", "koch_curve", "--loop", "fern", str(pattern), "--size", "63", "--points",
+                     "1e5", "--seconds", "1.2", "--fps", "20"])
+    told = capsys.readouterr().out
+    assert "24 frames, 1.2 s of film, about" in told and "to draw" in told and str(pattern) in told
+    files = sorted(tmp_path.iterdir())
+    assert [file.name for file in files] == [f"m-{number:03d}.png" for number in range(1, 25)]
+    drawn = [pixels(file) / 255 for file in files]
+    assert all(picture.shape == (63, 63) for picture in drawn)
+    for place, name in ((0, "sierpinski_triangle"), (8, "koch_curve"), (16, "fern")):
+        known = render(attractor.normalize(codes.known(name)), resolution=63, points_in_view=100_000).numpy()
+        assert 2 * (drawn[place] * known).sum() / (drawn[place]**2 + known**2).sum() > 0.8, name
+
+
+def test_a_sequence_does_not_mix_with_one_of_a_longer_film(tmp_path, capsys):
+    (tmp_path / "0004.png").touch()
+    arguments = ["fern", "tree", str(tmp_path / "%04d.png"), "--size", "16", "--points", "100", "--fps", "10",
+                 "--seconds"]
+    with pytest.raises(SystemExit):
+        render_app.main([*arguments, "0.3"])
+    assert "0004.png is there, of a longer film than this one of 3 frames" in capsys.readouterr().err
+    render_app.main([*arguments, "0.4"])
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -82,6 +108,11 @@ def test_a_film(tmp_path, suffix):
     (["fern", "a.mp4", "--transparent"], "stills"),
     (["fern", "a.mp4", "--seconds", "0"], "at least 2 frames"),
     (["fern", "a.mp4", "--zoom", "0.5"], "must end above"),
+    (["fern", "tree", "a.mp4", "--seconds", "0.1", "--loop", "--fps", "20"], "has at least 4 frames, got 2"),
+    (["fern", "%d.png", "--seconds", "1"], "%d has too few digits for 30 frames; write %02d"),
+    (["fern", "%d-%d.png"], "stands once in a name"),
+    (["fern", "a.webm", "--size", "63"], "even"),
+    (["fern", "tree", "a.gif", "--fps", "60"], "a GIF at most 50"),
 ])
 def test_what_a_user_can_mend_is_one_line(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)

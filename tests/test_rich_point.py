@@ -1,12 +1,14 @@
 """Where a film zooms to unless told, and options of fractal-render that would change nothing."""
 
+import numpy as np
 import pytest
 
 from fractal_exp import View, codes
 from fractal_exp.cli import render as render_app
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering.still import render_with_info
-from fractal_exp.rendering.zoom import _look, _richness, _without_noise, rich_point
+from fractal_exp.rendering.zoom import _eyes, _look, _richness, _without_noise, rich_point
+from fractal_exp.suite import random_suite
 
 DRAGON = attractor.normalize(codes.known("heighway_dragon"))
 
@@ -21,6 +23,26 @@ def test_a_film_of_the_dragon_follows_its_border():
     assert not render_with_info(DRAGON, View(point, 1e5), resolution=16, points_in_view=1000)[1].empty
 
 
+@pytest.mark.parametrize("index", [0, 57])
+def test_a_film_of_a_code_that_flattens_does_not_end_in_stripes(index):
+    """About almost every point of such a code, deep views show parallel lines."""
+    code = attractor.normalize(random_suite(index + 1)[index])
+    zooms = np.geomspace(20, 2e5, 5)
+    stripes = [min(_richness(_look(code, attractor.random_point(code, seed), float(zoom))) for zoom in zooms)
+               for seed in range(4)]
+    point = rich_point(code, 0, end_zoom=1e6)
+    assert min(_richness(_look(code, point, float(zoom))) for zoom in zooms) > max(1, 4 * max(stripes))
+
+
+def test_the_eyes_of_a_code_lie_on_it_and_a_code_without_turns_has_none():
+    code = attractor.normalize(codes.known("spiral"))
+    found = _eyes(code, 1e3)
+    assert len(found) == 12
+    for eye in found:
+        assert not render_with_info(code, View(eye, 1e6), resolution=8, points_in_view=100)[1].empty
+    assert _eyes(attractor.normalize(codes.known("sierpinski_triangle")), 1e3) == []
+
+
 def test_what_is_empty_full_or_striped_is_not_rich():
     import torch
 
@@ -33,9 +55,17 @@ def test_what_is_empty_full_or_striped_is_not_rich():
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["a.png", "--fps", "30"], "--fps is for films (.mp4, .gif); a.png is a still"),
+    (["a.png", "--fps", "30"], "--fps is for films; a.png is a still"),
     (["a.png", "--seconds", "12"], "--seconds is for films"),
     (["a.png", "--start-zoom", "2"], "--start-zoom is for films"),
+    (["a.png", "--loop"], "--loop is for films; a.png is a still"),
+    (["a.mp4", "--loop"], "--loop returns to the first of several codes"),
+    (["tree", "a.mp4", "--zoom", "9"], "--zoom is for a zoom into one code, not for a morph"),
+    (["tree", "a.mp4", "--center", "0", "0"], "--center is for a zoom into one code"),
+    (["tree", "a.mp4", "--start-zoom", "2"], "--start-zoom is for a zoom into one code"),
+    (["tree", "a.mp4", "--seed", "2"], "--seed is for a zoom into one code"),
+    (["tree", "a.mp4", "--frame", "own"], "--frame own would leave the codes where they are"),
+    (["tree", "a.png"], "2 codes make a film, which is .mp4, .webm, .gif, or .png with %04d"),
     (["a.mp4", "--bits", "8"], "--bits is for stills; a.mp4 is a film"),
     (["a.gif", "--transparent"], "--transparent is for stills"),
     (["a.png", "--mode", "density", "--supersample", "8"], "--supersample changes nothing with --mode density"),

@@ -124,7 +124,7 @@ def test_strips_and_sheets_show_what_they_are_given():
 
 
 @pytest.mark.parametrize(("work", "message"), [
-    (lambda folder: write_film(folder / "zoom.avi", []), ".mp4 or .gif"),
+    (lambda folder: write_film(folder / "zoom.avi", []), ".mp4, .webm, .gif, or .png with"),
     (lambda folder: write_film(folder / "no" / "zoom.gif", []), "cannot write"),
     (lambda folder: write_film(folder / "zoom.gif", [], fps=100), "at most 50"),
     (lambda folder: PngWriter(folder / "image.jpg", 4, 4), r"\.png"),

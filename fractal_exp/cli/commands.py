@@ -87,7 +87,7 @@ def command(program: str, work: Callable[[argparse.Namespace], None], parser: ar
             arguments: list[str] | None) -> None:
     """Parse, work, and print what a user can mend as one line (exit status 2), what the disk refuses included."""
     try:
-        work(parser.parse_args(arguments))
+        work(parser.parse_intermixed_args(arguments))
     except InputError as error:
         print(f"{program}: error: {error}", file=sys.stderr)
         raise SystemExit(2) from None

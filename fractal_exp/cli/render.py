@@ -1,4 +1,5 @@
-"""`fractal-render`: stills and zoom films of a code. A plain command line, since there is nothing to compose."""
+"""`fractal-render`: stills and zoom films of a code, and morphs of several. A plain command line, since there is
+nothing to compose."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from tqdm import tqdm
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
-from ..rendering.film import SUFFIXES, check_film, frames, write_film
+from ..rendering.film import check_film, forecast, frames, write_film
+from ..rendering.film_formats import NAMES, format_of, is_film
+from ..rendering.morph import morph_path
 from ..rendering.png import PngWriter
 from ..rendering.still import MODES, render, render_tiles, tile_side, tone_map, white_level
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
@@ -24,10 +27,13 @@ from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
 
 LARGEST = 16_384
 STILLS = {"bits": 8, "transparent": False}
-FILMS = {"seconds": 12.0, "fps": 30, "start_zoom": 1.0}
-DEFAULTS = STILLS | FILMS | {"supersample": 8, "seed": 0}
+FILMS = {"seconds": None, "fps": None}
+ZOOMS = {"start_zoom": 1.0}
+MORPHS = {"loop": False}
+DEFAULTS = STILLS | ZOOMS | MORPHS | {"supersample": 8, "seed": 0}
+ZOOM_SECONDS, PASSAGE_SECONDS = 12.0, 4.0
 
-DESCRIPTION = """Draw a code: a still at any view and any zoom, or a film that zooms into it.
+DESCRIPTION = """Draw a code: a still at any view and any zoom, or a film that zooms into it. Or draw several: a morph.
 
 The canvas is [-1,1]², x to the right and y up; a code is brought to it first, its longer side from -0.75 to 0.75
 (--frame own leaves it where it is). A view is a square window about --center of half side 1/zoom.
@@ -39,14 +45,18 @@ examples
   fractal-render fern sticker.png --transparent              to lay on anything
   fractal-render suite:7 dust.png --mode density             how often points come by, not only whether
   fractal-render heighway_dragon zoom.mp4 --zoom 1e6         a million times closer, in 12 seconds of film
-  fractal-render fern tip.gif --size 360 --center 0.3 0.7    into the point of the fern nearest to (0.3, 0.7)"""
+  fractal-render fern tip.gif --size 360 --center 0.3 0.7    into the point of the fern nearest to (0.3, 0.7)
+  fractal-render fern leaf.json morph.mp4                    from one code to another
+  fractal-render fern spiral tree morph.webm --loop          through three codes and back to the first
+  fractal-render fern tree frames/%04d.png                   a file for each frame, from frames/0001.png"""
 
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
     parser = command_parser("fractal-render", DESCRIPTION)
-    parser.add_argument("code", help=CODE_HELP)
-    parser.add_argument("out", help="file to write: .png for a still, .mp4 or .gif for a film")
+    parser.add_argument("code", nargs="+", help=f"{CODE_HELP}; several for a morph")
+    parser.add_argument("out", help="file to write: .png for a still; .mp4, .webm, .gif, or a .png with %%04d in its "
+                                    "name, for a film")
     parser.add_argument("--center", type=float, nargs=2, metavar=("X", "Y"),
                         help="middle of the view (default 0 0); of a film, where it zooms to (default: a point of the "
                              "attractor with much to see around it, by --seed)")
@@ -61,9 +71,11 @@ def main(arguments: list[str] | None = None) -> None:
     still.add_argument("--bits", type=int, choices=(8, 16), help="of grey levels (default 8)")
     still.add_argument("--transparent", action="store_true", default=None, help="white on nothing instead of on black")
     film = parser.add_argument_group("films")
-    film.add_argument("--seconds", type=float, help="length (default 12)")
-    film.add_argument("--fps", type=int, help="frames a second (default 30)")
-    film.add_argument("--start-zoom", type=float, help="zoom of the first frame, about the middle (default 1)")
+    film.add_argument("--seconds", type=float, help="length (default 12; of a morph 4 from each code to the next)")
+    film.add_argument("--fps", type=int, help="frames a second (default 30; of a GIF 25)")
+    film.add_argument("--start-zoom", type=float, help="zoom of the first frame, about the middle (default 1); not for "
+                                                       "morphs")
+    film.add_argument("--loop", action="store_true", default=None, help="a morph returns to its first code")
     command("fractal-render", draw, parser, arguments)
 
 
@@ -71,28 +83,37 @@ def draw(options: argparse.Namespace) -> None:
     """Draw what the command line asks for."""
     threads.use()
     started = time.perf_counter()
-    film = Path(options.out).suffix.lower() in SUFFIXES
-    _refuse_unused(options, film)
+    _refuse_unused(options)
     for name, value in DEFAULTS.items():
         if getattr(options, name) is None:
             setattr(options, name, value)
-    code = FRAMES[options.frame](read_code(options.code))
+    codes = [FRAMES[options.frame](read_code(text)) for text in options.code]
     if options.points is not None:
         if not (math.isfinite(options.points) and options.points >= 1):
             raise InputError(f"--points must be a number of at least 1, got {options.points}")
         options.points = int(options.points)
-    path = (draw_film if film else draw_still)(code, options)
+    path = draw_film(codes, options) if is_film(options.out) else draw_still(codes[0], options)
     print(f"{path} ({time.perf_counter() - started:.1f} s)")
 
 
-def _refuse_unused(options: argparse.Namespace, film: bool) -> None:
+def _refuse_unused(options: argparse.Namespace) -> None:
     """Raise `InputError` on an option that was given and would change nothing."""
-    unused = {name: f"is for stills; {options.out} is a film" if film else
-              f"is for films (.mp4, .gif); {options.out} is a still" for name in (STILLS if film else FILMS)}
+    film, several = is_film(options.out), len(options.code) > 1
+    if several and not film:
+        raise InputError(f"{len(options.code)} codes make a film, which is {NAMES}; got {options.out!r}")
+    if several and options.frame == "own":
+        raise InputError("a morph frames every picture, and --frame own would leave the codes where they are; leave it "
+                         "out")
+    unused = {name: f"is for stills; {options.out} is a film" for name in STILLS} if film else {
+        name: f"is for films; {options.out} is a still" for name in FILMS | ZOOMS | MORPHS}
     if options.mode == "density":
         unused["supersample"] = "changes nothing with --mode density"
-    if film and options.center:
-        unused["seed"] = "chooses a film's target, which --center names"
+    if several:
+        unused |= {name: "is for a zoom into one code, not for a morph" for name in ("center", "zoom", "seed", *ZOOMS)}
+    elif film:
+        unused["loop"] = "returns to the first of several codes; a zoom into one code has no way back"
+        if options.center:
+            unused["seed"] = "chooses a film's target, which --center names"
     for name, reason in unused.items():
         if getattr(options, name) is not None:
             raise InputError(f"--{name.replace('_', '-')} {reason}; leave it out")
@@ -132,21 +153,37 @@ def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Ite
             yield rows if white is None else tone_map(torch.from_numpy(rows), white).numpy()
 
 
-def draw_film(code: IFS, options: argparse.Namespace) -> Path:
-    """Zoom into a point of the attractor, frame by frame."""
+def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:
+    """Draw a zoom into one code, or a morph through several, frame by frame."""
     size = _size(options, 720)
-    path = check_film(options.out, size, options.fps)
-    if not (math.isfinite(options.seconds) and options.seconds * options.fps >= 2):
-        raise InputError(f"a film has at least 2 frames, got {options.seconds} s at {options.fps} frames a second")
+    kind = format_of(options.out)
+    fps = kind.fps if options.fps is None else options.fps
+    passages = len(codes) - (not options.loop)
+    seconds = options.seconds if options.seconds is not None else (PASSAGE_SECONDS * passages or ZOOM_SECONDS)
+    if not (math.isfinite(seconds) and seconds * fps >= 2):
+        raise InputError(f"a film has at least 2 frames, got {seconds} s at {fps} frames a second")
+    count = round(seconds * fps)
+    path = check_film(options.out, size, fps, count)
+    course, views = (morph_path(codes, count, loop=options.loop) if len(codes) > 1
+                     else _zoom(codes[0], count, options))
+
+    def drawn(part: slice) -> Iterator[torch.Tensor]:
+        return frames(course[part], views[part], resolution=size, points_in_view=options.points,
+                      supersample=options.supersample, mode=options.mode)
+
+    print(forecast(path, drawn, count, fps=fps), flush=True)
+    return write_film(path, tqdm(drawn(slice(None)), "drawing", count, unit="frame"), fps=fps)
+
+
+def _zoom(code: IFS, count: int, options: argparse.Namespace) -> tuple[Sequence[IFS], Sequence[View]]:
+    """One code, and the views of a zoom into a point of its attractor."""
     start = View(zoom=options.start_zoom)
     end_zoom = 1e4 if options.zoom is None else View(zoom=options.zoom).zoom
+    zoom_path((0.0, 0.0), count, start=start, end_zoom=end_zoom)  # what it refuses, before the target is looked for
     target = (nearest_point(code, tuple(options.center)) if options.center
               else rich_point(code, options.seed, end_zoom=end_zoom))
-    views = zoom_path(target, round(options.seconds * options.fps), start=start, end_zoom=end_zoom)
-    pictures = frames(code, views, resolution=size, points_in_view=options.points, supersample=options.supersample,
-                      mode=options.mode)
-    print(f"zooming to ({target[0]!r}, {target[1]!r}), {len(views)} frames")
-    return write_film(path, tqdm(pictures, "drawing", len(views), unit="frame"), fps=options.fps)
+    print(f"zooming to ({target[0]!r}, {target[1]!r})")
+    return [code] * count, zoom_path(target, count, start=start, end_zoom=end_zoom)
 
 
 def _size(options: argparse.Namespace, default: int) -> int:

@@ -1,72 +1,201 @@
-"""Zooms as films. Every frame is rendered at its own view."""
+"""Films of codes: every frame is rendered at its own view."""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+import shutil
+import statistics
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
-from ..runtime.extras import need
-from ..runtime.files import replacing
+from ..runtime.checks import check_count, check_memory
+from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
 from .still import render_with_info, tone_map, white_level
 
-SUFFIXES = (".mp4", ".gif")
 MEMORY = 0.9  # weight of the last frame's white level in a density film
+CLIPS, CLIP = 3, 4  # parts of a film that are drawn to foretell the rest, and frames of each
+RARE = 16  # frames to a clip, at least: a short film is not foretold by drawing it twice
 
 
-def frames(code: IFS, views: Sequence[View], *, resolution: int = 720, points_in_view: int | None = None,
-           supersample: int = 8, mode: str = "occupancy") -> Iterator[Tensor]:
+def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int = 720,
+           points_in_view: int | None = None, supersample: int = 8, mode: str = "occupancy") -> Iterator[Tensor]:
     """The picture (R,R) in [0,1] of each view, one after another, with the arguments and errors of `render`.
 
-    Density is tone mapped with a white level that follows the scene slowly, so that the film does not flicker.
+    code: one for all views, or as many as there are views. Density is tone mapped with a white level that follows the
+    scene slowly, so that the film does not flicker. Raises `InputError` at once on other numbers of codes.
     """
-    white = None
-    for number, view in enumerate(views):
-        image, _ = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view,
-                                    supersample=supersample, seed=number, mode=mode)
-        if mode == "density":
-            now = white_level(image)
-            white = now if white is None else white**MEMORY * now ** (1 - MEMORY)
-            image = tone_map(image, white)
-        yield image
+    codes = [code] * len(views) if isinstance(code, IFS) else list(code)
+    if len(codes) != len(views):
+        raise InputError(f"a film needs one code for all views or one for each, got {len(codes)} codes and "
+                         f"{len(views)} views")
+
+    def drawn() -> Iterator[Tensor]:
+        white = None
+        for number, (each, view) in enumerate(zip(codes, views, strict=True)):
+            image, _ = render_with_info(each, view, resolution=resolution, points_in_view=points_in_view,
+                                        supersample=supersample, seed=number, mode=mode)
+            if mode == "density":
+                now = white_level(image)
+                white = now if white is None else white**MEMORY * now ** (1 - MEMORY)
+                image = tone_map(image, white)
+            yield image
+    return drawn()
 
 
-def check_film(path: str | Path, resolution: int, fps: int) -> Path:
-    """The absolute path of a film. Raises `InputError` if it cannot be written."""
+def check_film(path: str | Path, resolution: int, fps: int, frames: int | None = None) -> Path:
+    """The absolute path of a film. Raises `InputError` if it cannot be written, with so many frames if given."""
     path = Path(path).absolute()
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"a film is an {' or '.join(SUFFIXES)} file, got {path.name!r}")
-    if resolution % 2:
-        raise InputError(f"a film needs an even number of pixels a side, got {resolution}")
-    if not 1 <= fps <= (50 if path.suffix.lower() == ".gif" else 240):
+    kind = format_of(path)
+    if kind.even and resolution % 2:
+        raise InputError(f"a film needs an even number of pixels a side as {path.suffix}, got {resolution}")
+    if not 1 <= fps <= kind.most_fps:
         raise InputError(f"a film has 1 to 240 frames a second, a GIF at most 50, got {fps}")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"cannot write to {path.parent}; choose a folder that exists and may be written")
+    if frames is not None and kind is SEQUENCE:
+        _check_sequence(path, frames)
     return path
 
 
-def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int = 30) -> Path:
-    """Write pictures (R,R) in [0,1] as an MP4 (H.264) or a GIF that repeats; return the absolute path.
+def _check_sequence(path: Path, frames: int) -> None:
+    """Raise `InputError` if the files of a sequence would not stand in their order, or among those of a longer one."""
+    digits = len(str(frames))
+    found = NUMBER.search(path.name)
+    if found and int(found[1] or 1) < digits:
+        raise InputError(f"{found[0]} has too few digits for {frames} frames; write %0{digits}d")
+    if frame_path(path, frames + 1).exists():
+        raise InputError(f"{frame_path(path, frames + 1)} is there, of a longer film than this one of {frames} frames; "
+                         "delete that film, or choose another name")
 
-    The file appears when the last frame is written. Raises `InputError` on another suffix or a folder that cannot be
-    written.
+
+def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int | None = None) -> Path:
+    """Write pictures, (R,R) grey or (R,R,3) colours in [0,1], as a film; return the absolute path.
+
+    The name chooses the format: `.mp4` (H.264), `.webm` (VP9), `.gif` (repeats for ever), or `.png` with `%04d` where
+    the number of a frame goes, from 1: `frames/fern-%04d.png`. A film of one file appears when its last frame is
+    written, and numbered files one after another. fps: frames a second, 30 unless given, 25 for a GIF; a GIF shows each
+    frame for whole hundredths of a second. Raises `InputError` on another name, a folder that cannot be written, more
+    than 240 frames a second (a GIF: 50), no picture, and pictures of several shapes or of an odd side for MP4 and WebM.
     """
-    need("imageio", "imageio_ffmpeg")
-    import imageio
-
+    kind = format_of(path)
+    fps = kind.fps if fps is None else fps
     path = check_film(path, 2, fps)
-    options: dict[str, Any] = {"duration": 1000 / fps, "loop": 0}
-    if path.suffix.lower() == ".mp4":
-        options = {"fps": fps, "codec": "libx264", "quality": 8, "pixelformat": "yuv420p", "macro_block_size": 2}
-    with (replacing(path, f".partial{path.suffix}") as partial,
-          imageio.get_writer(partial, mode="I", **options) as film):
-        writer: Any = film  # its declared type is the common base of readers and writers
-        for picture in pictures:
-            writer.append_data((picture * 255).round().to(torch.uint8).numpy())
+    kind.write(path, _levels(path, pictures), fps, kind.options)
     return path
+
+
+def _levels(path: Path, pictures: Iterable[Tensor]) -> Iterator[np.ndarray]:
+    """Pictures as bytes, uint8. Raises `InputError` on the first that does not fit in with the others."""
+    shape = None
+    for picture in pictures:
+        if shape is None:
+            shape = tuple(picture.shape)
+            if picture.ndim not in (2, 3) or shape[0] != shape[1] or shape[2:] not in ((), (3,)):
+                raise InputError(f"a frame has shape (R,R) or (R,R,3), got {shape}")
+            check_film(path, shape[0], 1)
+        if tuple(picture.shape) != shape:
+            raise InputError(f"all frames of a film have one shape, got {shape} and then {tuple(picture.shape)}")
+        yield (picture * 255).round().clamp(0, 255).to(torch.uint8).numpy()
+    if shape is None:
+        raise InputError("a film has at least one frame, got none")
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a film will be: its `frames`, the `seconds` that it plays, and estimates of its size in `bytes` and of the
+    `drawing_seconds` on this machine as it is now."""
+
+    frames: int
+    seconds: float
+    bytes: int
+    drawing_seconds: float
+
+    def __str__(self) -> str:
+        return (f"{self.frames} frames, {self.seconds:.3g} s of film, about {_size(self.bytes)}, "
+                f"{_duration(self.drawing_seconds)} to draw")
+
+
+def forecast(path: str | Path, draw: Callable[[slice], Iterable[Tensor]], frames: int, *, fps: int | None = None
+             ) -> Forecast:
+    """Foretell a film from a few short clips of it, which are drawn and packed.
+
+    draw: the pictures of a slice of the frames, such as `lambda part: film.frames(code, views[part])`. The size is
+    usually right within a third, since clips tell nothing about what lies between them. Raises `InputError` as
+    `check_film`, and if the disk or, for a GIF, the memory is too small for the film.
+    """
+    check_count("frames", frames)
+    kind = format_of(path)
+    fps = kind.fps if fps is None else fps
+    path = check_film(path, 2, fps, frames)
+    count, length = max(1, min(CLIPS, frames // RARE)), min(CLIP, frames)
+    starts = [round((k + 0.5) / count * (frames - length)) for k in range(count)]
+    clips = [_Clip.of(path, draw(slice(start, start + length)), fps) for start in starts]
+    if kind.in_memory:
+        check_memory(f"a {path.suffix[1:].upper()} of {frames} frames", frames * clips[0].pixels, torch.device("cpu"),
+                     "draw fewer frames or pixels, or an .mp4")
+    whole, change, drawing = (statistics.mean(getattr(clip, name) for clip in clips)
+                              for name in ("whole", "change", "drawing"))
+    stored_whole = min(frames, kind.whole(frames))
+    size = round(stored_whole * whole + (frames - stored_whole) * change)
+    free = shutil.disk_usage(path.parent).free
+    if size > free:
+        raise InputError(f"a film of {frames} frames would take about {_size(size)}, and {path.parent} has "
+                         f"{_size(free)} left; draw fewer frames or pixels, or choose another disk")
+    return Forecast(frames, frames / kind.exact(fps), size, frames * drawing)
+
+
+@dataclass(frozen=True)
+class _Clip:
+    """What a few frames tell: bytes of one that is stored whole and of one that is stored as a change, seconds to draw
+    and pack one, and the bytes of its pixels."""
+
+    whole: float
+    change: float
+    drawing: float
+    pixels: int
+
+    @classmethod
+    def of(cls, path: Path, pictures: Iterable[Tensor], fps: int) -> _Clip:
+        drawn, took = [], []
+        iterator = iter(pictures)
+        while True:
+            started = time.perf_counter()
+            picture = next(iterator, None)
+            if picture is None:
+                break
+            took.append(time.perf_counter() - started)
+            drawn.append(picture)
+        (one, packing_one), (several, packing_all) = (_packed(path, drawn[:count], fps) for count in (1, len(drawn)))
+        others = max(1, len(drawn) - 1)
+        change = (several - one) / others if len(drawn) > 1 else one
+        # The median leaves out the compilation before the first frame.
+        return cls(one, change, statistics.median(took) + max(0.0, packing_all - packing_one) / others,
+                   drawn[0].numel())
+
+
+def _packed(path: Path, pictures: Sequence[Tensor], fps: int) -> tuple[int, float]:
+    """The bytes of a film of these pictures, and the seconds that it takes to write."""
+    with TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        write_film(Path(folder) / path.name, pictures, fps=fps)
+        took = time.perf_counter() - started
+        return sum(file.stat().st_size for file in Path(folder).iterdir()), took
+
+
+def _size(count: float) -> str:
+    power = min(3, int(math.log10(max(count, 1)) / 3))
+    return f"{count / 1000**power:.3g} {('B', 'kB', 'MB', 'GB')[power]}"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"

@@ -107,13 +107,14 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
 
 def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
                      supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
-                     reuse: int = 1) -> tuple[Tensor, RenderInfo]:
-    """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only)."""
+                     reuse: int = 1, effort: float = 1.0) -> tuple[Tensor, RenderInfo]:
+    """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only). effort: the
+    share, above 0, of the work after which `render` gives up on a view's last points."""
     check_resolution(resolution)
     check_device(device)
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
-    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse)
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse, effort)
     image, drawn = np.zeros((resolution, resolution), np.float32), 0
     for tile in _tiles(plan, view, resolution, wanted, supersample, seed, mode, device):
         target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
@@ -178,7 +179,7 @@ def _checked(view: View | None) -> View:
 
 
 def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
-          reuse: int = 1) -> _Plan:
+          reuse: int = 1, effort: float = 1.0) -> _Plan:
     for name, value in (("resolution", resolution), ("points_in_view", points), ("reuse", reuse)):
         check_count(name, value)
     check_count("supersample", supersample, most=MAX_SUPERSAMPLE)
@@ -189,7 +190,7 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
     tree = _address_tree(code, reuse)
-    return _weigh(tree, _window(view, resolution), points, seed)
+    return _weigh(tree, _window(view, resolution), points, seed, effort)
 
 
 def _address_tree(code: IFS, reuse: int = 1) -> AddressTree:
@@ -212,14 +213,14 @@ def _window(view: View, size: int) -> Window:
     return Window(left, top, size * view.zoom / 2, size)
 
 
-def _weigh(tree: AddressTree, window: Window, points: int, seed: int) -> _Plan:
+def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: float) -> _Plan:
     """Estimate how much of the invariant measure lies in the window, by dry runs with more and more points."""
     if tree.within(window):
         return _Plan(tree, float(points), 1.0)
     # With infinitely many points, the tree is searched, not sampled, and the budget ends the search at the first leaf.
     if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK / 32).finished:
         return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is black")
-    allowed = WORK + WORK_PER_POINT * points
+    allowed = effort * (WORK + WORK_PER_POINT * points)
     thrown, attempt = 4096.0, 0
     while True:
         attempt += 1

@@ -1,12 +1,13 @@
 """numba's simulator of CUDA, with coroutines in the place of its threads.
 
 The simulator starts a thread of Python for each thread of a GPU and polls them all, so that they mostly wait for the
-interpreter's lock. Here the threads of a block take turns, each as far as the next barrier. This is several times as
-quick, and the same every time: a barrier that is missing is noticed always, not now and then.
+interpreter's lock. Here the threads of a block take turns as far as the next barrier, in another order each time.
+The orders are drawn from a seed, so that a barrier that is missing shows, and shows every time.
 """
 
 from __future__ import annotations
 
+import random
 from types import SimpleNamespace
 from typing import Any
 
@@ -37,9 +38,12 @@ class Turns:
     def run(self, block: tuple[int, ...], *arguments: Any) -> None:
         """Run all threads to their end. What one raises is raised here."""
         live = [Turn(self.function, block, thread, self.size) for thread in np.ndindex(*self.size)]
+        order = random.Random(0)
+        order.shuffle(live)
         for thread in live:
             thread.switch(*arguments)
-        while live := [thread for thread in reversed(live) if not thread.dead]:  # now the last first, then the first
+        while live := [thread for thread in live if not thread.dead]:
+            order.shuffle(live)
             for thread in live:
                 thread.switch()
 

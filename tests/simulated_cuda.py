@@ -1,5 +1,5 @@
-"""The CUDA kernels in numba's simulator, which runs each GPU thread as a thread of Python. `test_cuda` starts these in
-a process of their own, since the simulator takes CUDA's place for good."""
+"""The CUDA kernels in numba's simulator, whose threads take turns here. `test_cuda` starts these in a process of their
+own, since the simulator takes CUDA's place for good."""
 
 import math
 
@@ -7,6 +7,7 @@ import pytest
 import torch
 from cuda_helpers import check_chaos_game, check_histogram, check_numbers, check_splat, draw, play, scatter
 from ops_helpers import check_descent, check_pushforward, random_code, tiling_problem
+from turns_simulator import take_turns
 
 from fractal_exp import IFS, View, codes
 from fractal_exp.ifs import attractor
@@ -18,6 +19,8 @@ from fractal_exp.ops.splatting import cuda_kernels as cuda_splat
 from fractal_exp.rendering.still import _address_tree, _window
 
 pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
+if cuda_launch.SIMULATED:
+    take_turns()
 
 
 @pytest.mark.parametrize("batch, maps, game", [

@@ -84,8 +84,11 @@ class Worker:
             process.kill()
 
     def close(self) -> None:
-        """End the process, by force if it does not end by itself."""
-        self._closed = True
+        """End the process, by force if it does not end by itself, and at once if it has not begun."""
+        with self._lock:
+            self._closed = True
+        if not self._spoken:
+            self._process.kill()
         self.stop()
         with contextlib.suppress(OSError):
             self._pipe.send_bytes(pickle.dumps(None))
@@ -106,10 +109,11 @@ class Worker:
                 self._busy = False
             self._listen(word)
         process.join()
-        if self._closed:
-            return
-        was_busy, began, self._busy = self._busy, self._spoken, False
-        self._start()
+        with self._lock:  # so that none is begun while the worker is closed
+            if self._closed:
+                return
+            was_busy, began, self._busy = self._busy, self._spoken, False
+            self._start()
         if was_busy:
             why = f"the search's process ended ({_end(process.exitcode)}); what the last stage found is kept"
             self._listen(Done(interrupted=began, why=why if began else ""))

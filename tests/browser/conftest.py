@@ -6,6 +6,7 @@ import io
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -72,8 +73,9 @@ def browser(playwright: object) -> Iterator[object]:
     browser.close()
 
 
-@pytest.fixture
-def open_page(browser: object) -> Iterator[Callable[..., Opened]]:
+@contextmanager
+def pages(browser: object) -> Iterator[Callable[..., Opened]]:
+    """Opens pages, each for itself, and closes them all in the end."""
     contexts = []
 
     def opened(side: int | tuple[int, int] = 128, scheme: str = "dark", **settings: object) -> Opened:
@@ -85,3 +87,9 @@ def open_page(browser: object) -> Iterator[Callable[..., Opened]]:
     yield opened
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def open_page(browser: object) -> Iterator[Callable[..., Opened]]:
+    with pages(browser) as opened:
+        yield opened

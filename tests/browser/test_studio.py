@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from fractal_exp import IFS, codes, suite
+from fractal_exp.ifs import attractor
 
 PATIENCE = 90_000  # ms
 DROP = """([data, name]) => {
@@ -18,15 +19,24 @@ DROP = """([data, name]) => {
   given.items.add(file);
   document.querySelector("#drop").dispatchEvent(new DragEvent("drop", { dataTransfer: given, bubbles: true }));
 }"""
+SIDE = 64
+SMALL = f"""
+from fractal_exp.cli import studio
+from fractal_exp.studio import reading
+
+if __name__ == "__main__":
+    reading.RESOLUTION = {SIDE}
+    studio.main()
+"""
 WILD = "<img src=x onerror=\"document.title='taken'\">.png"
 
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
-    """The command itself: its address and its folder."""
+    """The command itself, which brings pictures to 64² instead of 256² for a quick search: its address and folder."""
     pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
     output = tmp_path_factory.mktemp("studio")
-    command = [sys.executable, "-m", "fractal_exp.cli.studio", "--port", "0", "--no-browser", "--output", output]
+    command = [sys.executable, "-c", SMALL, "--port", "0", "--no-browser", "--output", output]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     yield re.search(r"http://\S+", process.stdout.readline())[0], output
     process.terminate()
@@ -44,7 +54,8 @@ def until(page, name: str, pattern: str) -> str:
 
 def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     address, output = studio
-    picture = np.rint(255 * suite.target(codes.known("sierpinski_triangle"), 96).numpy()).astype(np.uint8)
+    triangle = attractor.normalize(codes.known("sierpinski_triangle"))
+    picture = np.rint(255 * suite.target(triangle, SIDE).numpy()).astype(np.uint8)
     Image.fromarray(picture).save(tmp_path / "triangle.png")
     opened = open_page((1280, 860))
     page = opened.page
@@ -54,10 +65,10 @@ def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     page.wait_for_selector("#file:enabled")
     page.evaluate(DROP, [base64.b64encode((tmp_path / "triangle.png").read_bytes()).decode(), WILD])
     page.wait_for_selector("#understood:not([hidden])")
-    assert page.inner_text("#picture-name") == f"{WILD}, 96 × 96 px" and page.title() == "Fractal studio"
+    assert page.inner_text("#picture-name") == f"{WILD}, {SIDE} × {SIDE} px" and page.title() == "Fractal studio"
     page.wait_for_selector("#do-find:enabled")
     page.fill("#count", "3")
-    page.fill("#seconds", "15")
+    page.fill("#seconds", "60")
     page.focus("#do-find")
     page.keyboard.press("Enter")
     page.wait_for_selector("#scores:not([hidden])", timeout=PATIENCE)
@@ -68,8 +79,7 @@ def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     page.click("#do-edit")
     page.select_option("#which", "1")
     page.focus("#handle-move")
-    for _ in range(3):
-        page.keyboard.press("Shift+ArrowRight")
+    page.keyboard.press("Shift+ArrowRight")  # once: a verdict on the first of many moves would not be the last one
     until(page, "#verdict", "^(?!recovered).+")  # worse, as it was judged anew
     page.wait_for_selector("#do-save:enabled")
     page.click("#do-save")

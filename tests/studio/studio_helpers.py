@@ -14,6 +14,7 @@ from typing import Any
 
 TOKEN = "the-token-of-the-test"
 PATIENCE = 90  # seconds
+SIDE = 64      # pixels of a picture
 
 
 @dataclass

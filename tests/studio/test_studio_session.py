@@ -8,7 +8,7 @@ import signal
 
 import pytest
 import torch
-from studio_helpers import TOKEN, deaf, served
+from studio_helpers import SIDE, TOKEN, deaf, served
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
@@ -54,7 +54,7 @@ def test_the_reading_is_corrected_by_hand(studio, tab, triangle):
     tab.do("read", reading={"invert": True, "frame": "keep", "threshold": 0.5, "clean": False})
     state = tab.until(lambda state: free(state) and state["picture"]["reading"]["threshold"] == 0.5)
     assert state["picture"]["inverted"] and "binary at the threshold 0.5" in state["picture"]["notes"]
-    assert state["picture"]["crop"] == [0, 0, 96, 96]
+    assert state["picture"]["crop"] == [0, 0, SIDE, SIDE]
     for reading, message in (({"threshold": 7}, "between 0 and 1"), ({"colour": 1}, "not read with 'colour'"),
                              ({"invert": "no"}, "invert"), ({"frame": "wide"}, "frame")):
         assert message in tab.refused("read", reading=reading)
@@ -80,7 +80,7 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
     studio.send(triangle, "triangle.png")
     tab.until(lambda state: free(state) and state["picture"])
     with studio.tab() as other:  # a second page follows the same session
-        other.do("find", settings={"maps": 3, "seconds": 20})
+        other.do("find", settings={"maps": 3, "seconds": 60})
         first = tab.until(lambda state: state["task"] == "find" and state["code"])
         assert 0 < first["scores"]["iou"] <= first["scores"]["f1"] <= 1 and tab.progress
         assert "stop it first" in other.refused("save") and "stop it before" in other.refused("edit", code=[])
@@ -132,7 +132,7 @@ def test_a_code_made_by_hand_is_judged_and_polished(studio, tab, triangle):
 def test_a_worker_that_dies_is_replaced_and_that_is_said(studio, tab, triangle):
     studio.send(triangle)
     tab.until(lambda state: free(state) and state["picture"])
-    tab.do("find", settings={})
+    tab.do("find", settings={"maps": 3})
     tab.until(lambda state: state["task"] == "find" and state["code"])
     os.kill(next(each.pid for each in multiprocessing.active_children() if each.name == "studio search"),
             signal.SIGKILL)

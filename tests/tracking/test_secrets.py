@@ -2,14 +2,13 @@
 
 import http.server
 import json
-import os
-import subprocess
-import sys
 import threading
 
 import pytest
+from commands import run_here
 
 from fractal_exp import InputError, tracking
+from fractal_exp.cli import train
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.tracking import store
 from fractal_exp.tracking.addresses import database_path, shown
@@ -65,16 +64,16 @@ class Fickle(http.server.BaseHTTPRequestHandler):
     def log_message(self, *args) -> None: ...
 
 
-def test_nothing_that_is_written_or_printed_holds_a_secret(tmp_path):
+def test_nothing_that_is_written_or_printed_holds_a_secret(tmp_path, capfd, caplog, recwarn):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Fickle)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     for port in (server.server_port, 9):  # one that answers and refuses, one that nobody serves
         uri = f"http://me:{PASSWORD}@127.0.0.1:{port}/?token={TOKEN}"
-        done = subprocess.run([sys.executable, "-m", "fractal_exp.cli.train", *TRAIN, f"output={tmp_path}"], text=True,
-                              capture_output=True, timeout=300, env={**os.environ, "MLFLOW_TRACKING_URI": uri})
-        assert done.returncode != 0
+        status, printed = run_here(train, *TRAIN, f"output={tmp_path}", server=uri)
+        assert status != 0 and "sierpinski_triangle" in printed
         written = [path for path in tmp_path.rglob("*") if path.is_file()]
-        for text in (done.stdout, done.stderr, *(path.read_bytes().decode(errors="replace") for path in written)):
+        said = printed, *capfd.readouterr(), caplog.text, *(str(each.message) for each in recwarn)  # pytest kept these
+        for text in (*said, *(path.read_bytes().decode(errors="replace") for path in written)):
             assert PASSWORD not in text and TOKEN not in text, text
     server.shutdown()
 

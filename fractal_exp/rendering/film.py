@@ -184,10 +184,14 @@ class _Clip:
 
 
 def _packed(path: Path, pictures: Sequence[Tensor], fps: int) -> tuple[int, float]:
-    """The bytes of a film of these pictures, and the seconds that it takes to write."""
-    with TemporaryDirectory() as folder:
-        started = time.perf_counter()
-        write_film(Path(folder) / path.name, pictures, fps=fps)
+    """The bytes of a film of these pictures, and the seconds that it takes to write. It is written beside `path`, so
+    that a disk that refuses it is the one that would refuse the film."""
+    with TemporaryDirectory(prefix=".partial-", dir=path.parent) as folder:
+        clip, started = Path(folder) / path.name, time.perf_counter()
+        try:
+            write_film(clip, pictures, fps=fps)
+        except InputError as error:
+            raise InputError(str(error).replace(str(clip), str(path))) from error
         took = time.perf_counter() - started
         return sum(file.stat().st_size for file in Path(folder).iterdir()), took
 

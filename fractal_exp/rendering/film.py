@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..runtime.extras import need
 from ..runtime.files import replacing
+from .colour import BLACK, on_ground
 from .still import render_with_info, tone_map, white_level
 
 SUFFIXES = (".mp4", ".gif")
@@ -21,8 +22,10 @@ MEMORY = 0.9  # weight of the last frame's white level in a density film
 
 
 def frames(code: IFS, views: Sequence[View], *, resolution: int = 720, points_in_view: int | None = None,
-           supersample: int = 8, mode: str = "occupancy") -> Iterator[Tensor]:
-    """The picture (R,R) in [0,1] of each view, one after another, with the arguments and errors of `render`.
+           supersample: int = 8, mode: str = "occupancy", ground: tuple[float, float, float] = BLACK
+           ) -> Iterator[Tensor]:
+    """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground`, one after another, with the arguments
+    and errors of `render`.
 
     Density is tone mapped with a white level that follows the scene slowly, so that the film does not flicker.
     """
@@ -34,6 +37,8 @@ def frames(code: IFS, views: Sequence[View], *, resolution: int = 720, points_in
             now = white_level(image)
             white = now if white is None else white**MEMORY * now ** (1 - MEMORY)
             image = tone_map(image, white)
+        elif mode == "colour":
+            image = on_ground(image, ground)
         yield image
 
 
@@ -52,7 +57,7 @@ def check_film(path: str | Path, resolution: int, fps: int) -> Path:
 
 
 def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int = 30) -> Path:
-    """Write pictures (R,R) in [0,1] as an MP4 (H.264) or a GIF that repeats; return the absolute path.
+    """Write pictures (R,R) or (R,R,3) in [0,1] as an MP4 (H.264) or a GIF that repeats; return the absolute path.
 
     The file appears when the last frame is written. Raises `InputError` on another suffix or a folder that cannot be
     written.

@@ -5,9 +5,9 @@
     python -m benchmarks.colour --record benchmarks/results/colour.jsonl --sheet docs/images/colour.png
 
 Each drawing of `benchmarks.colour_drawings`, made by matplotlib or Pillow, is inverted twice with the same seed:
-without and with colour. For both, F1 of the lit pixels and F1 within a pixel, on the whole canvas. With colour, the mean
-CIEDE2000 difference on pixels that both light: as `invert` tells it, with the picture's own cover of a pixel; and as
-drawn, where a pixel is as much covered as the code's points cover it, so that a thin or misplaced part counts too.
+without and with colour. For both, F1 of the lit pixels and F1 within a pixel, on the whole canvas. With colour, the
+mean CIEDE2000 difference on pixels that both light: as `invert` tells it, with the picture's own cover of a pixel; and
+as drawn, where a pixel is as much covered as the code's points cover it, so that a thin or misplaced part counts too.
 """
 
 from __future__ import annotations

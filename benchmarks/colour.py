@@ -93,7 +93,7 @@ def main() -> None:
             strips += [row_of(found, path), np.full((GAP, 3 * PANEL + 2 * GAP, 3), 128, np.uint8)]
     ratios = {"mean CIEDE2000": statistics.mean(row["ciede2000"] for row in rows),
               "largest CIEDE2000": max(row["ciede2000"] for row in rows),
-              "least change of F1": min(row["coloured"]["f1"] - row["plain"]["f1"] for row in rows)}
+              "least F1 with colour over F1 without": min(row["coloured"]["f1"] / row["plain"]["f1"] for row in rows)}
     print(ratios)
     if options.sheet:
         Image.fromarray(np.vstack(strips[:-1])).quantize(256).save(options.sheet, optimize=True)

@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, Colours, InputError, codes, invert, render
 from fractal_exp.colouring import colour_error, fitted
+from fractal_exp.colouring.fitting import _sampled
 from fractal_exp.ifs import attractor
 from fractal_exp.images import read_target
 from fractal_exp.images.painted import Painted
@@ -50,6 +51,18 @@ def test_the_true_colours_are_found(drawn):
     assert (code.colours.blends - TRUE.blends).abs().max() < 0.05
     wrong = replace(FERN, colours=Colours(TRUE.rgb[[1, 2, 3, 0]], TRUE.blends))
     assert colour_error(wrong, seen) > 10
+
+
+def test_the_derivatives_are_those_of_differences(drawn):
+    sample = _sampled(FERN, painted(drawn), 0)
+    rgb, blends = TRUE.rgb.double().numpy(), TRUE.blends.double().numpy()
+    weights, slopes = sample.walked(rgb, blends)
+    assert np.abs(weights.sum(1) - 1).max() < 1e-9  # a mean of the maps' colours
+    for m in range(4):
+        step = 1e-4 * np.eye(4)[m]
+        up, down = (sample.walked(rgb, blends + sign * step)[0] @ rgb for sign in (1, -1))
+        # The first colours, before the points that count, depend on the blends too, but are forgotten by then.
+        assert np.abs((up - down) / 2e-4 - slopes[:, m]).max() < 1e-3
 
 
 @pytest.mark.parametrize("ground", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (0.9, 0.95, 1.0)], ids=["white", "black", "pale"])

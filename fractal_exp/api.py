@@ -63,8 +63,7 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     from .images.reading import ReadImage, read_target
     from .methods.history import History
 
-    build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step)
-    _check_colour(colour)
+    build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step, colour)
     reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean}
     if isinstance(image, ReadImage):
         target, reading = image, {}
@@ -90,13 +89,6 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
             **({"colour": True} if colour else {}), **options}
     shape = _concluded(found, target, history, method, used, stop_reason(found, seconds, took), took)
     return shape if painted is None else _coloured(shape, painted)
-
-
-def _check_colour(colour: bool) -> None:
-    if not isinstance(colour, bool):
-        raise InputError(f"colour must be True or False, got {colour!r}")
-    if colour:
-        need("skimage")
 
 
 def _painted(target: ReadImage) -> Painted:
@@ -158,9 +150,10 @@ def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
     return (grey / grey.max()).astype(np.float32)
 
 
-def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:
-    """The function that builds the method. Raises `InputError` if the method is unknown or an argument has a wrong
-    type."""
+def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None, colour: bool
+             ) -> Callable[..., Method]:
+    """The function that builds the method. Raises `InputError` if the method is unknown, an argument has a wrong type,
+    or a library for colours is missing."""
     if method in WITHOUT_CODE:
         raise InputError(f"the method {method!r} finds no code: it {WITHOUT_CODE[method]}; fractal-train "
                          f"method={method} does that, or choose one of {', '.join(METHODS)}")
@@ -171,6 +164,10 @@ def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnSt
         raise InputError(f"on_step must be a function that takes a Progress, got {on_step!r}")
     if not isinstance(progress, bool):
         raise InputError(f"progress must be True or False, got {progress!r}")
+    if not isinstance(colour, bool):
+        raise InputError(f"colour must be True or False, got {colour!r}")
+    if colour:
+        need("skimage")
     build = load(method)
     check_options(build, method, options, OWN)
     return build

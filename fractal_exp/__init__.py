@@ -15,7 +15,7 @@ if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & os.environ.keys():  # else the us
     threads.keep_idle_threads_quiet()  # before torch is imported, where this package is the first to import it
 
 from .errors import InputError
-from .ifs import IFS, View
+from .ifs import IFS, Colours, View
 
 if TYPE_CHECKING:
     from .api import invert
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .perceptual.distances import perceptual_distance
     from .rendering.still import render
 
-__all__ = ["IFS", "InputError", "Inversion", "View", "invert", "perceptual_distance", "render"]
+__all__ = ["IFS", "Colours", "InputError", "Inversion", "View", "invert", "perceptual_distance", "render"]
 __version__ = "0.1.0"
 
 # Modules that import numba or more are imported at their first use.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
@@ -10,12 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from .errors import InputError, did_you_mean
 from .methods import METHODS, WITHOUT_CODE, check_options, load
 from .methods.base import CodeReconstruction, Method, OnStep, Progress, stop_reason
+from .runtime.extras import need
 
 if TYPE_CHECKING:
     import numpy as np
     from torch import Tensor
 
     from .ifs.code import IFS
+    from .images.painted import Painted
     from .images.reading import ReadImage
     from .inversion import Inversion
     from .methods.history import History
@@ -24,14 +27,14 @@ if TYPE_CHECKING:
 INTERRUPTED = "interrupted"
 LAST_CODES = 4  # how many codes of an interrupted search are compared
 OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "seed", "seconds", "progress", "on_step",
-       "keep_interrupted", "checkpoint")  # arguments of `invert` itself, whatever the method
+       "keep_interrupted", "checkpoint", "colour")  # arguments of `invert` itself, whatever the method
 
 
 def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str = "collage", resolution: int = 256,
            frame: Literal["fit", "keep"] = "fit", invert: bool | Literal["auto"] = "auto",
-           threshold: float | None = None, clean: bool = True, seed: int = 0, seconds: float | None = None,
-           progress: bool = False, on_step: OnStep | None = None, keep_interrupted: bool = False,
-           checkpoint: Checkpoint | None = None, **options: Any) -> Inversion:
+           threshold: float | None = None, clean: bool = True, colour: bool = False, seed: int = 0,
+           seconds: float | None = None, progress: bool = False, on_step: OnStep | None = None,
+           keep_interrupted: bool = False, checkpoint: Checkpoint | None = None, **options: Any) -> Inversion:
     """Recover the code of the self-similar shape in a picture.
 
     image: a path, or an array or tensor that `fractal_exp.images.read_target` accepts. The shape is found, turned white
@@ -39,10 +42,12 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     shape's longer side spans [-0.75, 0.75]. The result's `placement` maps it back to the picture's pixels. A
     `ReadImage` from `read_target` is used as it is. frame: "keep" keeps the frame of a square picture, such as one from
     `render` or `suite.target`; fitting it again would resample its grey levels. invert, threshold, clean: see
-    `read_target`. seconds: a time limit, after which the best code so far is returned. progress: show a bar. on_step:
-    called with a `Progress` after every step. keep_interrupted: an interruption (Ctrl-C) returns the best code so far,
-    if there is one, instead of raising KeyboardInterrupt. checkpoint: where the work is saved, also at an interruption,
-    and where it goes on from if that says so; `seconds` count from now.
+    `read_target`. colour: give each map of the code found a colour and a blend, so that the code is drawn in the
+    picture's colours (see `ifs.Colours` and `colouring.fitted`). The search, and so the shape, is the same without. It
+    takes some seconds more, and scikit-image. seconds: a time limit, after which the best code so far is returned.
+    progress: show a bar. on_step: called with a `Progress` after every step. keep_interrupted: an interruption (Ctrl-C)
+    returns the best code so far, if there is one, instead of raising KeyboardInterrupt. checkpoint: where the work is
+    saved, also at an interruption, and where it goes on from if that says so; `seconds` count from now.
 
     options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`; a component
     takes a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear", an array or tensor
@@ -58,7 +63,7 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     from .images.reading import ReadImage, read_target
     from .methods.history import History
 
-    build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step)
+    build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step, colour)
     reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean}
     if isinstance(image, ReadImage):
         target, reading = image, {}
@@ -67,6 +72,7 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
             image, reading["clean"] = _scaled(image), False  # its levels are numbers; there is no paper to clean
         target = read_target(image, resolution, **reading)
     built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
+    painted = _painted(target) if colour else None
     codes: list[IFS] = []
     with _Bar(progress) as bar:
         history = History([each for each in (on_step, bar, partial(_note, codes)) if each is not None])
@@ -80,8 +86,29 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     if not isinstance(found, CodeReconstruction):
         raise TypeError(f"the method {method!r} returned a {type(found).__name__}, which is not a code")
     used = {"seed": seed, "seconds": seconds, **{key: value for key, value in reading.items() if value is not None},
-            **options}
-    return _concluded(found, target, history, method, used, stop_reason(found, seconds, took), took)
+            **({"colour": True} if colour else {}), **options}
+    shape = _concluded(found, target, history, method, used, stop_reason(found, seconds, took), took)
+    return shape if painted is None else _coloured(shape, painted)
+
+
+def _painted(target: ReadImage) -> Painted:
+    from .images.painted import Painted
+
+    return Painted.of(target)
+
+
+def _coloured(shape: Inversion, painted: Painted) -> Inversion:
+    """The result with the picture's colours: its maps, and so its likeness in shape, are the same."""
+    from .colouring import colour_error, fitted
+
+    seed = shape.options["seed"]
+    code = fitted(shape.code, painted, seed)
+    if code is None:
+        note = "no colours: hardly any pixel is lit by both the code and the picture"
+        return replace(shape, notes=(*shape.notes, note), warnings=(*shape.warnings, note))
+    grey = ["the picture is grey, so the colours found are greys"] if painted.is_grey else []
+    likeness = replace(shape.likeness, colour=colour_error(code, painted, seed))
+    return replace(shape, code=code, likeness=likeness, notes=(*shape.notes, *grey))
 
 
 def _note(codes: list[IFS], progress: Progress) -> None:
@@ -123,9 +150,10 @@ def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
     return (grey / grey.max()).astype(np.float32)
 
 
-def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None) -> Callable[..., Method]:
-    """The function that builds the method. Raises `InputError` if the method is unknown or an argument has a wrong
-    type."""
+def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None, colour: bool
+             ) -> Callable[..., Method]:
+    """The function that builds the method. Raises `InputError` if the method is unknown, an argument has a wrong type,
+    or a library for colours is missing."""
     if method in WITHOUT_CODE:
         raise InputError(f"the method {method!r} finds no code: it {WITHOUT_CODE[method]}; fractal-train "
                          f"method={method} does that, or choose one of {', '.join(METHODS)}")
@@ -136,6 +164,10 @@ def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnSt
         raise InputError(f"on_step must be a function that takes a Progress, got {on_step!r}")
     if not isinstance(progress, bool):
         raise InputError(f"progress must be True or False, got {progress!r}")
+    if not isinstance(colour, bool):
+        raise InputError(f"colour must be True or False, got {colour!r}")
+    if colour:
+        need("skimage")
     build = load(method)
     check_options(build, method, options, OWN)
     return build

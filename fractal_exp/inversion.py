@@ -24,6 +24,7 @@ from .methods.collage.measure.tones import levels_of, seen_with, taken_with
 from .methods.collage.params import CollageParams
 from .methods.history import StageRecord
 from .rendering import sheets
+from .rendering.colour import on_ground
 from .rendering.still import points_per_view, render_with_info
 from .runtime.seeds import derive
 from .verdict import Verdict
@@ -48,13 +49,15 @@ class Likeness:
     within a pixel, with each mask compared to the other's dilation by 3×3 pixels; for a picture that others drew, at
     most the attractor's own, so that a camera cannot make a wrong code look right. noise_ratio: the error of the
     rendering over the error between two renderings of the code with different random points; about 1 for the true code.
-    The error compares both images at several scales, see `methods.collage`.
+    The error compares both images at several scales, see `methods.collage`. colour: the mean CIEDE2000 difference
+    between the code's colours and the picture's (see `colouring.error`), or None for a code without colours.
     """
 
     f1: float
     iou: float
     noise_ratio: float
     f1_1px: float
+    colour: float | None = None
 
     @classmethod
     def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", camera: Mapping[str, Any] | None = None,
@@ -77,8 +80,9 @@ class Likeness:
         return cls(f1, iou, objective.error(rendering) / objective.noise(code), f1_1px)
 
     def __str__(self) -> str:
+        colour = "" if self.colour is None else f", colours {self.colour:.2g} apart (CIEDE2000)"
         return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, "
-                f"error {self.noise_ratio:.3g} × noise")
+                f"error {self.noise_ratio:.3g} × noise{colour}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +119,17 @@ class Inversion:
         return self.target.placement
 
     def render(self, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-               supersample: int = 8, seed: int = 0, path: str | Path | None = None) -> Tensor:
+               supersample: int = 8, seed: int = 0, mode: str = "occupancy", path: str | Path | None = None) -> Tensor:
         """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
 
-        path: a PNG to write, or None. Raises `InputError` if it cannot be written.
+        path: a PNG to write, or None. A drawing in colour is written on white if the picture was dark on light, else on
+        black. Raises `InputError` if it cannot be written.
         """
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
-                                    supersample=supersample, seed=seed)
+                                    supersample=supersample, seed=seed, mode=mode)
         if path is not None:
-            write_image(path, image)
+            level = float(self.target.inverted)
+            write_image(path, on_ground(image, (level, level, level)) if mode == "colour" else image)
         return image
 
     def redrawn(self, *, seed: int = 0) -> Tensor:
@@ -164,9 +170,9 @@ class Inversion:
 
     def facts(self) -> dict[str, Any]:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
-        placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px},
-        verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error, maps}], notes,
-        warnings, curve [{maps, likeness, bytes}].
+        placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px,
+        colour}, verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error, maps}],
+        notes, warnings, curve [{maps, likeness, bytes}].
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),

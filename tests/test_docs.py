@@ -15,7 +15,7 @@ from pydantic.dataclasses import dataclass
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 EXTENDING = sorted((DOCS / "extending").glob("*.md"))
-LARGEST_PICTURES = 3_000_000  # bytes of all that a clone fetches for the pages
+LARGEST_PICTURES = 3_500_000
 LINK = re.compile(r'\]\((?!https?:|#)([^)#\s]+)|<img src="([^"]+)"')
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 

@@ -1,13 +1,16 @@
 """The sampler of a window against the chaos game with rejection, which specifies it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from scipy import stats
 
-from fractal_exp import IFS, View, codes, ops
+from fractal_exp import IFS, Colours, View, codes, ops, render
 from fractal_exp.ifs import attractor
 from fractal_exp.ops import histogram
+from fractal_exp.ops.histogram import boxes
 from fractal_exp.ops.histogram import cpu as cpu_histogram
 from fractal_exp.rendering.still import _address_tree, _window, render_with_info
 from fractal_exp.suite import random_suite
@@ -144,5 +147,51 @@ def test_poisson_variates(mean):
 def test_box_mean():
     canvas = (np.random.default_rng(0).random((12, 12)) < 0.4).astype(np.uint8)
     out = np.empty((4, 4), np.float32)
-    cpu_histogram.box_mean(canvas, 3, out)
+    boxes.box_mean(canvas, 3, out)
     np.testing.assert_allclose(out, canvas.reshape(4, 3, 4, 3).mean((1, 3)), rtol=1e-6)
+
+
+def chaos_game_with_colours(code: IFS, seed: int, games: int = 50_000, kept: int = 20) -> tuple[np.ndarray, np.ndarray]:
+    """Points (P,2) of many chaos games and their colours (P,3), step by step as defined."""
+    random = np.random.default_rng(seed)
+    points, shades, found = np.zeros((games, 2)), np.full((games, 3), 0.5), []
+    linear, offset = code.linear.double().numpy(), code.offset.double().numpy()
+    rgb, blends = code.colours.rgb.double().numpy(), code.colours.blends.double().numpy()
+    cumulative = np.cumsum(code.sampling_probabilities().double().numpy())
+    for step in range(100 + kept):
+        i = np.searchsorted(cumulative[:-1], random.random(games), side="right")
+        points = (linear[i] @ points[..., None])[..., 0] + offset[i]
+        shades = (1 - blends[i, None]) * shades + blends[i, None] * rgb[i]
+        if step >= 100:
+            found.append((points, shades))
+    places, colours = zip(*found, strict=True)
+    return np.concatenate(places), np.concatenate(colours)
+
+
+@pytest.mark.parametrize("view", [View(), View((0.05, -0.1), 4), View((0.3, 0.35), 16)], ids=["whole", "4", "16"])
+def test_colours_are_those_of_the_chaos_game(view):
+    random = np.random.default_rng(2)
+    fern = attractor.normalize(codes.known("fern"))
+    code = replace(fern, colours=Colours(random.random((4, 3)), [0.9, 0.06, 0.4, 0.55]))
+    image = render(code, view, resolution=BINS, points_in_view=400_000, supersample=1, mode="colour", seed=5)
+    points, shades = chaos_game_with_colours(code, 0)
+    x0, y0, x1, y1 = view.box
+    column, row = (points[:, 0] - x0) / (x1 - x0) * BINS, (y1 - points[:, 1]) / (y1 - y0) * BINS
+    inside = (column >= 0) & (column < BINS) & (row >= 0) & (row < BINS)
+    pixel = row[inside].astype(int) * BINS + column[inside].astype(int)
+    counts = np.bincount(pixel, minlength=BINS**2)
+    enough = counts >= 200
+    assert enough.sum() > 5
+    for channel in range(3):
+        mean = np.bincount(pixel, shades[inside, channel], BINS**2)[enough] / counts[enough]
+        ours = image[..., channel].numpy().ravel()[enough]
+        assert np.abs(ours - mean).max() < 0.02, channel
+
+
+def test_colours_change_no_point():
+    code = replace(attractor.normalize(codes.known("fern")), colours=Colours(np.eye(4, 3), [1, 0.2, 0.3, 0.4]))
+    for view in (View(), View((0.05, -0.1), 16)):
+        plain = render(code, view, resolution=96, points_in_view=50_000, supersample=4, seed=3)
+        image = render(code, view, resolution=96, points_in_view=50_000, supersample=4, seed=3, mode="colour")
+        assert torch.equal(image[..., 3], plain)
+        assert bool((image[..., :3].sum(-1)[plain > 0] > 0).all()) and not bool(image[plain == 0].any())

@@ -213,7 +213,8 @@ def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, na
     facts = json.loads(whole.read_text())["meta"]["inversion"]
     assert facts == found.facts()
     assert facts["likeness"] == {"f1": found.likeness.f1, "iou": found.likeness.iou,
-                                 "noise_ratio": found.likeness.noise_ratio, "f1_1px": found.likeness.f1_1px}
+                                 "noise_ratio": found.likeness.noise_ratio, "f1_1px": found.likeness.f1_1px,
+                                 "colour": None}
     assert facts["verdict"] == {"kind": found.verdict.kind, "words": found.verdict.words,
                                 "remedy": found.verdict.remedy}
     assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}

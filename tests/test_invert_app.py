@@ -56,6 +56,19 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_colour_on_request(folder, method, capsys):
+    method()
+    red = np.asarray(Image.open("gasket.png").convert("L"))
+    Image.fromarray(np.dstack([np.full_like(red, 255), red, red])).save("red.png")
+    app.main(["red.png", "--colour"])
+    assert "apart (CIEDE2000)" in capsys.readouterr().out
+    code = IFS.load(folder / "red-fractal" / "code.json")
+    assert code.colours is not None
+    drawn = np.asarray(Image.open(folder / "red-fractal" / "rendering.png")).astype(int)
+    assert drawn.shape == (1024, 1024, 3) and drawn[0, 0].tolist() == [255, 255, 255]
+    assert (drawn[..., 0] - drawn[..., 1]).max() > 80 and np.abs(drawn[..., 1] - drawn[..., 2]).max() < 12
+
+
 def test_a_picture_is_all_it_needs(folder, method, capsys):
     method()
     app.main(["gasket.png"])

@@ -18,7 +18,7 @@ FLOORS = [  # from the ground up; what is named alone is a file or a folder of t
     {"rendering", "perceptual", "tracking"},
     {"suite"},
     {"targets"},
-    {"evaluation"},
+    {"evaluation", "colouring"},
     {"methods"},
     {"perceptual_training", "studies", "verdict"},
     {"pretraining"},

@@ -8,6 +8,7 @@ import torch
 
 from fractal_exp import IFS, InputError, codes, render
 from fractal_exp.ifs import attractor
+from fractal_exp.ifs.colours import Colours
 from fractal_exp.rendering import morph as morphs
 from fractal_exp.rendering.morph import morph, morph_path
 from fractal_exp.suite import random_suite
@@ -189,3 +190,15 @@ def test_the_camera_holds_a_box_that_is_large_for_one_frame():
 def test_what_cannot_be_morphed(work, message):
     with pytest.raises(InputError, match=message):
         work()
+
+
+def test_colours_move_with_their_maps_if_both_codes_have_them():
+    red, blue = (IFS(code.linear, code.offset, colours=Colours(torch.tensor([rgb] * len(code)), torch.full((len(code),),
+                                                                                                       blend)))
+                 for code, rgb, blend in ((codes.known("fern"), (1.0, 0.0, 0.0), 0.5),
+                                          (codes.known("heighway_dragon"), (0.0, 0.0, 1.0), 0.7)))
+    between = morph(red, blue, 0.25)
+    own = between.colours.rgb.round(decimals=5).unique(dim=0).tolist()
+    assert own == [pytest.approx([0.75, 0, 0.25]), [1, 0, 0]], "of the pairs, and of the maps that shrink"
+    assert between.colours.blends.min() == 0.5 and between.colours.blends.max() == pytest.approx(0.55)
+    assert morph(red, codes.known("heighway_dragon"), 0.25).colours is None

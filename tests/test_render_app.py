@@ -8,7 +8,7 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import IFS, View, codes, render
+from fractal_exp import IFS, Colours, View, codes, render
 from fractal_exp.cli import render as render_app
 from fractal_exp.cli import suite as suite_app
 from fractal_exp.ifs import attractor
@@ -113,6 +113,8 @@ def test_a_sequence_does_not_mix_with_one_of_a_longer_film(tmp_path, capsys):
     (["fern", "%d-%d.png"], "stands once in a name"),
     (["fern", "a.webm", "--size", "63"], "even"),
     (["fern", "tree", "a.gif", "--fps", "60"], "a GIF at most 50"),
+    (["fern", "a.png", "--mode", "colour"], "the code has no colours to draw"),
+    (["fern", "a.png", "--background", "white"], "--background changes nothing with --mode occupancy"),
 ])
 def test_what_a_user_can_mend_is_one_line(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
@@ -160,3 +162,36 @@ def test_an_empty_view_names_the_nearest_point(tmp_path, capsys):
             point = tuple(float(word) for word in told.split("--center ")[1].split())
     code = attractor.normalize(codes.known("sierpinski_triangle"))
     assert render(code, View(point, 50), resolution=32, points_in_view=1000).max() > 0
+
+
+def coloured_triangle(path) -> IFS:
+    triangle = codes.known("sierpinski_triangle")
+    code = IFS(triangle.linear, triangle.offset, colours=Colours([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [1.0, 1.0, 1.0]))
+    code.save(path)
+    return code
+
+
+def test_a_code_with_colours_is_drawn_in_colour(tmp_path, monkeypatch):
+    monkeypatch.setattr(rendering, "COLOUR_TILE", 40)
+    coloured_triangle(tmp_path / "code.json")
+    draw = ["--size", "96", "--points", "2e5", "--supersample", "4"]
+    for name, more in {"black": [], "white": ["--background", "white"], "clear": ["--transparent"],
+                       "fine": ["--bits", "16"], "plain": ["--mode", "occupancy"]}.items():
+        render_app.main([str(tmp_path / "code.json"), str(tmp_path / f"{name}.png"), *draw, *more])
+    black, white, clear = (pixels(tmp_path / f"{name}.png").astype(int) for name in ("black", "white", "clear"))
+    assert black.shape == (96, 96, 3) and clear.shape == (96, 96, 4) and pixels(tmp_path / "plain.png").ndim == 2
+    cover, shade = clear[..., 3:] / 255, clear[..., :3]
+    assert np.abs(black - cover * shade).max() <= 1 and np.abs(white - (cover * shade + 255 * (1 - cover))).max() <= 1
+    # Each corner is one map's alone: red below on the left, green on the right, blue on top.
+    for channel, part in enumerate((black[60:, :40], black[60:, 56:], black[:40])):
+        assert part[..., channel].max() > 200 and np.delete(part, channel, -1).max() == 0
+    assert (tmp_path / "fine.png").read_bytes()[24] == 16
+
+
+def test_a_film_in_colour(tmp_path):
+    coloured_triangle(tmp_path / "code.json")
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "zoom.gif"), "--size", "64", "--points", "2e4",
+                     "--seconds", "0.5", "--fps", "10", "--zoom", "100", "--center", "0.2", "0.1", "--background",
+                     "#ffffff"])
+    first = iio.imread(tmp_path / "zoom.gif")[0].astype(int)
+    assert first[0, 0].min() > 240 and np.ptp(first, axis=-1).max() > 100

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, View, codes
+from fractal_exp import IFS, Colours, InputError, View, codes
 from fractal_exp.cli import view as fractal_view
 from fractal_exp.ifs import attractor
 from fractal_exp.viewer import page
@@ -31,10 +31,13 @@ def given(text: str) -> dict:
 def held(text: str) -> IFS:
     """The code that the page holds."""
     code = given(text)["code"]
-    rows, chances = (None if part is None else torch.frombuffer(bytearray(base64.b64decode(part)), dtype=torch.float32)
-                     for part in (code["rows"], code["probabilities"]))
+    colours = code["colours"] or {"rgb": None, "blends": None}
+    rows, chances, rgb, blends = (
+        None if part is None else torch.frombuffer(bytearray(base64.b64decode(part)), dtype=torch.float32)
+        for part in (code["rows"], code["probabilities"], colours["rgb"], colours["blends"]))
     rows = rows.reshape(-1, 6)
-    return IFS(rows[:, :4].reshape(-1, 2, 2), rows[:, 4:], chances, code["meta"])
+    return IFS(rows[:, :4].reshape(-1, 2, 2), rows[:, 4:], chances, code["meta"],
+               None if rgb is None else Colours(rgb.reshape(-1, 3), blends))
 
 
 def sha(text: str) -> str:
@@ -123,6 +126,19 @@ def test_as_many_maps_as_are_allowed_fit_into_a_page():
     assert torch.equal(held(full).linear, code.linear)
 
 
+def test_colours_take_room_of_their_own():
+    """Colours make a map's numbers longer by half: fewer maps fit, and more are refused by name."""
+    def code(maps: int) -> IFS:
+        colours = Colours(torch.rand(maps, 3), torch.rand(maps))
+        return IFS(torch.rand(maps, 2, 2) / 5, torch.rand(maps, 2), torch.full((maps,), 1 / maps),
+                   colours=colours)
+
+    many = code(800)
+    assert torch.equal(held(page(many)).colours.rgb, many.colours.rgb)
+    with pytest.raises(InputError, match="at most 200000 are allowed; show fewer maps than 1000"):
+        page(code(1000))
+
+
 def test_a_notebook_shows_a_frame_or_nothing():
     assert codes.known("fern")._repr_html_().startswith("<iframe srcdoc=")
     assert WILD._repr_html_() is None and MANY._repr_html_() is None
@@ -154,11 +170,13 @@ def test_a_wrong_command_is_one_line(words, message, capsys, tmp_path, monkeypat
 
 def test_modules_are_linked_in_the_order_of_their_imports():
     modules = {"main": 'import {\n  f,\n} from "./a.mjs";\nimport { X } from "./b.mjs";\nf(X);\n',
-               "a": 'import { X } from "./b.mjs";\nconst own = 1;\nexport async function f() {}\n',
+               "a": '// own 1\nimport { X } from "./b.mjs";\n/** own 1\n * own 1. */\nconst own = "a//kept";\n'
+                    "export async function f() {}\n",
                "b": "const own = 2;\nexport const X = own;\n"}
     text = linked(modules, "main")
     assert [text.index(f"const {name}Module") for name in "ba"] == sorted(text.index(f"const {n}Module") for n in "ba")
     assert "const { f } = aModule;" in text and "return { f };" in text and "export" not in text
+    assert "own 1" not in text and "//kept" in text  # comments of whole lines are left out, and nothing else
 
 
 @pytest.mark.parametrize(("modules", "message"), [

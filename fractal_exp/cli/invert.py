@@ -37,6 +37,7 @@ examples
   fractal-invert leaf.png                                    writes leaf-fractal
   fractal-invert leaf.png --seconds 60 --maps 4
   fractal-invert scan.jpg --invert true --output scan        a black shape on white
+  fractal-invert leaf.png --colour                           and the colours of the maps
   fractal-invert leaf.png --set search.moves=100 rounds=2    any parameter of collage search (docs/collage.md)"""
 
 
@@ -56,6 +57,7 @@ def main(arguments: list[str] | None = None) -> None:
                                                                              "white one on black; auto: as the border "
                                                                              "tells")
     parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
+    parser.add_argument("--colour", action="store_true", help="give the code the picture's colours too")
     parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
                         help="parameters of the method, such as search.moves=100 of collage search")
@@ -74,7 +76,7 @@ def invert_picture(options: argparse.Namespace) -> None:
                           threshold=options.threshold, clean=not options.as_it_is)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
-    found = invert(picture, method=options.method, seed=options.seed, seconds=options.seconds,
+    found = invert(picture, method=options.method, colour=options.colour, seed=options.seed, seconds=options.seconds,
                    progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
     make_folder(folder)
     _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings)
@@ -135,7 +137,8 @@ def _tell(progress: Progress) -> None:
 def _write(found: Inversion, folder: Path) -> list[str]:
     """All files, and their names."""
     found.save(folder)
-    found.render(resolution=RENDERING, path=folder / "rendering.png")
+    mode = "occupancy" if found.code.colours is None else "colour"
+    found.render(resolution=RENDERING, mode=mode, path=folder / "rendering.png")
     written = ["code.json", "inversion.json", "target.png", "rendering.png"]
     if max(found.placement.size) > LARGEST_OVERLAY:
         print(f"  no overlay: the picture has more than {LARGEST_OVERLAY} px a side")

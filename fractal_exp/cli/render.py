@@ -16,17 +16,19 @@ from tqdm import tqdm
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
+from ..rendering.colour import BLACK, ground_of, on_ground
 from ..rendering.film import check_film, forecast, frames, write_film
 from ..rendering.film_formats import NAMES, format_of, is_film
 from ..rendering.morph import morph_path
 from ..rendering.png import PngWriter
-from ..rendering.still import MODES, render, render_tiles, tile_side, tone_map, white_level
+from ..rendering.still import CHANNELS, MODES, render, render_tiles, tile_side, tone_map, white_level
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
 from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
 
 LARGEST = 16_384
 STILLS = {"bits": 8, "transparent": False}
+COLOUR = "colour"
 FILMS = {"seconds": None, "fps": None}
 ZOOMS = {"start_zoom": 1.0}
 MORPHS = {"loop": False}
@@ -44,6 +46,7 @@ examples
   fractal-render fern poster.png --size 16384 --bits 16      as large as a wall, in bounded memory
   fractal-render fern sticker.png --transparent              to lay on anything
   fractal-render suite:7 dust.png --mode density             how often points come by, not only whether
+  fractal-render leaf.json leaf.png --background "#fff8e7"   a code with colours, on paper; --mode occupancy: in white
   fractal-render heighway_dragon zoom.mp4 --zoom 1e6         a million times closer, in 12 seconds of film
   fractal-render fern tip.gif --size 360 --center 0.3 0.7    into the point of the fern nearest to (0.3, 0.7)
   fractal-render fern leaf.json morph.mp4                    from one code to another
@@ -64,7 +67,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--size", type=int, help=f"pixels a side, up to {LARGEST} (default 1024; of a film 720)")
     parser.add_argument("--points", type=float, help="points in the view (default: 50 million at 1024², in proportion)")
     parser.add_argument("--supersample", type=int, help="parts of a pixel along each axis (default 8; not for density)")
-    parser.add_argument("--mode", choices=MODES, default="occupancy", help="what a pixel shows")
+    parser.add_argument("--mode", choices=MODES, help="what a pixel shows (default: colour for a code with colours, "
+                                                         "else occupancy)")
+    parser.add_argument("--background", metavar="COLOUR", help="behind a drawing in colour: a name or #rrggbb "
+                                                               "(default: black)")
     parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")
     parser.add_argument("--seed", type=int, help="of the points of a still, and of a film's target (default 0)")
     still = parser.add_argument_group("stills")
@@ -88,12 +94,25 @@ def draw(options: argparse.Namespace) -> None:
         if getattr(options, name) is None:
             setattr(options, name, value)
     codes = [FRAMES[options.frame](read_code(text)) for text in options.code]
+    _choose_colours(codes, options)
     if options.points is not None:
         if not (math.isfinite(options.points) and options.points >= 1):
             raise InputError(f"--points must be a number of at least 1, got {options.points}")
         options.points = int(options.points)
     path = draw_film(codes, options) if is_film(options.out) else draw_still(codes[0], options)
     print(f"{path} ({time.perf_counter() - started:.1f} s)")
+
+
+def _choose_colours(codes: Sequence[IFS], options: argparse.Namespace) -> None:
+    """Set the mode, if none is given, and the ground. Raises `InputError` on a background that would change nothing."""
+    coloured = all(code.colours is not None for code in codes)
+    options.mode = options.mode or (COLOUR if coloured else "occupancy")
+    if options.background is not None and options.mode != COLOUR:
+        raise InputError(f"--background changes nothing with --mode {options.mode}; leave it out"
+                         + ("" if coloured else ", or find the code with fractal-invert --colour"))
+    if options.background is not None and options.transparent:
+        raise InputError("--background changes nothing with --transparent; leave one of them out")
+    options.ground = BLACK if options.background is None else ground_of(options.background)
 
 
 def _refuse_unused(options: argparse.Namespace) -> None:
@@ -123,10 +142,11 @@ def draw_still(code: IFS, options: argparse.Namespace) -> Path:
     """Draw one view, tile by tile."""
     size = _size(options, 1024)
     view = View(tuple(options.center or (0.0, 0.0)), 1.0 if options.zoom is None else options.zoom)
-    lit = False
-    with PngWriter(options.out, size, size, bits=options.bits, transparent=options.transparent) as file:
+    lit, empty = False, np.float32(options.ground if options.mode == COLOUR and not options.transparent else 0)
+    with PngWriter(options.out, size, size, bits=options.bits, transparent=options.transparent,
+                   colour=options.mode == COLOUR) as file:
         for band in _bands(code, view, size, options):
-            lit |= bool(band.any())
+            lit |= bool((band != empty).any())
             file.write(band)
     if not lit:
         x, y = nearest_point(code, view.center)
@@ -142,15 +162,23 @@ def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Ite
     # One white level for all tiles, from a small picture of the whole view.
     small = render(code, view, resolution=min(size, 512), mode="density") if options.mode == "density" else None
     white = None if small is None else white_level(small)
-    side = tile_side(size, options.supersample)
+    side = tile_side(size, options.supersample, options.mode)
     across = math.ceil(size / side)
-    band = np.empty((side, across * side), np.float32)
+    band = np.empty((side, across * side, *CHANNELS.get(options.mode, ())), np.float32)
     tiles = render_tiles(code, view, resolution=size, **drawing)
     for tile in tqdm(tiles, "drawing", across * across, unit="tile", disable=across == 1):
         band[:, tile.column:tile.column + side] = tile.pixels
         if tile.column + side >= size:
             rows = band[:size - tile.row, :size]
-            yield rows if white is None else tone_map(torch.from_numpy(rows), white).numpy()
+            yield _finished(rows, white, options)
+
+
+def _finished(rows: np.ndarray, white: float | None, options: argparse.Namespace) -> np.ndarray:
+    """Rows as they are written: density with its tone, colours on their ground."""
+    if white is not None:
+        return tone_map(torch.from_numpy(rows), white).numpy()
+    plain = options.mode != COLOUR or options.transparent
+    return rows if plain else on_ground(torch.from_numpy(rows), options.ground).numpy()
 
 
 def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:
@@ -169,7 +197,7 @@ def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:
 
     def drawn(part: slice) -> Iterator[torch.Tensor]:
         return frames(course[part], views[part], resolution=size, points_in_view=options.points,
-                      supersample=options.supersample, mode=options.mode)
+                      supersample=options.supersample, mode=options.mode, ground=options.ground)
 
     print(forecast(path, drawn, count, fps=fps), flush=True)
     return write_film(path, tqdm(drawn(slice(None)), "drawing", count, unit="frame"), fps=fps)

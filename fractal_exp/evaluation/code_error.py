@@ -172,12 +172,12 @@ def maps_that_matter(code: IFS, resolution: int, points_in_view: int) -> list[bo
 
 
 def _without(code: IFS, i: int) -> IFS:
-    """The code without one map, with the probabilities of the others in the same proportions."""
+    """The code without one map and without colours, with the probabilities of the others in the same proportions."""
     rest = [j for j in range(len(code)) if j != i]
     p = code.probabilities
     if p is not None:
         p = p[rest] / p[rest].sum() if float(p[rest].sum()) > 0 else None
-    return replace(code, linear=code.linear[rest], offset=code.offset[rest], probabilities=p)
+    return replace(code, linear=code.linear[rest], offset=code.offset[rest], probabilities=p, colours=None)
 
 
 def _mask(code: IFS, seed: int, resolution: int, points_in_view: int) -> Tensor:

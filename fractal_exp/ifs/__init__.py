@@ -1,5 +1,6 @@
 """Codes and where their attractors lie."""
 
 from .code import IFS, View
+from .colours import Colours
 
-__all__ = ["IFS", "View"]
+__all__ = ["IFS", "Colours", "View"]

@@ -13,12 +13,12 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
-from ..runtime.checks import check_dense
 from ..runtime.files import write_atomically
+from .colours import Colours
+from .numbers import exact, floats, only_keys, only_numbers
 
 FORMAT = "fractal-exp/ifs"
 VERSION = 1
-LARGEST = torch.finfo(torch.float32).max
 PROBABILITY_FLOOR = 0.01  # so that flat maps are drawn too: p_i is proportional to |det M_i| + floor
 
 
@@ -59,18 +59,20 @@ class IFS:
     - linear (N,2,2) and offset (N,2): finite, kept as float32 tensors.
     - probabilities (N,): of the chaos game, at least 0, with sum 1. None makes p_i proportional to |det M_i| + 0.01.
     - meta: free notes that JSON can hold, such as a name and a source.
+    - colours: a colour and a blend of each map, or None for a code without colours.
 
-    Raises `InputError` on other shapes, N < 1, numbers that are not finite, or wrong probabilities. Maps need not be
-    contractive here; `check_contractive` is called where they must be.
+    Raises `InputError` on other shapes, N < 1, numbers that are not finite, wrong probabilities, or colours of another
+    number of maps. Maps need not be contractive here; `check_contractive` is called where they must be.
     """
 
     linear: Tensor
     offset: Tensor
     probabilities: Tensor | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
+    colours: Colours | None = None
 
     def __post_init__(self) -> None:
-        linear, offset = _floats("linear", self.linear), _floats("offset", self.offset)
+        linear, offset = floats("linear", self.linear), floats("offset", self.offset)
         if linear.ndim != 3 or linear.shape[1:] != (2, 2) or linear.shape[0] < 1:
             raise InputError(f"linear must have shape (N, 2, 2) with N >= 1, got {tuple(linear.shape)}")
         if offset.shape != (linear.shape[0], 2):
@@ -82,6 +84,8 @@ class IFS:
             object.__setattr__(self, "probabilities", _probabilities(self.probabilities, linear.shape[0]))
         if not isinstance(self.meta, Mapping):
             raise InputError(f"meta holds free notes by name (a mapping), got {type(self.meta).__name__}")
+        if self.colours is not None:
+            _check_colours(self.colours, linear.shape[0])
 
     def __len__(self) -> int:
         """The number of maps N."""
@@ -117,7 +121,9 @@ class IFS:
     def to(self, device: torch.device | str) -> IFS:
         """The same code on another device."""
         p = None if self.probabilities is None else self.probabilities.to(device)
-        return replace(self, linear=self.linear.to(device), offset=self.offset.to(device), probabilities=p)
+        colours = None if self.colours is None else self.colours.to(device)
+        return replace(self, linear=self.linear.to(device), offset=self.offset.to(device), probabilities=p,
+                       colours=colours)
 
     def singular_values(self) -> Tensor:
         """Singular values of every map, (N,2), the larger first."""
@@ -151,12 +157,14 @@ class IFS:
         return replace(self, offset=offset.float())
 
     def to_json(self) -> dict[str, Any]:
-        """The code as the plain data of this package's JSON format."""
+        """The code as the plain data of this package's JSON format. Colours are under a key of their own, which a code
+        without colours does not have."""
         p = self.probabilities
+        colours = {} if self.colours is None else {"colours": self.colours.to_json()}
         return {
             "format": FORMAT, "version": VERSION,
-            "linear": _exact(self.linear), "offset": _exact(self.offset),
-            "probabilities": None if p is None else _exact(p), "meta": dict(self.meta),
+            "linear": exact(self.linear), "offset": exact(self.offset),
+            "probabilities": None if p is None else exact(p), **colours, "meta": dict(self.meta),
         }
 
     def save(self, path: str | Path, format: str | None = None) -> Path:
@@ -221,22 +229,8 @@ def sampling_probabilities(linear: Tensor) -> Tensor:
     return (p / p.sum(-1, keepdim=True)).to(linear.dtype)
 
 
-def _floats(name: str, value: Any) -> Tensor:
-    try:
-        given = torch.as_tensor(value)
-    except (TypeError, ValueError, RuntimeError, OverflowError) as error:
-        raise InputError(f"{name} must be a regular array of numbers: {error}") from error
-    check_dense(name, given)
-    if given.dtype == torch.bool or given.is_complex():
-        raise InputError(f"{name} must be real numbers, got {given.dtype}")
-    tensor = given.detach().to(torch.float32)
-    if not bool(torch.isfinite(tensor).all()):
-        raise InputError(f"{name} must be finite, got NaN or infinity")
-    return tensor.clone()
-
-
 def _probabilities(value: Any, count: int) -> Tensor:
-    p = _floats("probabilities", value)
+    p = floats("probabilities", value)
     if p.shape != (count,):
         raise InputError(f"probabilities must have shape ({count},), one per map, got {tuple(p.shape)}")
     if bool((p < 0).any()):
@@ -246,35 +240,16 @@ def _probabilities(value: Any, count: int) -> Tensor:
     return p
 
 
-def _exact(tensor: Tensor) -> list[Any]:
-    """Nested lists of the shortest decimals that read back as the same float32."""
-    values = tensor.cpu().numpy()
-    return [_exact(row) for row in tensor] if tensor.ndim > 1 else [float(str(v)) for v in values]
-
-
-def _only_keys(data: Mapping[str, Any], allowed: set[str]) -> None:
-    unknown = sorted(map(str, set(data) - allowed))
-    if unknown:
-        raise InputError(f"unknown keys {reprlib.repr(unknown)}; a code has {sorted(allowed)}, free notes go into "
-                         "'meta'")
-
-
-def _numbers(name: str, value: Any) -> Any:
-    """Plain nested lists, checked to hold nothing but numbers that float32 can hold: no text, no true or false."""
-    rest = [value]
-    while rest:
-        item = rest.pop()
-        if isinstance(item, list | tuple):
-            rest.extend(item)
-        elif isinstance(item, bool) or not isinstance(item, int | float):
-            raise InputError(f"{name} must hold numbers only, got {reprlib.repr(item)}")
-        elif not abs(item) <= LARGEST:
-            raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {reprlib.repr(item)}")
-    return value
+def _check_colours(colours: Any, count: int) -> None:
+    if not isinstance(colours, Colours):
+        raise InputError(f"colours must be Colours, got {type(colours).__name__}; Colours(rgb, blends) makes them")
+    if len(colours) != count:
+        raise InputError(f"the code has {count} maps and colours of {len(colours)}; give each map one, or leave "
+                         "colours out (colours=None)")
 
 
 def _from_own(data: Mapping[str, Any]) -> IFS:
-    _only_keys(data, {"format", "version", "linear", "offset", "probabilities", "meta"})
+    only_keys(data, {"format", "version", "linear", "offset", "probabilities", "colours", "meta"})
     version = data.get("version")
     if data.get("format") != FORMAT or type(version) is not int or version != VERSION:
         found = f"{reprlib.repr(data.get('format'))} version {reprlib.repr(version)}"
@@ -282,24 +257,25 @@ def _from_own(data: Mapping[str, Any]) -> IFS:
     missing = [key for key in ("linear", "offset") if key not in data]
     if missing:
         raise InputError(f"the code has no {' and no '.join(missing)}")
-    given, meta = data.get("probabilities"), data.get("meta")
-    return IFS(_numbers("linear", data["linear"]), _numbers("offset", data["offset"]),
-               None if given is None else _numbers("probabilities", given), {} if meta is None else meta)
+    given, meta, colours = data.get("probabilities"), data.get("meta"), data.get("colours")
+    return IFS(only_numbers("linear", data["linear"]), only_numbers("offset", data["offset"]),
+               None if given is None else only_numbers("probabilities", given), {} if meta is None else meta,
+               None if colours is None else Colours.from_json(colours))
 
 
 def _from_lists(data: Mapping[str, Any]) -> IFS:
-    _only_keys(data, {"ifs_m", "ifs_t", "ifs_p"})
+    only_keys(data, {"ifs_m", "ifs_t", "ifs_p"})
     if "ifs_t" not in data:
         raise InputError("ifs_m needs ifs_t beside it: one offset (x, y) per matrix")
-    linear = _floats("ifs_m", _numbers("ifs_m", data["ifs_m"]))
+    linear = floats("ifs_m", only_numbers("ifs_m", data["ifs_m"]))
     if linear.ndim == 2 and linear.shape[1] == 4:
         linear = linear.reshape(-1, 2, 2)
     given = data.get("ifs_p")
-    return IFS(linear, _numbers("ifs_t", data["ifs_t"]), None if given is None else _numbers("ifs_p", given))
+    return IFS(linear, only_numbers("ifs_t", data["ifs_t"]), None if given is None else only_numbers("ifs_p", given))
 
 
 def _from_rows(rows: list[Any]) -> IFS:
-    table = _floats("rows", _numbers("rows", rows))
+    table = floats("rows", only_numbers("rows", rows))
     if table.ndim != 2 or table.shape[1] not in (6, 7):
         raise InputError(f"a list of rows needs six numbers each, a b c d e f, or seven with the probability; "
                          f"got shape {tuple(table.shape)}")

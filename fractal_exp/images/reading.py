@@ -234,7 +234,7 @@ def read_colour(source: str | Path | np.ndarray | Tensor, backdrop: float = 0.0)
     source: as for `read_target`; backdrop: the grey level in [0,1] behind transparent parts. Raises `InputError` if the
     picture cannot be read.
     """
-    pixels = _open(source, Notes(), "the image")
+    pixels = open_source(source)
 
     def coloured(band: np.ndarray) -> np.ndarray:
         levels = np.atleast_3d(unit(band))
@@ -263,6 +263,11 @@ def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8
     with replacing(path) as unfinished:
         Image.fromarray(levels).save(unfinished, format="PNG")
     return path
+
+
+def open_source(source: str | Path | np.ndarray | Tensor) -> Bands:
+    """The upright picture of a file or an array, in its own size. Raises `InputError` if it cannot be read."""
+    return _open(source, Notes(), "the image")
 
 
 def _open(source: str | Path | np.ndarray | Tensor, notes: Notes, name: str, *, shrink: bool = False) -> Bands:

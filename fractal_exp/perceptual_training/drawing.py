@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange, uint64
 
 from ..ops.chaos.cpu_kernels import GUIDE_BITS, guide_of, next_state, start
-from ..ops.histogram.cpu import box_mean
+from ..ops.histogram.boxes import box_mean
 from ..runtime.jit import kernel
 
 WARMUP = 32

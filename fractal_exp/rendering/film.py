@@ -19,6 +19,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..runtime.checks import check_count, check_memory
+from .colour import BLACK, on_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
 from .still import render_with_info, tone_map, white_level
 
@@ -28,8 +29,10 @@ RARE = 16  # frames to a clip, at least: a short film is not foretold by drawing
 
 
 def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int = 720,
-           points_in_view: int | None = None, supersample: int = 8, mode: str = "occupancy") -> Iterator[Tensor]:
-    """The picture (R,R) in [0,1] of each view, one after another, with the arguments and errors of `render`.
+           points_in_view: int | None = None, supersample: int = 8, mode: str = "occupancy",
+           ground: tuple[float, float, float] = BLACK) -> Iterator[Tensor]:
+    """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground`, one after another, with the arguments
+    and errors of `render`.
 
     code: one for all views, or as many as there are views. Density is tone mapped with a white level that follows the
     scene slowly, so that the film does not flicker. Raises `InputError` at once on other numbers of codes.
@@ -48,6 +51,8 @@ def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int 
                 now = white_level(image)
                 white = now if white is None else white**MEMORY * now ** (1 - MEMORY)
                 image = tone_map(image, white)
+            elif mode == "colour":
+                image = on_ground(image, ground)
             yield image
     return drawn()
 

@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
+from ..ifs.colours import Colours
 from ..runtime.checks import check_count, check_number, shown
 
 FLAT = 1e-3          # a map whose smaller singular value is below this share of the larger is flat
@@ -35,7 +36,8 @@ def morph(a: IFS, b: IFS, t: float) -> IFS:
 
     All maps stay contractive: norms are convex along a straight line, and so is the logarithm of the larger singular
     value along one of log S. If one code has more maps, each of those left over grows from a point of the other's
-    attractor, or shrinks to it, and its probability from or to zero. Probabilities move along straight lines.
+    attractor, or shrinks to it, and its probability from or to zero. Probabilities move along straight lines,
+    and so do colours, if both codes have them; otherwise the codes between have none.
 
     Raises `InputError` on t outside [0,1], on what is no code, and on codes that are not contractive or of more than
     10 000 pairs of maps.
@@ -69,12 +71,14 @@ def morph_path(codes: Sequence[IFS], frames: int, *, loop: bool = False) -> tupl
 
 @dataclass(frozen=True)
 class _Passage:
-    """Two codes and their maps in pairs, float64: matrices (N,2,2), offsets (N,2) and probabilities (N,) of each."""
+    """Two codes and their maps in pairs, float64: matrices (N,2,2), offsets (N,2), probabilities (N,), colours (N,4). A
+    colour is red, green, blue and the blend; there are none unless both codes have them."""
 
     ends: tuple[IFS, IFS]
     linear: tuple[np.ndarray, np.ndarray]
     offset: tuple[np.ndarray, np.ndarray]
     chance: tuple[np.ndarray, np.ndarray]
+    colour: tuple[np.ndarray, np.ndarray] | None
 
     @classmethod
     def between(cls, a: IFS, b: IFS) -> _Passage:
@@ -98,7 +102,19 @@ class _Passage:
                    (np.concatenate([e[first], e[dying], _nearest(a, f[born])]),
                     np.concatenate([f[second], _nearest(b, e[dying]), f[born]])),
                    (np.concatenate([p[first], p[dying], none[:len(born)]]),
-                    np.concatenate([q[second], none[:len(dying)], q[born]])))
+                    np.concatenate([q[second], none[:len(dying)], q[born]])),
+                   cls._colours(a, b, first, second, dying, born))
+
+    @staticmethod
+    def _colours(a: IFS, b: IFS, first: np.ndarray, second: np.ndarray, dying: np.ndarray, born: np.ndarray
+                 ) -> tuple[np.ndarray, np.ndarray] | None:
+        """The colours of the pairs; a map that is left over keeps its own."""
+        if a.colours is None or b.colours is None:
+            return None
+        one, other = (torch.cat([each.rgb, each.blends[:, None]], 1).cpu().double().numpy()
+                      for each in (a.colours, b.colours))
+        return (np.concatenate([one[first], one[dying], other[born]]),
+                np.concatenate([other[second], one[dying], other[born]]))
 
     def at(self, t: float) -> IFS:
         """The code at time t."""
@@ -106,7 +122,12 @@ class _Passage:
             return self.ends[int(t)]
         linear = np.stack([_between(m, n, t) for m, n in zip(*self.linear, strict=True)])
         offset, chance = ((1 - t) * start + t * end for start, end in (self.offset, self.chance))
-        return IFS(torch.from_numpy(linear), torch.from_numpy(offset), torch.from_numpy(chance / chance.sum()))
+        colours = None
+        if self.colour is not None:
+            numbers = torch.from_numpy((1 - t) * self.colour[0] + t * self.colour[1])
+            colours = Colours(numbers[:, :3], numbers[:, 3])
+        return IFS(torch.from_numpy(linear), torch.from_numpy(offset), torch.from_numpy(chance / chance.sum()),
+                   colours=colours)
 
 
 def _numbers(code: IFS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

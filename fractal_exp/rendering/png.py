@@ -1,6 +1,7 @@
 """Write a PNG band by band, so that a picture may be larger than memory.
 
-Our libraries can write neither a PNG in pieces nor grey with alpha at 16 bits. The format itself is small (ISO 15948).
+Our libraries can write neither a PNG in pieces, nor colour or grey with alpha at 16 bits. The format itself is small
+(ISO 15948).
 """
 
 from __future__ import annotations
@@ -16,44 +17,48 @@ import numpy as np
 from ..errors import InputError
 from ..runtime.files import replacing
 
-GREY, GREY_ALPHA = 0, 4   # colour types
+GREY, RGB, ALPHA = 0, 2, 4  # colour types; the last is added to one of the others
 FILTER_UP = 2             # a row is stored as its difference from the row above
 LEVEL = 6                 # of compression
 ROWS = 32                 # packed at once
 
 
 class PngWriter:
-    """Write a grey image of `width` × `height` pixels in bands of whole rows, from the top.
+    """Write a grey image of `width` × `height` pixels, or one in colour, in bands of whole rows, from the top.
 
-    bits: 8 or 16. transparent: the image becomes the opacity of pure white, so that it can be laid over anything. Use
-    it as a context manager: the file appears when all rows are written and the block ends without an error. Raises
-    `InputError` on a suffix other than .png or other bits, and if the file cannot be written.
+    bits: 8 or 16. transparent: a grey image becomes the opacity of pure white, so that it can be laid over anything,
+    and one in colour has its opacity as a fourth channel. Use it as a context manager: the file
+    appears when all rows are written and the block ends without an error. Raises `InputError` on a suffix other than
+    .png or other bits, and if the file cannot be written.
     """
 
-    def __init__(self, path: str | Path, width: int, height: int, *, bits: int = 8, transparent: bool = False):
+    def __init__(self, path: str | Path, width: int, height: int, *, bits: int = 8, transparent: bool = False,
+                 colour: bool = False):
         self.path = Path(path).absolute()
         if self.path.suffix.lower() != ".png":
             raise InputError(f"images are written as PNG, got {self.path.name!r}; end the name in .png")
         if bits not in (8, 16):
             raise InputError(f"a PNG has 8 or 16 bits a sample, got {bits}")
         self.width, self.height, self.bits, self.transparent = width, height, bits, transparent
+        self.colour, self.samples = colour, (3 if colour else 1) + transparent
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
             self._file = stack.enter_context(open(stack.enter_context(replacing(self.path)), "wb"))
             self._stack = stack.pop_all()
         self._rows, self._deflate = 0, zlib.compressobj(LEVEL)
-        samples = 2 if self.transparent else 1
-        self._above = np.zeros(self.width * samples * self.bits // 8, np.uint8)
+        self._above = np.zeros(self.width * self.samples * self.bits // 8, np.uint8)
         self._file.write(b"\x89PNG\r\n\x1a\n")
         self._chunk(b"IHDR", struct.pack(">IIBBBBB", self.width, self.height, self.bits,
-                                         GREY_ALPHA if self.transparent else GREY, 0, 0, 0))
+                                         (RGB if self.colour else GREY) + ALPHA * self.transparent, 0, 0, 0))
         return self
 
     def write(self, band: np.ndarray) -> None:
-        """Append rows (H,width) of floats in [0,1]."""
-        if band.ndim != 2 or band.shape[1] != self.width or self._rows + len(band) > self.height:
-            raise ValueError(f"rows of {self.width} pixels up to {self.height} in all, got {band.shape} after "
+        """Append rows of floats in [0,1]: (H,width), or (H,width,3 or 4) in colour."""
+        channels = (self.samples,) if self.colour else ()
+        fits = band.ndim >= 2 and band.shape[1:] == (self.width, *channels)
+        if not fits or self._rows + len(band) > self.height:
+            raise ValueError(f"rows of {(self.width, *channels)} up to {self.height} in all, got {band.shape} after "
                              f"{self._rows}")
         for start in range(0, len(band), ROWS):
             self._write_few(band[start:start + ROWS])
@@ -62,7 +67,7 @@ class PngWriter:
     def _write_few(self, band: np.ndarray) -> None:
         white = 2**self.bits - 1
         levels = np.rint(band * white)
-        if self.transparent:
+        if self.transparent and not self.colour:
             levels = np.stack([np.full_like(levels, white), levels], -1)
         stored = levels.astype(f">u{self.bits // 8}", order="C")
         rows = np.vstack([self._above, stored.view(np.uint8).reshape(len(band), -1)])

@@ -19,7 +19,8 @@ from ..ifs import attractor
 from ..ifs.code import IFS, View
 from ..ops import cuda_launch, histogram
 from ..ops.histogram import AddressTree, Window
-from ..ops.histogram.cpu import COUNTED, LIT, box_mean
+from ..ops.histogram.boxes import box_mean
+from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
 from ..runtime.checks import check_count, check_memory, shown
 
 log = logging.getLogger(__name__)
@@ -28,7 +29,9 @@ POINTS_AT_1024 = 50_000_000  # the paper's points per view at 1024²; other reso
 MAX_ZOOM = 1e12              # above it, a pixel is no longer large compared with the rounding of a double
 MAX_SUPERSAMPLE = 64
 TILE = 8192                  # maximum supersampled pixels per side that are drawn at once
-MODES = {"occupancy": LIT, "density": COUNTED}
+COLOUR_TILE = 1024           # maximum pixels per side that are drawn at once in colour
+CHANNELS = {"colour": (4,)}  # of a pixel, for modes whose pixels have several
+MODES = {"occupancy": LIT, "density": COUNTED, "colour": COLOURED}
 
 PILOT_POINTS = 65_536        # points that weigh a view, to 0.4%
 WORD = 4                     # work of visiting a word, in points thrown
@@ -64,7 +67,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class Tile:
-    """A square piece of an image: `pixels` (T,T) float32, its upper left pixel at (`row`, `column`)."""
+    """A square piece of an image: `pixels` (T,T) or (T,T,4) float32, its upper left pixel at (`row`, `column`)."""
 
     row: int
     column: int
@@ -87,16 +90,18 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
     - supersample: subpixels per side of a pixel; unused in the mode "density".
     - mode: "occupancy" gives the share, in [0,1], of the subpixels of a pixel that a point has hit. "density" gives the
       points in a pixel over their mean in the window, in [0, resolution²]: the density of the invariant measure
-      relative to a uniform one. `tone_map` makes an image of it.
-    - device: "cpu" or "cuda". A GPU throws other points of the same distribution. The CPU always renders views in which
-      points must be searched for.
+      relative to a uniform one. `tone_map` makes an image of it. "colour", for a code with colours, gives an image
+      (resolution, resolution, 4): the mean red, green and blue of the points in a pixel, and the "occupancy" as its
+      opacity. `colour.on_ground` lays it on one colour. A pixel without points is 0 in all four.
+    - device: "cpu" or "cuda"; colours are drawn on the CPU alone. A GPU throws other points of the same
+      distribution. The CPU always renders views in which points must be searched for.
 
     The same seed gives the same image on any number of threads. The image carries no gradient; the functions of
     `fractal_exp.ops` are differentiable. A view without points of the attractor is black. A view whose points would
     take too much work gets fewer. Both are logged as warnings, and `render_with_info` returns them as data.
 
     Raises `InputError` on anything but an IFS, a code that is not contractive, a zoom above 1e12, a size below 1 or too
-    large for the memory, or a device that cannot render.
+    large for the memory, a device that cannot render, or "colour" for a code without colours.
     """
     image, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view,
                                    supersample=supersample, seed=seed, mode=mode, device=device)
@@ -111,11 +116,11 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
     """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only). effort: the
     share, above 0, of the work after which `render` gives up on a view's last points."""
     check_resolution(resolution)
-    check_device(device)
+    check_device(device, mode)
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse, effort)
-    image, drawn = np.zeros((resolution, resolution), np.float32), 0
+    image, drawn = np.zeros((resolution, resolution, *CHANNELS.get(mode, ())), np.float32), 0
     for tile in _tiles(plan, view, resolution, wanted, supersample, seed, mode, device):
         target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
         target[:] = tile.pixels[:target.shape[0], :target.shape[1]]
@@ -130,7 +135,7 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
     Tiles overhang the right and the lower edge. Arguments and errors are those of `render`. Each tile has its own
     points, all at the same density, so no seams show.
     """
-    check_device(device)
+    check_device(device, mode)
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view, resolution, wanted, supersample, seed, mode)
@@ -139,8 +144,10 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
     return _tiles(plan, view, resolution, wanted, supersample, seed, mode, device)
 
 
-def tile_side(resolution: int, supersample: int) -> int:
-    """The side, in pixels, of the tiles from `render_tiles`: at most 8192 supersampled pixels, in equal parts."""
+def tile_side(resolution: int, supersample: int, mode: str = "occupancy") -> int:
+    """The side, in pixels, of the tiles from `render_tiles`: at most 8192 supersampled pixels, in equal parts; at most
+    1024 pixels in colour, which takes 32 bytes a pixel and thread."""
+    supersample = max(supersample, TILE // COLOUR_TILE) if MODES[mode] == COLOURED else supersample
     return math.ceil(resolution / math.ceil(resolution * supersample / TILE))
 
 
@@ -189,12 +196,15 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
         raise InputError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
-    tree = _address_tree(code, reuse)
+    tree = _address_tree(code, reuse, with_colours=MODES[mode] == COLOURED)
     return _weigh(tree, _window(view, resolution), points, seed, effort)
 
 
-def _address_tree(code: IFS, reuse: int = 1) -> AddressTree:
-    """The code with the smallest rectangle that certainly contains its attractor."""
+def _address_tree(code: IFS, reuse: int = 1, *, with_colours: bool = False) -> AddressTree:
+    """The code with the smallest rectangle that certainly contains its attractor. Raises `InputError` if colours are
+    wanted and there are none."""
+    chances = code.sampling_probabilities()
+    colours = _colours(code, chances) if with_colours else None
     h = attractor.support_function(code)
     quarter = len(h) // 4
     # Widths and middles along direction k and across it.
@@ -205,7 +215,17 @@ def _address_tree(code: IFS, reuse: int = 1) -> AddressTree:
     center = axes @ np.array([h[k] - h[k + 2 * quarter], h[k + quarter] - h[k + 3 * quarter]]) / 2
     slack = 1 + 1e-9  # covers the rounding of all this
     hull = axes * np.array([along[k], across[k]]) / 2 * slack
-    return AddressTree.of(code.linear, code.offset, code.sampling_probabilities(), center, hull, reuse)
+    return AddressTree.of(code.linear, code.offset, chances, center, hull, reuse, colours)
+
+
+def _colours(code: IFS, chances: Tensor) -> tuple[Tensor, Tensor]:
+    if code.colours is None:
+        raise InputError('the code has no colours to draw; invert(..., colour=True) finds them in a picture, '
+                         'IFS(..., colours=Colours(rgb, blends)) gives them, and mode="occupancy" draws without')
+    if not bool((code.colours.blends.cpu() * chances.cpu() > 0).any()):
+        raise InputError("every map of the code with a blend above 0 has the probability 0, so no point gets a colour; "
+                         "give another map a blend above 0")
+    return code.colours.rgb, code.colours.blends
 
 
 def _window(view: View, size: int) -> Window:
@@ -247,12 +267,12 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
 
 def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
            device: str) -> Iterator[Tile]:
-    whole, side = _window(view, resolution), tile_side(resolution, supersample)
-    factor = supersample if MODES[mode] == LIT else 1
+    whole, side = _window(view, resolution), tile_side(resolution, supersample, mode)
+    factor = 1 if MODES[mode] == COUNTED else supersample
     scatter = SCATTER[torch.device(device).type]
     for number, (row, column) in enumerate((r, c) for r in range(0, resolution, side)
                                            for c in range(0, resolution, side)):
-        pixels, drawn = np.zeros((side, side), np.float32), 0
+        pixels, drawn = np.zeros((side, side, *CHANNELS.get(mode, ())), np.float32), 0
         if plan.thrown > 0:
             window = Window(whole.left + column / whole.scale, whole.top - row / whole.scale, whole.scale * factor,
                             side * factor)
@@ -264,15 +284,20 @@ def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: i
 
 def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
                     ) -> tuple[np.ndarray, int]:
-    """The lit share of the factor² parts of each pixel for LIT, or the number of its points for COUNTED; and the number
-    of points in the window."""
-    canvas = histogram.planes(window.size, mode)
-    drawn = plan.tree.scatter(window, plan.thrown, seed=seed, canvas=canvas, mode=mode).kept
+    """The lit share of the factor² parts of each pixel for LIT, the number of its points for COUNTED, or its colour and
+    lit share for COLOURED; and the number of points in the window."""
+    canvas, side = histogram.planes(window.size, mode), window.size // factor
+    sums = histogram.colour_planes(side) if mode == COLOURED else None
+    drawn = plan.tree.scatter(window, plan.thrown, seed=seed, canvas=canvas, sums=sums, mode=mode).kept
     if mode == COUNTED:
         return canvas.sum(0), drawn
-    pixels = np.empty((window.size // factor, window.size // factor), np.float32)
+    pixels = np.empty((side, side), np.float32)
     box_mean(canvas[0], factor, pixels)
-    return pixels, drawn
+    if sums is None:
+        return pixels, drawn
+    whole = sums.sum(0)
+    mean = whole[..., 1:] / (COLOUR_UNIT * np.maximum(whole[..., :1], 1))
+    return np.dstack([mean.clip(0, 1).astype(np.float32), pixels]), drawn
 
 
 def _scatter_on_cuda(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
@@ -291,14 +316,17 @@ def _scatter_on_cuda(plan: _Plan, window: Window, factor: int, seed: tuple[int, 
 SCATTER = {"cpu": _scatter_on_cpu, "cuda": _scatter_on_cuda}
 
 
-def check_device(device: str) -> None:
-    """Raise `InputError` unless images can be drawn on this device."""
+def check_device(device: str, mode: str = "occupancy") -> None:
+    """Raise `InputError` unless images can be drawn on this device, in this mode."""
     try:
         kind = torch.device(device).type
     except RuntimeError:
         kind = None
     if kind not in SCATTER:
         raise InputError(f"images are drawn on {' or '.join(SCATTER)}, got device={device!r}")
+    if kind == "cuda" and mode == "colour":
+        raise InputError(f"colours are drawn on the CPU, got device={device!r}; take device='cpu', or another mode "
+                         "than 'colour'")
     if kind == "cuda" and not (torch.cuda.is_available() and cuda_launch.INSTALLED):
         raise InputError(f"device={device!r} needs an NVIDIA GPU with its driver, and numba-cuda (pip install "
                          "'fractal-exp[cuda]'); take device='cpu'")

@@ -1,4 +1,5 @@
-"""The page's JavaScript modules as one script: each keeps its text and its names, and gives the others what it exports.
+"""The page's JavaScript modules as one script: each keeps its names and its text, without the lines that are comments,
+and gives the others what it exports.
 
 A file cannot hold modules that import each other by name, and a build step would need tools that a clone lacks. So the
 modules keep to the few forms that are read here.
@@ -11,6 +12,7 @@ from collections.abc import Mapping
 
 IMPORT = re.compile(r'^import \{\s([^}]*?),?\s\} from "\./(\w+)\.mjs";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export ((?:async )?function|const|class) (\w+)", re.MULTILINE)
+COMMENT = re.compile(r"^[ \t]*(?://[^\n]*|/\*\*(?:(?!\*/).)*\*/)\n", re.MULTILINE | re.DOTALL)  # of whole lines
 ANY = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 
 
@@ -29,7 +31,7 @@ def _link(modules: Mapping[str, str], name: str, done: dict[str, str], path: tup
         return
     if name in path:
         raise ValueError(f"modules import each other in a circle: {' -> '.join([*path, name])}")
-    text, taken = modules[name], []
+    text, taken = COMMENT.sub("", modules[name]), []
     for names, source in IMPORT.findall(text):
         _link(modules, source, done, (*path, name))
         wanted = [each.strip() for each in names.split(",")]

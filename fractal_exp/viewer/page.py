@@ -33,10 +33,12 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> 
     It opens on `view`, or on the whole attractor; its zoom counts from there. The code is shown in its own coordinates:
     a view of the page is one of `fractal_exp.render`. still: a PNG of the whole, which stands where a browser runs no
     script or has no WebGL 2; it is left out where the page would be too large. The file has at most 200 000 bytes, and
-    its policy forbids it to load anything. Of the code's `meta` it takes the title and the name, as text. The maps can
-    be edited in the page, and taken along in another format.
+    its policy forbids it to load anything. Of the code's `meta` it takes the title and the name, as text. A code with
+    colours is shown in them; other colours can be chosen in the page. The maps can be edited in the page, and taken
+    along in another format.
 
-    Raises `InputError` on a code that is not contractive, has more than 1000 maps, or makes too large a page.
+    Raises `InputError` on a code that is not contractive, has more than 1000 maps, or makes too large a page, as nearly
+    a thousand maps with colours do.
     """
     check(code)
     home = whole(code)
@@ -96,13 +98,15 @@ def _plain(view: View) -> dict[str, float]:
 
 
 def _packed(code: IFS) -> dict[str, Any]:
-    """What the page holds of a code: rows a b c d e f and probabilities as float32 in base 64, title and name.
+    """What the page holds of a code: rows a b c d e f, probabilities and colours as float32 in base 64, title and name.
 
     Written out, a thousand maps would be too long for a page.
     """
     rows = torch.cat([code.linear.reshape(-1, 4), code.offset], 1)
     chances = code.probabilities
-    return {"rows": _base64(rows), "probabilities": None if chances is None else _base64(chances),
+    colours = None if code.colours is None else {"rgb": _base64(code.colours.rgb),
+                                                 "blends": _base64(code.colours.blends)}
+    return {"rows": _base64(rows), "probabilities": None if chances is None else _base64(chances), "colours": colours,
             "meta": {key: text for key in ("title", "name") if (text := _line(code.meta.get(key)))}}
 
 

@@ -162,10 +162,10 @@ def test_the_keyboard_alone_moves_zooms_and_goes_home(fern, open_page):
     opened.page.wait_for_selector("#picture:focus")  # where the keys go once the help is closed
     assert not opened.page.is_visible("#help")
     labels = []
-    for _ in range(8):
+    for _ in range(9):
         press("Tab")
         labels.append(opened.page.locator(":focus").get_attribute("aria-label"))
-    assert labels == ["Zoom in", "Zoom out", "Show the whole", "Edit the maps", "Swap light and dark",
+    assert labels == ["Zoom in", "Zoom out", "Show the whole", "Edit the maps", "Colours", "Swap light and dark",
                       "Copy the link to this view", "Save the picture as PNG", "Help"]
     press("Enter")
     assert opened.page.is_visible("#help") and opened.said == []

@@ -88,7 +88,7 @@ test("points thrown by hand light the subpixel that they fall into, once", () =>
   const target = { width: 4, height: 3, supersample: 2, byHand: canvasByHand(4, 3, 2) };
   const points = new Float32Array(2 * DRAW).fill(99);
   points.set([0.1, 0.1, 0.2, 0.2, 0.6, 0.1, -3, 0]);
-  throwByHand(target, words, new Uint16Array(DRAW), points, [0]);
+  throwByHand(target, words, new Uint16Array(DRAW), { points }, [0]);
   assert.deepEqual([...target.byHand.counts], [0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0]);
   assert.deepEqual([...target.byHand.subpixels.subarray(24, 28)], [1, 1, 0, 0]);
 });

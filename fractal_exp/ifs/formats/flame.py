@@ -38,8 +38,9 @@ class FlameFile(CodeFormat):
     the center and zoom of a `View` on the file's window. Palette, colours, quality, camera rotation and edit history
     are lost.
 
-    Writing keeps only `meta["name"]` of the notes. A code without probabilities gets those of the chaos game. The
-    camera shows the canvas [-1,1]², or a square around an attractor that does not fit into it.
+    Writing keeps only `meta["name"]` of the notes. The colours are those of a palette, because flam3's colour is a
+    place on one; a code's own colours are lost. A code without probabilities gets those of the chaos game. The camera
+    shows the canvas [-1,1]², or a square around an attractor that does not fit into it.
     """
 
     key, suffixes, several = "flame", (".flame", ".flam3"), True

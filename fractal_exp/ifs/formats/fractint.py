@@ -28,8 +28,8 @@ class Fractint(CodeFormat):
     Probabilities are divided by their sum if it is not 1. Entries in space are refused by name.
 
     `meta` gets `name` and the entry's `comment`. Name, title, source and comment are written, with underscores for what
-    the format does not allow in names; other notes are lost. Fractint needs probabilities, so a code without any is
-    written with those of the chaos game.
+    the format does not allow in names; other notes and colours are lost. Fractint needs probabilities, so a code
+    without any is written with those of the chaos game.
     """
 
     key, suffixes, several = "fractint", (".ifs",), True

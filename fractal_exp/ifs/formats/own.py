@@ -13,7 +13,7 @@ from .base import CodeFormat, Entry, check_count, only_one
 
 
 class Json(CodeFormat):
-    """This package's JSON: maps, probabilities and `meta`, without any loss.
+    """This package's JSON: maps, probabilities, colours and `meta`, without any loss.
 
     All three spellings can be read; see `IFS.from_json`.
     """
@@ -34,7 +34,8 @@ class Json(CodeFormat):
 
 
 class Lists(Json):
-    """JSON with `ifs_m` (N,2,2), `ifs_t` (N,2) and, if the code has probabilities, `ifs_p` (N,). `meta` is lost."""
+    """JSON with `ifs_m` (N,2,2), `ifs_t` (N,2) and, if the code has probabilities, `ifs_p` (N,). `meta` and
+    colours are lost."""
 
     key, suffixes = "lists", ()
 
@@ -45,7 +46,7 @@ class Lists(Json):
 
 
 class Rows(Json):
-    """JSON with a row a b c d e f for each map, and p if the code has probabilities. `meta` is lost."""
+    """JSON with a row a b c d e f for each map, and p if the code has probabilities. `meta` and colours are lost."""
 
     key, suffixes = "rows", ()
 

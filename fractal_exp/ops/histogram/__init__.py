@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from numba import get_num_threads
 from torch import Tensor
 
 from . import cpu as kernels
-from .cpu import DRY, GUIDE_BITS, LIT
+from .cpu import COUNTED, DRY, GUIDE_BITS
 
 TASKS = 64   # shares of the work, each with its own random stream: no result depends on the number of threads
 FEWER = 16   # shares for a tree that reuses points, because each share makes its own points; more threads stay idle
@@ -54,7 +55,10 @@ class AddressTree:
     """A contractive code prepared for sampling: `maps` (N,6), rows a b c d e f about `center`, and a rectangle about
     `center` with half sides `hull` (2,2, as columns) that certainly contains the attractor. A point x of the invariant
     measure is used under up to `reuse` words: f_v(x), f_w(x), …. With 8, a drawing takes half as long as with 1 and its
-    pixels are no noisier, but the brightness of large parts may vary up to twice as much."""
+    pixels are no noisier, but the brightness of large parts may vary up to twice as much.
+
+    `colours` (N,4), if any: the share 1 - b_i of a colour that map i keeps, and the b_i c_i that it adds (see
+    `ifs.colours`). A word's colour c -> k c + t is composed like its map."""
 
     maps: np.ndarray
     mass: np.ndarray
@@ -63,11 +67,13 @@ class AddressTree:
     hull: np.ndarray
     center: np.ndarray
     reuse: int = 1
+    colours: np.ndarray = field(default_factory=partial(np.empty, (0, 4)))
 
     @classmethod
     def of(cls, linear: Tensor, offset: Tensor, probabilities: Tensor, center: np.ndarray, hull: np.ndarray,
-           reuse: int = 1) -> AddressTree:
-        """From linear (N,2,2), offset (N,2), probabilities (N,), and the rectangle's center (2,) and hull (2,2)."""
+           reuse: int = 1, colours: tuple[Tensor, Tensor] | None = None) -> AddressTree:
+        """From linear (N,2,2), offset (N,2), probabilities (N,), the rectangle's center (2,) and hull (2,2), and maybe
+        colours: rgb (N,3) and blends (N,), some of whose maps with a blend above 0 have a probability above 0."""
         matrix, shift = linear.cpu().double().numpy(), offset.cpu().double().numpy()
         shift = matrix @ center + shift - center
         p = probabilities.cpu().double().numpy()
@@ -77,7 +83,7 @@ class AddressTree:
         guide = np.searchsorted(thresholds, np.arange(1 << GUIDE_BITS, dtype=np.uint64) << np.uint64(32 - GUIDE_BITS),
                                 side="right")
         return cls(np.column_stack([matrix.reshape(-1, 4), shift]), p / p.sum(), thresholds, guide.astype(np.uint16),
-                   hull, center, reuse)
+                   hull, center, reuse, np.empty((0, 4)) if colours is None else _folded(*colours))
 
     def within(self, window: Window) -> bool:
         """Whether the whole attractor certainly lies in the window."""
@@ -85,15 +91,20 @@ class AddressTree:
         return kernels.place(a, b, c, d, x, y, self.hull, float(window.size))[0] == 1
 
     def scatter(self, window: Window, thrown: float, *, seed: tuple[int, ...], canvas: np.ndarray | None = None,
-                mode: int = DRY, tasks: int | None = None, budget: float = math.inf) -> Tally:
+                sums: np.ndarray | None = None, mode: int = DRY, tasks: int | None = None, budget: float = math.inf
+                ) -> Tally:
         """Sort a Poisson number of points, `thrown` on average, into the pixels of `canvas`.
 
-        `canvas` is (1,S,S) uint8 for the mode LIT, (threads,S,S) uint32 for COUNTED (one plane for each of numba's
-        threads, to be added up), and unused for DRY. The points depend only on `seed`, not on the threads. If words and
-        points would exceed `budget`, the work stops unfinished, with only a part of the points.
+        `canvas` is (1,S,S) uint8 for the modes LIT and COLOURED, (threads,S,S) uint32 for COUNTED (one plane for each
+        of numba's threads, to be added up), and unused for DRY. `sums`, for COLOURED and a tree with colours, is
+        (threads,S/f,S/f,4) uint64 for pixels of f² parts: the points of a pixel, and the sums of their red, green and
+        blue times COLOUR_UNIT. The points depend only on `seed`, not on the threads, the mode or the colours. If words
+        and points would exceed `budget`, the work stops unfinished, with only a part of the points.
         """
         if canvas is None:
             canvas = np.empty((1, 1, 1), np.uint8)
+        if sums is None:
+            sums = np.empty((1, 1, 1, 4), np.uint64)
         reuse = 1 if mode == DRY else self.reuse  # weighing uses independent points
         tasks = tasks or (TASKS if self.reuse == 1 else FEWER)
         seeds = np.random.SeedSequence(seed).generate_state(tasks, np.uint64)
@@ -101,18 +112,19 @@ class AddressTree:
         each = min(budget / tasks, float(sys.maxsize // 2))
         size = float(window.size)
         jobs = self.cut(window, thrown, 8 * tasks, whole=reuse > 1)
-        tree = kernels.Tree(self.maps, self.mass, self.thresholds, self.guide, self.hull)
-        kernels.scatter(tree, size, jobs, each, seeds, canvas, mode, reuse, tally)
+        tree = kernels.Tree(self.maps, self.mass, self.thresholds, self.guide, self.hull, self.colours)
+        kernels.scatter(tree, size, jobs, each, seeds, kernels.Canvas(canvas, sums), mode, reuse, tally)
         kept, drawn, visited, cut_short = (int(total) for total in tally.sum(0))
         return Tally(kept, drawn, visited, cut_short == 0)
 
     def cut(self, window: Window, thrown: float, pieces: int, *, whole: bool = False) -> np.ndarray:
         """Words (J,8) that together hold the window's points when `thrown` points are thrown at the attractor. Each is
-        a map to pixels a b c d x y, the depth, and the expected number of points. A large word that lies in the window
-        is drawn in several parts, so that there are at least about `pieces` rows; with `whole`, it is split into longer
-        words instead, like all others."""
-        return kernels.cut(self.maps, self.mass, self.hull, float(window.size), self._root(window), float(thrown),
-                           pieces, whole)
+        a map to pixels a b c d x y, the depth, and the expected number of points; in a tree with colours, four more
+        numbers (J,12) are the share that the word keeps of a colour, and what it adds. A large word that lies in the
+        window is drawn in several parts, so that there are at least about `pieces` rows; with `whole`, it is split into
+        longer words instead, like all others."""
+        return kernels.cut(self.maps, self.mass, self.hull, self.colours, float(window.size), self._root(window),
+                           float(thrown), pieces, whole)
 
     def _root(self, window: Window) -> np.ndarray:
         """The empty word, as a map from points about `center` to pixels (column, row)."""
@@ -122,6 +134,17 @@ class AddressTree:
 
 def planes(size: int, mode: int) -> np.ndarray:
     """An empty canvas for `AddressTree.scatter`."""
-    if mode == LIT:
+    if mode != COUNTED:
         return np.zeros((1, size, size), np.uint8)
     return np.zeros((get_num_threads(), size, size), np.uint32)
+
+
+def colour_planes(size: int) -> np.ndarray:
+    """Empty sums of colours for `AddressTree.scatter` and an image of size² pixels."""
+    return np.zeros((get_num_threads(), size, size, 4), np.uint64)
+
+
+def _folded(rgb: Tensor, blends: Tensor) -> np.ndarray:
+    """What each map does to a colour, (N,4): the share that it keeps, and the red, green and blue that it adds."""
+    b = blends.cpu().double().numpy()[:, None]
+    return np.hstack([1 - b, b * rgb.cpu().double().numpy()])

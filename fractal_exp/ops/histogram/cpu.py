@@ -24,7 +24,11 @@ CUT = 4096           # words are split until each holds at most this fraction of
 MAX_DEPTH = 20_000   # of a word; deeper ones likewise
 GUIDE_BITS = 12      # the guide table inverts the cumulative probabilities to within one of its 4096 steps
 
-DRY, LIT, COUNTED = 0, 1, 2  # what becomes of a point: nothing, a 1 in its pixel, one more in its pixel
+# What becomes of a point: nothing, a 1 in its pixel, one more in its pixel, or a 1 in its part of a pixel and its
+# colour added to the pixel's.
+DRY, LIT, COUNTED, COLOURED = 0, 1, 2, 3
+COLOUR_UNIT = 65536.0  # of a colour's 1 in the sums, which are integers: no order of adding them changes the result
+PLACE, WITH_COLOUR = 8, 12  # numbers of a word without and with a colour
 
 GOLDEN = uint64(0x9E3779B97F4A7C15)
 MIX_1 = uint64(0xBF58476D1CE4E5B9)
@@ -32,31 +36,23 @@ MIX_2 = uint64(0x94D049BB133111EB)
 
 
 class Tree(NamedTuple):
-    """The arrays of an `AddressTree`, N maps: maps (N,6), mass (N,), thresholds (N,), guide (4096,), hull (2,2)."""
+    """The arrays of an `AddressTree`, N maps: maps (N,6), mass (N,), thresholds (N,), guide (4096,), hull (2,2), and
+    colours (N,4), the share that a map keeps of a colour and the red, green and blue that it adds; (0,4) without."""
 
     maps: np.ndarray
     mass: np.ndarray
     thresholds: np.ndarray
     guide: np.ndarray
     hull: np.ndarray
+    colours: np.ndarray
 
 
-@kernel(parallel=True)
-def box_mean(canvas, factor, out):
-    """The mean of each factor × factor block of canvas (S,S) uint8 of 0 and 1 into out (S // factor, S // factor)
-    float32; factor at most 255."""
-    scale = 1.0 / (factor * factor)
-    for row in prange(out.shape[0]):
-        sums = np.zeros(canvas.shape[1], np.uint8)  # of bytes, so that many are added at once
-        for i in range(factor):
-            line = canvas[row * factor + i]
-            for k in range(len(line)):
-                sums[k] += line[k]
-        for column in range(out.shape[1]):
-            total = 0
-            for j in range(factor):
-                total += sums[column * factor + j]
-            out[row, column] = total * scale
+class Canvas(NamedTuple):
+    """Where points are marked: pixels, or parts of pixels (1 or threads,S,S), and the sums of a pixel's colours, of
+    which there may be fewer (threads,S/f,S/f,4)."""
+
+    parts: np.ndarray
+    sums: np.ndarray
 
 
 @njit(inline="always")
@@ -136,57 +132,90 @@ def place(a, b, c, d, x, y, hull, size):
 
 
 @njit
-def _warm_up(maps, thresholds, guide, state):
-    """ORBITS points (ORBITS,2) of the invariant measure."""
-    orbits = np.zeros((ORBITS, 2))
+def _colour(colours, i, point):
+    """Give a point (5,) of place and colour the colour that it has after map i."""
+    for channel in range(3):
+        point[2 + channel] = colours[i, 0] * point[2 + channel] + colours[i, 1 + channel]
+
+
+@njit
+def _warm_up(tree, state):
+    """ORBITS points of the invariant measure, (ORBITS,2), or (ORBITS,5) with their colours."""
+    maps, colours = tree.maps, tree.colours
+    orbits = np.zeros((ORBITS, 5 if len(colours) else 2))
+    if len(colours):  # from the mean colour on, which slow blends would take long to reach
+        given = np.zeros(4)
+        for i in range(len(colours)):
+            given[0] += tree.mass[i] * (1 - colours[i, 0])
+            for channel in range(1, 4):
+                given[channel] += tree.mass[i] * colours[i, channel]
+        for j in range(ORBITS):
+            for channel in range(3):
+                orbits[j, 2 + channel] = given[1 + channel] / given[0]
     for j in range(ORBITS):
         x = y = 0.0
         for _ in range(BURN_IN):
             state, bits = _random(state)
-            x, y = _step(maps, _pick(bits, thresholds, guide), x, y)
+            i = _pick(bits, tree.thresholds, tree.guide)
+            x, y = _step(maps, i, x, y)
+            if len(colours):
+                _colour(colours, i, orbits[j])
         orbits[j, 0], orbits[j, 1] = x, y
     return state, orbits
 
 
 @njit
-def _new_pool(expected):
-    """Room for points (P,2) of the invariant measure, for a task of which so many are expected."""
+def _new_pool(expected, width):
+    """Room for points (P,width) of the invariant measure, for a task of which so many are expected."""
     size = LEAST_POOL
     while size < LARGEST_POOL and REFILLS * size <= expected:
         size *= 2
-    return np.empty((size, 2))
+    return np.empty((size, width))
 
 
 @njit
-def _fill(pool, maps, thresholds, guide, state, orbits):
-    """The next points of the orbits into the pool (P,2); the next random state. Those that follow each other in an
+def _fill(pool, tree, state, orbits):
+    """The next points of the orbits into the pool (P,2 or 5); the next random state. Those that follow each other in an
     orbit are alike where a map is slow, and would make a word's points clump: they are put .38 P from each other."""
+    maps, colours = tree.maps, tree.colours
     size = len(pool)
     length, stride = size // ORBITS, int(GOLDEN_RATIO * size) | 1
     for k in range(size):
         j = k & (ORBITS - 1)
         state, bits = _random(state)
-        x, y = _step(maps, _pick(bits, thresholds, guide), orbits[j, 0], orbits[j, 1])
+        i = _pick(bits, tree.thresholds, tree.guide)
+        x, y = _step(maps, i, orbits[j, 0], orbits[j, 1])
         orbits[j, 0], orbits[j, 1] = x, y
         shuffled = (j * length + k // ORBITS) * stride & (size - 1)
         pool[shuffled, 0], pool[shuffled, 1] = x, y
+        if len(colours):
+            _colour(colours, i, orbits[j])
+            for channel in range(2, 5):
+                pool[shuffled, channel] = orbits[j, channel]
     return state
 
 
 @njit
 def _throw(pool, begin, end, word, size, canvas, plane, mode):
-    """Put so much of the pool (P,2) under a word; how many points fell into the window."""
+    """Put so much of the pool (P,2 or 5) under a word; how many points fell into the window."""
     a, b, c, d, x, y = word[0], word[1], word[2], word[3], word[4], word[5]
-    kept = 0
+    parts, sums = canvas.parts, canvas.sums
+    kept, factor = 0, int(size) // sums.shape[1]
     for k in range(begin, end):
         px, py = pool[k, 0], pool[k, 1]
         column, row = a * px + (b * py + x), c * px + (d * py + y)
         if 0 <= column < size and 0 <= row < size:
             kept += 1
             if mode == LIT:
-                canvas[plane, int(row), int(column)] = 1
+                parts[plane, int(row), int(column)] = 1
             elif mode == COUNTED:
-                canvas[plane, int(row), int(column)] += 1
+                parts[plane, int(row), int(column)] += 1
+            elif mode == COLOURED:
+                parts[0, int(row), int(column)] = 1
+                pixel = sums[plane, int(row) // factor, int(column) // factor]
+                pixel[0] += 1
+                for channel in range(3):
+                    pixel[1 + channel] += int(COLOUR_UNIT * (word[8] * pool[k, 2 + channel] + word[9 + channel]) + 0.5)
     return kept
 
 
@@ -199,7 +228,7 @@ def _is_leaf(word, hull, size):
 
 
 @njit
-def _compose(word, maps, i, points, child):
+def _compose(word, maps, colours, i, points, child):
     """The word's child i with `points` under it."""
     a, b, c, d = word[0], word[1], word[2], word[3]
     child[0], child[1] = a * maps[i, 0] + b * maps[i, 2], a * maps[i, 1] + b * maps[i, 3]
@@ -207,6 +236,10 @@ def _compose(word, maps, i, points, child):
     child[4] = a * maps[i, 4] + (b * maps[i, 5] + word[4])
     child[5] = c * maps[i, 4] + (d * maps[i, 5] + word[5])
     child[6], child[7] = word[6] + 1, points
+    if len(colours):
+        child[8] = word[8] * colours[i, 0]
+        for channel in range(3):
+            child[9 + channel] = word[9 + channel] + word[8] * colours[i, 1 + channel]
 
 
 @njit
@@ -218,17 +251,20 @@ def _copy(source, target):
 
 
 @kernel()
-def cut(maps, mass, hull, size, root, thrown, pieces, whole):
+def cut(maps, mass, hull, colours, size, root, thrown, pieces, whole):
     """A cut of the tree: words (J,8) that share out the points of the window, none with much more than its share. A
-    word is its map to pixels a b c d x y, its depth, and the number of points to expect under it."""
-    n = len(maps)
-    words = np.zeros((1, 8))
+    word is its map to pixels a b c d x y, its depth, and the number of points to expect under it. With colours (N,4),
+    words (J,12) also have the share that they keep of a colour, and what they add to it."""
+    n, width = len(maps), WITH_COLOUR if len(colours) else PLACE
+    words = np.zeros((1, width))
     _copy(root, words[0])
     words[0, 7] = thrown
+    if len(colours):
+        words[0, 8] = 1.0
     visited, split = 0, True
     while split and visited < 64 * CUT:
         share = words[:, 7].sum() / (pieces if whole else CUT)
-        below, top, split = np.empty((n * len(words), 8)), 0, False
+        below, top, split = np.empty((n * len(words), width)), 0, False
         for word in words:
             visited += 1
             where, leaf = _is_leaf(word, hull, size)
@@ -239,13 +275,13 @@ def cut(maps, mass, hull, size, root, thrown, pieces, whole):
                 split = True
                 for i in range(n):
                     if mass[i] > 0:
-                        _compose(word, maps, i, word[7] * mass[i], below[top])
+                        _compose(word, maps, colours, i, word[7] * mass[i], below[top])
                         top += 1
         words = below[:top]
     if whole:
         return words
     piece = words[:, 7].sum() / pieces
-    jobs, top = np.empty((len(words) + pieces, 8)), 0
+    jobs, top = np.empty((len(words) + pieces, width)), 0
     for word in words:
         _, leaf = _is_leaf(word, hull, size)
         parts = int(word[7] / piece) + 1 if leaf else 1
@@ -259,12 +295,12 @@ def cut(maps, mass, hull, size, root, thrown, pieces, whole):
 @njit
 def _sample(jobs, tree, size, budget, state, canvas, plane, mode, reuse, done):
     """Work off a task's words, depth first; `done` (4,) receives its tally."""
-    maps, mass, thresholds, guide = tree.maps, tree.mass, tree.thresholds, tree.guide
-    n = len(maps)
-    state, orbits = _warm_up(maps, thresholds, guide, state)
-    pool, uses = _new_pool(jobs[:, 7].sum()), reuse
+    maps, mass, colours = tree.maps, tree.mass, tree.colours
+    n, width = len(maps), jobs.shape[1]
+    state, orbits = _warm_up(tree, state)
+    pool, uses = _new_pool(jobs[:, 7].sum(), orbits.shape[1]), reuse
     at, deepest = len(pool), 0.0
-    word, stack, top, job = np.empty(8), np.empty((64 * n, 8)), 0, 0
+    word, stack, top, job = np.empty(width), np.empty((64 * n, width)), 0, 0
     while top > 0 or job < len(jobs):
         if top == 0:
             _copy(jobs[job], word)
@@ -287,26 +323,27 @@ def _sample(jobs, tree, size, budget, state, canvas, plane, mode, reuse, done):
                 if at == len(pool):
                     at, uses = 0, uses + 1
                     if uses >= reuse:
-                        state, uses = _fill(pool, maps, thresholds, guide, state, orbits), 0
+                        state, uses = _fill(pool, tree, state, orbits), 0
                 taken = min(count, len(pool) - at)
                 done[0] += _throw(pool, at, at + taken, word, size, canvas, plane, mode)
                 at, count = at + taken, count - taken
             continue
         if top + n > len(stack):
-            taller = np.empty((2 * len(stack), 8))
+            taller = np.empty((2 * len(stack), width))
             for k in range(top):
                 _copy(stack[k], taller[k])
             stack = taller
         for i in range(n):
             if mass[i] > 0:
-                _compose(word, maps, i, word[7] * mass[i], stack[top])
+                _compose(word, maps, colours, i, word[7] * mass[i], stack[top])
                 top += 1
 
 
 @kernel(parallel=True)
 def scatter(tree, size, jobs, budget, seeds, canvas, mode, reuse, tally):
-    """Work off the words (J,8) of `cut` by as many tasks as there are seeds; tally (tasks,4) receives what they did."""
+    """Work off the words (J,8 or 12) of `cut` by as many tasks as there are seeds; tally (tasks,4) receives what they
+    did."""
     tasks = len(seeds)
     for task in prange(tasks):
-        plane = get_thread_id() if mode == COUNTED else 0
+        plane = get_thread_id() if mode == COUNTED or mode == COLOURED else 0
         _sample(jobs[task::tasks], tree, size, budget, seeds[task], canvas, plane, mode, reuse, tally[task])

@@ -7,11 +7,12 @@ export const MOST_MAPS = 1000; // of a code that is shown
 export class Refused extends Error {}
 
 /**
- * A code in plain form: {rows, probabilities, meta}. rows: a b c d e f of x' = a x + b y + e, y' = c x + d y + f;
- * probabilities: as many, or null; both are rounded to float32, in which the package keeps a code. Throws Refused on
- * numbers that are not finite, on a map that does not contract and on probabilities that are none.
+ * A code in plain form: {rows, probabilities, meta, colours}. rows: a b c d e f of x' = a x + b y + e, y' = c x + d y +
+ * f; probabilities: as many, or null; colours: {rgb, blends}, [r, g, b] and a number of each map in [0,1], or null. All
+ * are rounded to float32, in which the package keeps a code. Throws Refused on numbers that are not finite, on a map
+ * that does not contract, and on probabilities or colours that are none.
  */
-export function plainCode(rows, probabilities = null, meta = {}) {
+export function plainCode(rows, probabilities = null, meta = {}, colours = null) {
   checkCount(rows.length);
   const rounded = rows.map((row) => row.map(Math.fround));
   const chances = probabilities && probabilities.map(Math.fround);
@@ -26,7 +27,20 @@ export function plainCode(rows, probabilities = null, meta = {}) {
     throw new Refused(`map ${i + 1} does not contract: it has singular value ${Number(largest.toPrecision(6))}, and `
       + "must stay below 1; shrink its matrix or drop the map");
   });
-  return { rows: rounded, probabilities: chances, meta };
+  return { rows: rounded, probabilities: chances, meta, colours: colours && plainColours(colours, rows.length) };
+}
+
+function plainColours({ rgb, blends }, count) {
+  if (rgb.length !== count || blends.length !== count) {
+    throw new Refused(`the code has ${count} maps, colours of ${rgb.length} and ${blends.length} blends; give each map `
+      + "one, or leave colours out");
+  }
+  for (const [name, numbers] of [["rgb", rgb.flat()], ["blends", blends]]) {
+    if (numbers.every((number) => number >= 0 && number <= 1)) continue;
+    throw new Refused(`${name} must lie in [0, 1]`);
+  }
+  if (!blends.some((blend) => blend > 0)) throw new Refused("at least one blend must be above 0");
+  return { rgb: rgb.map((colour) => colour.map(Math.fround)), blends: blends.map(Math.fround) };
 }
 
 /** Throws Refused unless a page shows a code of so many maps. */
@@ -45,9 +59,10 @@ function checkProbabilities(chances, count) {
   }
 }
 
-/** A code made ready for drawing, {count, maps, chances}: maps is one array of all rows. */
-export function ready({ rows, probabilities }) {
-  return { count: rows.length, maps: Float64Array.from(rows.flat()), chances: chancesOf(rows, probabilities) };
+/** A code made ready for drawing, {count, maps, chances, plain}: maps is one array of all rows, plain the code. */
+export function ready(plain) {
+  const { rows, probabilities } = plain;
+  return { count: rows.length, maps: Float64Array.from(rows.flat()), chances: chancesOf(rows, probabilities), plain };
 }
 
 /** The code of the package's JSON, ready for drawing. Throws Refused on one that cannot be drawn. */
@@ -55,11 +70,21 @@ export function readCode({ linear, offset, probabilities }) {
   return ready(plainCode(linear.map((matrix, i) => [...matrix.flat(), ...offset[i]]), probabilities));
 }
 
-/** The code that a page holds: float32 numbers of its rows, and of its probabilities or null, in base 64. */
-export function unpacked({ rows, probabilities, meta }) {
+/** The code that a page holds: float32 numbers of its rows, and of its probabilities and colours or null, in base 64.
+ */
+export function unpacked({ rows, probabilities, colours, meta }) {
   const numbers = floats(rows);
   const list = Array.from({ length: numbers.length / 6 }, (_, i) => [...numbers.subarray(6 * i, 6 * i + 6)]);
-  return plainCode(list, probabilities && [...floats(probabilities)], meta);
+  return plainCode(list, probabilities && [...floats(probabilities)], meta, colours && unpackedColours(colours));
+}
+
+function unpackedColours({ rgb, blends }) {
+  const numbers = [...floats(rgb)];
+  return { rgb: list3(numbers), blends: [...floats(blends)] };
+}
+
+function list3(numbers) {
+  return Array.from({ length: numbers.length / 3 }, (_, i) => numbers.slice(3 * i, 3 * i + 3));
 }
 
 function floats(text) {

@@ -1,5 +1,5 @@
 // Changes of a code, each a new value, and the way back through them. A code is in plain form: {rows, probabilities,
-// meta}, as code.mjs has it. Where it has no probabilities of its own, every change leaves it without.
+// meta, colours}, as code.mjs has it. Where it has no probabilities of its own, every change leaves it without.
 
 import { chancesOf, largestSingularValue, total } from "./code.mjs";
 
@@ -67,16 +67,26 @@ export function withoutChances(code) {
   return { ...code, probabilities: null };
 }
 
-/** The code with one map more after map i; of given probabilities it gets the share `part`, by default the mean one. */
+/** The code with one map more after map i; of given probabilities it gets the share `part`, by default the mean one,
+ * and of given colours those of map i. */
 export function withAdded(code, i, row, part = 1 / code.rows.length) {
   const chances = code.probabilities && scaled(code.probabilities.toSpliced(i + 1, 0, part));
-  return { ...code, rows: code.rows.toSpliced(i + 1, 0, row.map(Math.fround)), probabilities: chances };
+  const rows = code.rows.toSpliced(i + 1, 0, row.map(Math.fround));
+  const colours = splicedColours(code, (list) => list.toSpliced(i + 1, 0, list[i]));
+  return { ...code, rows, probabilities: chances, colours };
+}
+
+/** Colours after a change of the lists of them, so that each map keeps its own; null where no map gives one. */
+function splicedColours({ colours = null }, change) {
+  const blends = colours && change(colours.blends);
+  return blends?.some((blend) => blend > 0) ? { rgb: change(colours.rgb), blends } : null;
 }
 
 /** The code without map i, which must not be the only one. */
 export function withoutMap(code, i) {
   const chances = code.probabilities && scaled(code.probabilities.toSpliced(i, 1));
-  return { ...code, rows: code.rows.toSpliced(i, 1), probabilities: chances };
+  const colours = splicedColours(code, (list) => list.toSpliced(i, 1));
+  return { ...code, rows: code.rows.toSpliced(i, 1), probabilities: chances, colours };
 }
 
 /** Numbers divided by their sum; equal ones where that is 0. */

@@ -59,6 +59,6 @@ export function keyMove(event) {
     "+": closer(STEP), "=": closer(STEP), "-": closer(1 / STEP), _: closer(1 / STEP),
     PageUp: closer(LEAP), PageDown: closer(1 / LEAP), Home: (moves) => moves.home(), 0: (moves) => moves.home(),
     i: (moves) => moves.swap(), s: (moves) => moves.save(), c: (moves) => moves.link(), "?": (moves) => moves.help(),
-    h: (moves) => moves.help(),
+    h: (moves) => moves.help(), p: (moves) => moves.colour(),
   }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
 }

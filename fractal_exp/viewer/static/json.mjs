@@ -6,7 +6,8 @@ import { plain } from "./reading.mjs";
 const FORMAT = "fractal-exp/ifs", VERSION = 1;
 const LARGEST = 3.4028234663852886e38; // of float32
 const DEEPEST = 500; // lists in lists
-const OWN = ["format", "version", "linear", "offset", "probabilities", "meta"], LISTS = ["ifs_m", "ifs_t", "ifs_p"];
+const OWN = ["format", "version", "linear", "offset", "probabilities", "colours", "meta"];
+const LISTS = ["ifs_m", "ifs_t", "ifs_p"];
 
 /** The one code of a JSON file. */
 export function readJson(text) {
@@ -74,7 +75,22 @@ function fromOwn(data) {
   if (typeof meta !== "object" || Array.isArray(meta)) throw new Refused("meta holds free notes by name (an object)");
   numbers("linear", data.linear);
   if (!hasShape(data.linear, [2, 2])) throw new Refused("linear must have shape (N, 2, 2) with N >= 1");
-  return fromParts(data.linear, data.offset, data.probabilities ?? null, ["offset", "probabilities"], meta);
+  const colours = data.colours ?? null;
+  if (colours !== null) checkColours(colours);
+  return fromParts(data.linear, data.offset, data.probabilities ?? null, ["offset", "probabilities"], meta, colours);
+}
+
+function checkColours(colours) {
+  if (typeof colours !== "object" || Array.isArray(colours)) {
+    throw new Refused("colours are an object with rgb and blends");
+  }
+  onlyKeys(colours, ["rgb", "blends"]);
+  const missing = ["rgb", "blends"].filter((key) => !Object.hasOwn(colours, key));
+  if (missing.length) throw new Refused(`the colours have no ${missing.join(" and no ")}`);
+  numbers("rgb", colours.rgb);
+  numbers("blends", colours.blends);
+  if (!hasShape(colours.rgb, [3])) throw new Refused("rgb must have shape (N, 3), red, green and blue of each map");
+  if (!hasShape(colours.blends, [])) throw new Refused("blends must be a list of numbers, one for each map");
 }
 
 function fromLists(data) {
@@ -87,7 +103,7 @@ function fromLists(data) {
   return fromParts(data.ifs_m, data.ifs_t, data.ifs_p ?? null, ["ifs_t", "ifs_p"], {});
 }
 
-function fromParts(linear, offset, probabilities, [offsetName, chanceName], meta) {
+function fromParts(linear, offset, probabilities, [offsetName, chanceName], meta, colours = null) {
   numbers(offsetName, offset);
   if (!hasShape(offset, [2]) || offset.length !== linear.length) {
     throw new Refused(`${offsetName} must have shape (${linear.length}, 2) as there are ${linear.length} matrices`);
@@ -95,7 +111,7 @@ function fromParts(linear, offset, probabilities, [offsetName, chanceName], meta
   if (probabilities !== null) numbers(chanceName, probabilities);
   const isList = probabilities === null || hasShape(probabilities, []);
   if (!isList) throw new Refused(`${chanceName} must be a list of numbers`);
-  return plainCode(linear.map((matrix, i) => [...matrix.flat(), ...offset[i]]), probabilities, meta);
+  return plainCode(linear.map((matrix, i) => [...matrix.flat(), ...offset[i]]), probabilities, meta, colours);
 }
 
 function fromRows(rows) {
@@ -135,14 +151,20 @@ function hasShape(value, sides) {
 }
 
 /** The package's own JSON, all of a code. */
-export function writeJson({ rows, probabilities, meta }) {
+export function writeJson({ rows, probabilities, meta, colours = null }) {
   const list = (items) => `[${items.join(", ")}]`;
   const linear = rows.map(([a, b, c, d]) => list([list([a, b].map(shortest)), list([c, d].map(shortest))]));
   const offset = rows.map(([, , , , e, f]) => list([e, f].map(shortest)));
   const chances = probabilities ? list(probabilities.map(shortest)) : "null";
   const lines = [`"format": "${FORMAT}"`, `"version": ${VERSION}`, `"linear": [\n  ${linear.join(",\n  ")}\n ]`,
-    `"offset": [\n  ${offset.join(",\n  ")}\n ]`, `"probabilities": ${chances}`, `"meta": ${JSON.stringify(meta)}`];
+    `"offset": [\n  ${offset.join(",\n  ")}\n ]`, `"probabilities": ${chances}`,
+    ...(colours ? [writtenColours(colours, list)] : []), `"meta": ${JSON.stringify(meta)}`];
   return `{\n ${lines.join(",\n ")}\n}\n`;
+}
+
+function writtenColours({ rgb, blends }, list) {
+  return `"colours": {"rgb": ${list(rgb.map((colour) => list(colour.map(shortest))))}, "blends": ${
+    list(blends.map(shortest))}}`;
 }
 
 /** Rows a b c d e f, and p where the code has probabilities. */

@@ -1,6 +1,8 @@
 // The page: a picture of the code, the hands on it, and the bar that tells where one is.
 
 import { ready, unpacked } from "./code.mjs";
+import { Colouring } from "./colouring.mjs";
+import { PLAIN, fromLink, rgbOf, toLink } from "./colours.mjs";
 import { Editor } from "./editor.mjs";
 import { keyMove, listenToPointers } from "./gestures.mjs";
 import { Picture } from "./picture.mjs";
@@ -19,10 +21,11 @@ const MILLION = 1e6;
 const $ = (id) => document.getElementById(id);
 const given = JSON.parse($("given").textContent);
 const surface = $("picture");
+const usual = { ...PLAIN, by: given.code.colours ? "own" : "plain" }; // choice of colours
 const calm = matchMedia("(prefers-reduced-motion: reduce)"), dark = matchMedia("(prefers-color-scheme: dark)");
 let home = given.home;
 let view = fromFragment(location.hash, least()) ?? given.view;
-let glide = null, swapped = false, picture = null, editor = null, writing = 0;
+let glide = null, swapped = false, picture = null, editor = null, colouring = null, writing = 0;
 
 /** The least zoom. */
 function least() {
@@ -46,7 +49,7 @@ function writeAddress() {
   writing = 0;
   $("said").textContent = `Zoom ${shownZoom(view.zoom / home.zoom)}`;
   try {
-    history.replaceState(null, "", toFragment(view));
+    history.replaceState(null, "", toFragment(view) + toLink(colouring.choice, usual));
   } catch {
     // a sandboxed frame may have no address of its own; the link is still offered as text
   }
@@ -115,6 +118,9 @@ const moves = {
   edit() {
     editor?.toggle();
   },
+  colour() {
+    colouring?.toggle();
+  },
 };
 
 /** What the editor knows of the page and makes of it. */
@@ -122,6 +128,7 @@ const page = {
   look: () => ({ view, sides: sides() }),
   draw(code) {
     picture.follow(ready(code));
+    colouring.offer(Boolean(code.colours));
   },
   open(to, meta) {
     home = to;
@@ -167,10 +174,18 @@ function note(text) {
   noteTimer = setTimeout(() => { $("note").textContent = ""; }, 2500);
 }
 
+/** Draw in the colours chosen. */
+function coloured(choice) {
+  picture.choose(choice);
+  paint();
+  writing ||= setTimeout(writeAddress, ADDRESS_EVERY);
+}
+
 function paint() {
   const light = dark.matches === swapped;
   document.documentElement.style.colorScheme = light ? "light" : "dark";
-  picture?.paint(...(light ? [[1, 1, 1], [0, 0, 0]] : [[0, 0, 0], [1, 1, 1]]));
+  const [ground, ink] = light ? [[1, 1, 1], [0, 0, 0]] : [[0, 0, 0], [1, 1, 1]], own = colouring?.choice.ground;
+  picture?.paint(own ? rgbOf(own) : ground, ink);
   $("do-swap").setAttribute("aria-pressed", String(swapped));
 }
 
@@ -206,7 +221,7 @@ function onKey(event) {
 
 function start() {
   $("title").textContent = given.title;
-  for (const name of ["home", "edit", "swap", "link", "save", "help"]) {
+  for (const name of ["home", "edit", "colour", "swap", "link", "save", "help"]) {
     $(`do-${name}`).addEventListener("click", moves[name]);
   }
   const middle = (factor) => () => moves.zoom(factor, sides()[0] / 2, sides()[1] / 2, true);
@@ -223,16 +238,23 @@ function start() {
   } catch (error) {
     surface.hidden = true;
     $("do-edit").hidden = true;
+    $("do-colour").hidden = true;
     note(`A still picture only: ${error.message}`);
     clearTimeout(noteTimer);
     return;
   }
+  const chosen = fromLink(location.hash, usual, Boolean(code.colours));
+  colouring = new Colouring(chosen, Boolean(code.colours), coloured);
+  picture.choose(chosen);
   editor = new Editor(code, home, surface, page);
   listenToPointers(surface, moves);
   document.addEventListener("keydown", onKey);
   addEventListener("hashchange", () => {
     const to = fromFragment(location.hash, least());
-    if (to) stopGliding(), go(to);
+    if (!to) return;
+    stopGliding();
+    go(to);
+    colouring.choose(fromLink(location.hash, usual, colouring.hasOwn));
   });
   dark.addEventListener("change", paint);
   new ResizeObserver(fit).observe(surface);

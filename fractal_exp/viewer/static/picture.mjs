@@ -1,5 +1,6 @@
 // A picture that draws itself: coarse while the view moves, then as fine as the package's `render`, then at rest.
 
+import { PLAIN, foldsOf, whiteOf } from "./colours.mjs";
 import { isSoftware, throwByHand } from "./hand.mjs";
 import { DRAW, POOL, Pool, placeIn, shareInView, shareOut } from "./points.mjs";
 import { randomNumbers } from "./random.mjs";
@@ -10,7 +11,8 @@ import { addressTree, cut } from "./words.mjs";
 const PER_SUBPIXEL = 50e6 / (1024 * 1024 * 64); // points in view, as `render` throws them by default
 const FINE = [8, 4, 2, 1]; // subpixels along a side of a pixel, the first that fits
 const COARSE = 2;
-const MOST_SUBPIXELS = 2 ** 26;
+const MOST_SUBPIXELS = { lit: 2 ** 26, colour: 2 ** 25, count: 2 ** 26 };
+const KINDS = { plain: "lit", density: "count" }; // of canvas, by choice; the others need colours
 const REST = 160; // ms after the last movement, until the fine picture begins
 const FIRST_SHOWN = 1 / 16; // of the fine picture's points: from then on it is no noisier than the coarse one
 const SHARPER = 1.6; // times as many points between one showing and the next
@@ -31,6 +33,7 @@ const MOST_THROWN = 40; // times the goal, where most points miss the view
 export class Picture {
   constructor(canvas, code, told, thrower = null) {
     Object.assign(this, { canvas, told, thrower });
+    Object.assign(this, { code, choice: PLAIN });
     this.tree = addressTree(code);
     this.random = randomNumbers(20_251);
     this.pool = new Pool(this.tree);
@@ -49,8 +52,8 @@ export class Picture {
   /** What belongs to the GPU, made anew after a context was lost too. */
   begin() {
     this.renderer = new Renderer(this.canvas);
-    this.renderer.setPoints(this.pool.points);
-    this.byHand = this.thrower ? this.thrower === "cpu" : isSoftware(this.renderer.name);
+    this.renderer.setPoints(this.pool.points, this.pool.shades);
+    this.software = this.thrower ? this.thrower === "cpu" : isSoftware(this.renderer.name);
     this.targets = {};
     this.busy = null;
     this.stage = null;
@@ -58,13 +61,37 @@ export class Picture {
     this.wake();
   }
 
+  /** The kind of canvas that the choice of colours needs. */
+  get kind() {
+    return this.tree.folds ? "colour" : KINDS[this.choice.by] ?? "lit";
+  }
+
+  /** Whether the processor throws the points: where it is quicker, and where the GPU cannot count. */
+  get byHand() {
+    return this.software || (this.kind === "count" && !this.renderer?.counts);
+  }
+
   /** Draw another code from now on, in the same view. */
   follow(code) {
-    this.tree = addressTree(code);
+    const before = this.kind;
+    this.code = code;
+    this.tree = addressTree(code, foldsOf(code.plain, this.choice));
     this.pool.follow(this.tree);
-    if (this.renderer && !this.byHand) this.renderer.setPoints(this.pool.points);
+    if (this.kind !== before) this.forget();
+    if (this.renderer && !this.byHand) this.renderer.setPoints(this.pool.points, this.pool.shades);
     this.followed = true;
     if (this.view) this.look(this.view);
+  }
+
+  /** Draw in other colours: {by, palette, tone}, see colours.mjs. A density's palette and tone need no new points. */
+  choose(choice) {
+    const before = this.choice;
+    this.choice = choice;
+    const same = before.by === choice.by && (before.palette === choice.palette || ["plain", "own", "density"]
+      .includes(choice.by));
+    if (same) return this.showAgain();
+    this.forget();
+    return this.follow(this.code);
   }
 
   /** Look at {x, y, zoom}. */
@@ -90,9 +117,9 @@ export class Picture {
 
   /** Show once more what was shown last; the canvas can be read until this task ends. */
   showAgain() {
-    if (this.shown && this.renderer) {
-      this.renderer.show(this.shown.target, this.shown.done, this.colours.ground, this.colours.ink);
-    }
+    if (!this.shown || !this.renderer) return;
+    const { target, done, mean, white } = this.shown, { palette, tone } = this.choice;
+    this.renderer.show(target, done, { ...this.colours, palette, tone, mean, white });
   }
 
   wake() {
@@ -119,7 +146,7 @@ export class Picture {
     this.busy = null;
     this.draws = Math.min(MOST_DRAWS, Math.max(1, Math.round(this.draws * Math.min(1.6, Math.max(0.4, ratio)))));
     if (this.byHand || this.thrower || took < SLOW * draws || draws > 2) return;
-    this.byHand = true;
+    this.software = true;
     this.forget();
     this.stage = null;
   }
@@ -135,19 +162,22 @@ export class Picture {
     const { width, height } = this.canvas;
     if (name === "fine" && this.pool.filled < POOL) {
       this.pool.fill();
-      if (!this.byHand) this.renderer.setPoints(this.pool.points);
+      if (!this.byHand) this.renderer.setPoints(this.pool.points, this.pool.shades);
     }
-    const target = (this.targets[name] ??= this.renderer.target(width, height, this.supersample(name), this.byHand));
+    const { kind, byHand } = this;
+    const target = (this.targets[name] ??= this.renderer.target(width, height, this.supersample(name), byHand, kind));
     this.renderer.clear(target);
-    const goal = PER_SUBPIXEL * width * height * target.supersample ** 2;
+    const side = kind === "count" ? { coarse: COARSE, fine: FINE[0] }[name] : target.supersample;
+    const goal = PER_SUBPIXEL * width * height * side ** 2;
     this.stage = { name, target, goal, thrown: 0, kept: 0, shownAt: 0, done: false };
     this.cut();
   }
 
   supersample(name) {
     const { width, height } = this.canvas;
+    if (this.kind === "count") return 1;
     const most = Math.min(this.renderer.mostTexels / Math.max(width, height),
-      Math.sqrt(MOST_SUBPIXELS / (width * height)));
+      Math.sqrt(MOST_SUBPIXELS[this.kind] / (width * height)));
     const fine = FINE.find((side) => side <= most) ?? 1;
     return name === "fine" ? fine : Math.min(COARSE, fine);
   }
@@ -189,9 +219,9 @@ export class Picture {
 
   throwPoints(offsets) {
     const { stage, renderer, pool } = this, renewed = pool.renew();
-    if (this.byHand) return throwByHand(stage.target, stage.words, this.slots, pool.points, offsets);
+    if (this.byHand) return throwByHand(stage.target, stage.words, this.slots, pool, offsets);
     renderer.setSlots(this.slots);
-    for (const [first, points] of renewed) renderer.setPoints(points, first);
+    for (const [first, points, shades] of renewed) renderer.setPoints(points, shades, first);
     renderer.throwPoints(stage.target, offsets);
   }
 
@@ -200,7 +230,9 @@ export class Picture {
     const due = done >= SHARPER * stage.shownAt && (stage.name === "coarse" || done >= FIRST_SHOWN);
     if (!(due || stage.done)) return;
     stage.shownAt = done;
-    this.shown = { target: stage.target, done: stage.done ? 1 : done };
+    const mean = Math.max(stage.kept, 1) / (stage.target.width * stage.target.height);
+    const white = this.kind === "count" ? whiteOf(this.renderer.someCounts(stage.target), mean) : 1;
+    this.shown = { target: stage.target, done: stage.done ? 1 : done, mean, white };
     this.showAgain();
   }
 

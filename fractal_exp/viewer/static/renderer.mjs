@@ -1,47 +1,19 @@
 // WebGL 2: points thrown under words into a canvas of subpixels, and the share of them that is lit as a picture.
 //
 // A word comes as one affine map to clip space, so that single precision is enough at any zoom: the points beside it
-// are of the attractor's size, and the word brings them to the window's. Every point sets its subpixel to 1; the mean
-// over a pixel's subpixels is the third level of the canvas's mipmap.
+// are of the attractor's size, and the word brings them to the window's. There are three kinds of canvas. "lit": every
+// point sets its subpixel to 1; the mean over a pixel's subpixels is a level of the canvas's mipmap. "colour": every
+// point gives its subpixel its colour. "count": every point adds 1 to its pixel.
 
-import { canvasByHand } from "./hand.mjs";
+import { STOPS, stopsOf } from "./colours.mjs";
+import { canvasByHand, clearByHand, colouredByHand } from "./hand.mjs";
 import { DRAW, POOL } from "./points.mjs";
+import {
+  ACROSS, COVER, LIGHT, SHOW, SHOW_COLOUR, TEXELS, THROW, THROW_IN_COLOUR, TINT, showDensity,
+} from "./shaders.mjs";
 import { MOST_WORDS } from "./words.mjs";
 
-const ACROSS = 64; // words in a row of their texture, two texels each
-
-const THROW = `#version 300 es
-layout(location = 0) in vec2 point;
-layout(location = 1) in uint slot;
-uniform highp sampler2D words;
-void main() {
-  int word = int(slot);
-  ivec2 at = ivec2(2 * (word % ${ACROSS}), word / ${ACROSS});
-  vec4 linear = texelFetch(words, at, 0), shift = texelFetch(words, at + ivec2(1, 0), 0);
-  gl_Position = vec4(linear.xy * point.x + linear.zw * point.y + shift.xy, 0.0, 1.0);
-  gl_PointSize = 1.0;
-}`;
-const LIGHT = `#version 300 es
-precision mediump float;
-out vec4 colour;
-void main() { colour = vec4(1.0); }`;
-const COVER = `#version 300 es
-void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0); }`;
-// With a share f of the points thrown, a share s of a pixel's subpixels is lit; with all of them it will be about
-// 1 - (1 - s)^(1/f), so that a picture does not grow brighter while it grows sharper.
-const SHOW = `#version 300 es
-precision highp float;
-uniform highp sampler2D canvas;
-uniform int level;
-uniform float done, scale;
-uniform vec3 ground, ink;
-out vec4 colour;
-void main() {
-  ivec2 size = textureSize(canvas, level), at = ivec2(gl_FragCoord.xy);
-  at.y = scale == 1.0 ? at.y : size.y - 1 - at.y; // what is thrown by hand has its first row on top
-  float lit = min(1.0, scale * texelFetch(canvas, min(at, size - 1), level).r);
-  colour = vec4(mix(ground, ink, 1.0 - pow(1.0 - lit, 1.0 / done)), 1.0);
-}`;
+const SAMPLED_ROWS = 48; // of a canvas of counts, from which the palette's end is taken
 
 /** Throws points into a canvas; throws an Error where WebGL 2 is absent. */
 export class Renderer {
@@ -49,46 +21,54 @@ export class Renderer {
     this.gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
     if (!this.gl) throw new Error("this browser has no WebGL 2");
     const { gl } = this;
-    this.throwing = program(gl, THROW, LIGHT);
-    this.showing = program(gl, COVER, SHOW);
+    this.throwing = { lit: program(gl, THROW, LIGHT), colour: program(gl, THROW_IN_COLOUR, TINT) };
+    this.throwing.count = this.throwing.lit;
+    this.showing = {
+      lit: program(gl, COVER, SHOW), colour: program(gl, COVER, SHOW_COLOUR),
+      count: program(gl, COVER, showDensity(STOPS)),
+    };
+    this.counts = Boolean(gl.getExtension("EXT_color_buffer_float") && gl.getExtension("EXT_float_blend"));
+    this.formats = { lit: gl.R8, colour: gl.RGBA8, count: gl.R32F };
     const names = gl.getExtension("WEBGL_debug_renderer_info");
     this.name = String(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
     this.mostTexels = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     this.words = texture(gl, gl.TEXTURE_2D);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, 2 * ACROSS, MOST_WORDS / ACROSS);
-    this.texels = new Float32Array(8 * MOST_WORDS);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, TEXELS * ACROSS, MOST_WORDS / ACROSS);
+    this.texels = new Float32Array(4 * TEXELS * MOST_WORDS);
     this.points = buffer(gl, 8 * (POOL + DRAW));
+    this.shades = buffer(gl, 4 * (POOL + DRAW));
     this.slots = buffer(gl, 2 * DRAW);
     this.array = gl.createVertexArray();
     this.empty = gl.createVertexArray();
     gl.bindVertexArray(this.array);
     gl.enableVertexAttribArray(0);
     gl.enableVertexAttribArray(1);
+    gl.enableVertexAttribArray(2);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.slots);
     gl.vertexAttribIPointer(1, 1, gl.UNSIGNED_SHORT, 0, 0);
   }
 
   /**
-   * An empty canvas of width × height pixels with supersample² subpixels each, supersample a power of two up to 8.
-   * One that is filled by hand lies in the processor's memory, and a texture takes the number of lit subpixels.
+   * An empty canvas, of one of the kinds, of width × height pixels with supersample² subpixels each, supersample a
+   * power of two up to 8, or 1 for counts. One that is filled by hand lies in the processor's memory, and a texture
+   * takes what is to be shown of it.
    */
-  target(width, height, supersample, byHand) {
-    const { gl } = this;
-    if (byHand) {
-      const canvas = texture(gl, gl.TEXTURE_2D);
-      gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R8, width, height);
-      byHand = canvasByHand(width, height, supersample);
-      return { canvas, frame: null, level: 0, width, height, supersample, byHand };
-    }
-    const level = Math.log2(supersample);
+  target(width, height, supersample, byHand, kind = "lit") {
+    const { gl } = this, format = this.formats[kind];
     const canvas = texture(gl, gl.TEXTURE_2D);
-    gl.texStorage2D(gl.TEXTURE_2D, level + 1, gl.R8, width * supersample, height * supersample);
+    if (byHand) {
+      gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
+      byHand = canvasByHand(width, height, supersample, kind);
+      return { kind, canvas, frame: null, level: 0, side: 1, width, height, supersample, byHand };
+    }
+    const level = Math.min(Math.log2(supersample), kind === "lit" ? Infinity : 1);
+    gl.texStorage2D(gl.TEXTURE_2D, level + 1, format, width * supersample, height * supersample);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAX_LEVEL, level);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST_MIPMAP_NEAREST);
     const frame = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, canvas, 0);
-    return { canvas, frame, level, width, height, supersample };
+    return { kind, canvas, frame, level, side: supersample >> level, width, height, supersample };
   }
 
   remove(target) {
@@ -98,32 +78,34 @@ export class Renderer {
 
   clear(target) {
     const { gl } = this;
-    target.byHand?.subpixels.fill(0);
-    target.byHand?.counts.fill(0);
-    if (target.byHand) return;
+    if (target.byHand) return clearByHand(target.byHand);
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
-    gl.clearColor(0, 0, 0, 1);
+    gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
+    return undefined;
   }
 
   /** The words of a cut, with the window folded in. */
   setWords(words, width, height) {
-    const { gl, texels } = this, { maps } = words;
+    const { gl, texels } = this, { maps, folds } = words;
     for (let n = 0; n < words.count; n++) {
-      const m = 6 * n;
+      const m = 6 * n, at = 4 * TEXELS * n;
       texels.set([(2 * maps[m]) / width, (-2 * maps[m + 2]) / height, (2 * maps[m + 1]) / width,
-        (-2 * maps[m + 3]) / height, (2 * maps[m + 4]) / width - 1, 1 - (2 * maps[m + 5]) / height, 0, 0], 8 * n);
+        (-2 * maps[m + 3]) / height, (2 * maps[m + 4]) / width - 1, 1 - (2 * maps[m + 5]) / height, 0, 0], at);
+      if (folds) texels.set(folds.subarray(4 * n, 4 * n + 4), at + 8);
     }
     const rows = Math.ceil(words.count / ACROSS);
     gl.bindTexture(gl.TEXTURE_2D, this.words);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 2 * ACROSS, rows, gl.RGBA, gl.FLOAT, texels);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, TEXELS * ACROSS, rows, gl.RGBA, gl.FLOAT, texels);
   }
 
-  /** Points of the pool, as floats x y, from `first` on. */
-  setPoints(points, first = 0) {
+  /** Points of the pool, as floats x y, and their colours, as bytes r g b and one unused, from `first` on. */
+  setPoints(points, shades, first = 0) {
     const { gl } = this;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.points);
     gl.bufferSubData(gl.ARRAY_BUFFER, 8 * first, points);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.shades);
+    gl.bufferSubData(gl.ARRAY_BUFFER, 4 * first, shades);
   }
 
   setSlots(slots) {
@@ -137,36 +119,73 @@ export class Renderer {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
     gl.viewport(0, 0, target.width * target.supersample, target.height * target.supersample);
-    gl.useProgram(this.throwing);
+    gl.useProgram(this.throwing[target.kind]);
     gl.bindTexture(gl.TEXTURE_2D, this.words);
     gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.points);
+    if (target.kind === "count") gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE);
     for (const offset of offsets) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.points);
       gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 8 * offset);
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.shades);
+      gl.vertexAttribPointer(2, 4, gl.UNSIGNED_BYTE, true, 0, 4 * offset);
       gl.drawArrays(gl.POINTS, 0, DRAW);
     }
+    gl.disable(gl.BLEND);
   }
 
-  /** Show the target, of whose points the share `done` in (0,1] was thrown; colours are [r, g, b] in [0,1]. */
-  show(target, done, ground, ink) {
-    const { gl } = this;
+  /** Counts of the points in some rows of a target that counts. */
+  someCounts({ width, height, frame, byHand }) {
+    const step = Math.max(1, Math.floor(height / SAMPLED_ROWS)), counts = [];
+    const read = new Float32Array(4 * width), { gl } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    for (let row = step >> 1; row < height; row += step) {
+      if (byHand) counts.push(...byHand.points.subarray(row * width, (row + 1) * width));
+      else gl.readPixels(0, row, width, 1, gl.RGBA, gl.FLOAT, read);
+      if (!byHand) for (let column = 0; column < width; column++) counts.push(read[4 * column]);
+    }
+    return counts;
+  }
+
+  /**
+   * Show the target, of whose points the share `done` in (0,1] was thrown. look: {ground, ink}, colours [r, g, b] in
+   * [0,1], and for counts {palette, tone, mean, white}: the mean count of a pixel, and the density at the palette's
+   * end.
+   */
+  show(target, done, look) {
+    const { gl } = this, using = this.showing[target.kind], { byHand, supersample } = target;
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, target.width, target.height);
-    gl.useProgram(this.showing);
+    gl.useProgram(using);
     gl.bindVertexArray(this.empty);
     gl.bindTexture(gl.TEXTURE_2D, target.canvas);
-    if (target.byHand) {
-      gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-      const { width, height, byHand } = target;
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RED, gl.UNSIGNED_BYTE, byHand.counts);
-    } else if (target.level > 0) gl.generateMipmap(gl.TEXTURE_2D);
-    const set = (name) => gl.getUniformLocation(this.showing, name);
+    if (byHand) this.upload(target);
+    else if (target.level > 0) gl.generateMipmap(gl.TEXTURE_2D);
+    const set = (name) => gl.getUniformLocation(using, name); // null, which sets nothing, for what a kind does not need
     gl.uniform1i(set("level"), target.level);
+    gl.uniform1i(set("side"), target.side);
+    gl.uniform1i(set("byHand"), byHand ? 1 : 0);
     gl.uniform1f(set("done"), Math.min(1, done));
-    gl.uniform1f(set("scale"), target.byHand ? 255 / target.supersample ** 2 : 1);
-    gl.uniform3fv(set("ground"), ground);
-    gl.uniform3fv(set("ink"), ink);
+    gl.uniform1f(set("scale"), byHand ? 255 / supersample ** 2 : 1);
+    gl.uniform3fv(set("ground"), look.ground);
+    gl.uniform3fv(set("ink"), look.ink);
+    if (target.kind === "count") {
+      for (const name of ["mean", "white", "tone"]) gl.uniform1f(set(name), look[name]);
+      gl.uniform3fv(set("palette"), stopsOf(look.palette));
+    }
     gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** Give the texture what was thrown by hand. */
+  upload({ kind, width, height, byHand }) {
+    const { gl } = this;
+    const [format, type, data] = {
+      lit: () => [gl.RED, gl.UNSIGNED_BYTE, byHand.counts],
+      colour: () => [gl.RGBA, gl.UNSIGNED_BYTE, colouredByHand(byHand)],
+      count: () => [gl.RED, gl.FLOAT, byHand.points],
+    }[kind]();
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, format, type, data);
   }
 
   /** A function that tells whether the GPU has done all that was asked of it until now. */

@@ -6,6 +6,7 @@
 // any zoom. Where a code's maps overlap, more words meet a window than can be kept: then some are drawn by lot and
 // stand for the rest (systematic resampling, which is unbiased), and each cut draws others.
 
+import { foldedWord } from "./colours.mjs";
 import { boundingRectangle } from "./hull.mjs";
 
 export const MOST_WORDS = 4096; // that are handed to the GPU
@@ -14,8 +15,9 @@ const SMALL = 1 / 8; // of the window's side: a word that reaches no further is 
 const DIMENSION = 1.5; // about that of most attractors: how mass falls with size
 const STRIDE = 9; // of a word: a b c d x y to pixels, mass, node of its address, reach
 
-/** A code made ready for cutting: maps about the middle of the rectangle that holds the attractor for certain. */
-export function addressTree(code) {
+/** A code made ready for cutting: maps about the middle of the rectangle that holds the attractor for certain, and what
+ * they make of a colour, see `foldsOf`, or null. */
+export function addressTree(code, folds = null) {
   const hull = boundingRectangle(code);
   const maps = Float64Array.from(code.maps);
   for (let i = 0; i < code.count; i++) {
@@ -23,7 +25,7 @@ export function addressTree(code) {
     maps[6 * i + 4] = a * hull.x + b * hull.y + e - hull.x;
     maps[6 * i + 5] = c * hull.x + d * hull.y + f - hull.y;
   }
-  return { count: code.count, maps, chances: code.chances, hull };
+  return { count: code.count, maps, chances: code.chances, hull, folds };
 }
 
 /** A list of words, in one array of doubles that grows. */
@@ -224,7 +226,8 @@ class Cutting {
  * corner. maps: rows a b c d x y from points about the hull's middle to pixels (column, row); mass: of each; total: the
  * sum; common: the letters with which every word in the view begins; heaviest: the letters of the heaviest one;
  * sampled: whether words were drawn by lot, so that another cut gives others; finished: whether the budget of `visits`
- * sufficed. most: words across the edge that are followed at once. `random` gives numbers in [0,1).
+ * sufficed; folds: what each makes of a colour, keep r g b, where the tree has folds. most: words across the edge that
+ * are followed at once. `random` gives numbers in [0,1).
  */
 export function cut(tree, window, { random = Math.random, visits = 600_000, most = 512 } = {}) {
   const cutting = new Cutting(tree, window, random, visits, most);
@@ -241,8 +244,9 @@ export function cut(tree, window, { random = Math.random, visits = 600_000, most
     if (heaviest < 0 || mass[n] > mass[heaviest]) heaviest = n;
   }
   const nodes = Array.from({ length: count }, (_, n) => leaves.data[n * STRIDE + 7]);
+  const folds = tree.folds && Float32Array.from(nodes.flatMap((node) => foldedWord(tree.folds, letters.spell(node))));
   return {
-    count, maps, mass, total: leaves.mass(), sampled, finished, visited,
+    count, maps, mass, total: leaves.mass(), sampled, finished, visited, folds,
     common: commonLetters(nodes, letters),
     heaviest: heaviest < 0 ? [] : letters.spell(nodes[heaviest]),
   };

@@ -1,0 +1,6 @@
+"""Colours of a code from a picture in colour."""
+
+from .error import colour_error
+from .fitting import fitted
+
+__all__ = ["colour_error", "fitted"]

@@ -256,8 +256,8 @@ def test_the_library_fits_in_one_call(picture):
     assert torch.equal(code.linear, again.linear)
     with pytest.raises(InputError, match="there is no method 'magic'; choose one of collage, chaotic"):
         invert(picture, method="magic")
-    with pytest.raises(InputError, match="has no option 'colour'; it takes"):
-        invert(picture, colour=3)
+    with pytest.raises(InputError, match="has no option 'shade'; it takes"):
+        invert(picture, shade=3)
 
 
 def test_importing_the_package_is_light():

@@ -2,10 +2,11 @@
 
     python -m benchmarks.import_orders --record benchmarks/results/import_orders.jsonl
 
-Every measurement is a process of its own; the orders take turns, so that what else the machine does falls on all of
-them. Timed are a chaos game of 2000 x 250, a torch operation on a million numbers, and both in turns; alone, and
-beside a process that keeps as many cores busy as half of them. What counts is the ratio to the best order, of the
-medians over rounds; a time is the lower quartile of its repetitions.
+Every measurement is a process of its own. In each round every order is measured once, so that whatever else the machine
+does falls on all of them. Timed are a chaos game of 2000 x 250, a torch operation on a million numbers, and both in
+turns; alone, and beside processes that keep half of the cores busy. The time of a process is the lower quartile of its
+repetitions. It is divided by the median over the orders of its round. The ratio of an order is the geometric mean over
+the rounds, with a 95% interval: single processes are slower by half now and then, whatever their order.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import statistics
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+import numpy as np
+
+from fractal_exp.evaluation.summary import bootstrap_interval
 
 from . import record
 from .environment import ROOT
@@ -71,24 +75,26 @@ def busy_processes(count: int) -> Iterator[None]:
             other.wait()
 
 
-def ratios(rounds: list[dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:
-    """By kind of work and order: the median time over the rounds, as a multiple of the best order's."""
-    result = {}
+def ratios(rounds: list[dict[str, dict[str, float]]]) -> dict[str, dict[str, list[float]]]:
+    """By kind of work and order: the ratio to the usual time of a round, and the ends of its interval."""
+    result: dict[str, dict[str, list[float]]] = {}
     for kind in next(iter(rounds[0].values())):
-        medians = {order: statistics.median(each[order][kind] for each in rounds) for order in ORDERS}
-        result[kind] = {order: median / min(medians.values()) for order, median in medians.items()}
+        times = np.array([[each[order][kind] for order in ORDERS] for each in rounds])
+        logs = np.log(times / np.median(times, axis=1, keepdims=True))
+        result[kind] = {order: [float(np.exp(value)) for value in (column.mean(), *bootstrap_interval(column))]
+                        for order, column in zip(ORDERS, logs.T, strict=True)}
     return result
 
 
 def worst(report: dict) -> dict[str, float]:
     """The ratio of the slowest order, by state and kind of work."""
-    return {f"{kind}, {state}: slowest / best order": max(by_order.values())
+    return {f"{kind}, {state}: slowest order": max(ratio for ratio, *_ in by_order.values())
             for state in STATES if state in report for kind, by_order in report[state]["ratio"].items()}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=7, help="processes of each order (default 7)")
+    parser.add_argument("--rounds", type=int, default=12, help="processes of each order (default 12)")
     parser.add_argument("--repeats", type=int, default=60, help="repetitions in each (default 60)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="add a line of JSON to this file")
     arguments = parser.parse_args()
@@ -99,7 +105,8 @@ def main() -> None:
             rounds = [{order: measure(order, arguments.repeats) for order in ORDERS} for _ in range(arguments.rounds)]
         report[state] = {"ratio": ratios(rounds), "milliseconds": rounds}
         for kind, by_order in report[state]["ratio"].items():
-            print(f"{state}, {kind}: " + ", ".join(f"{order} {ratio:.2f}" for order, ratio in by_order.items()))
+            print(f"{state}, {kind}: " + "; ".join(
+                f"{order} {ratio:.2f} [{low:.2f}, {high:.2f}]" for order, (ratio, low, high) in by_order.items()))
     if arguments.record:
         record.append(arguments.record, "import_orders", report, worst(report))
 

@@ -23,7 +23,7 @@ OVER_A_BOX = 0.02       # share of the gap to 1 by which a code's F1 must exceed
 RECOVERED, FEW_MAPS = 0.985, 12   # F1 within a pixel at which a code of at most so many maps is no accident
 SHAPE_RIGHT = 0.95      # F1 within a pixel at which the shape is right, though grey levels may be wrong
 SMALL = 2.0             # a picture that was enlarged more is small
-LATE = "time limit"     # in `stopped` if a search ran out of time
+TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
 MORE_TIME = 4           # factor on the time that is suggested
 OTHER_LEVELS = {"density": "coverage", "coverage": "density", "binary": "coverage"}
 
@@ -103,7 +103,7 @@ def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | No
     if picture is not None and picture.doubtful:
         other = str(not picture.inverted).lower()
         yield "the other polarity", f"invert={other}, if the shape is what was taken for the background"
-    if LATE in stopped and options.get("seconds"):
+    if TIME_LIMIT in stopped and options.get("seconds"):
         yield "more time", f"more time: seconds={MORE_TIME * float(options['seconds']):g}"
     if picture is not None and picture.scale > SMALL:
         yield "a larger picture", f"a larger picture: the shape was enlarged {picture.scale:.2g} times"

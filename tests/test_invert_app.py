@@ -118,6 +118,11 @@ def test_options_reach_the_method_and_the_reader(folder, method, capsys):
     (["gasket.png", "--set", "moves"], "--set takes KEY=VALUE, such as search.moves=10, got 'moves'"),
     (["gasket.png", "--set", "rounds=2", "rounds.x=1"], "rounds has a value already, and is no component"),
     (["gasket.png", "--set", "moves.cont=3"], "there is no parameter moves.cont; did you mean 'count'"),
+    (["gasket.png", "--set", "seed=3"], "--set seed=3: seed is no parameter of the method; use --seed"),
+    (["gasket.png", "--set", "clean=false"], "clean is no parameter of the method; use --as-it-is"),
+    (["gasket.png", "--set", "progress=true"], "progress is no parameter of the method$"),
+    (["gasket.png", "--secnds", "9"], "unrecognized arguments: --secnds 9; did you mean '--seconds'?"),
+    (["gasket.png", "moves.root=0"], "unrecognized arguments: moves.root=0; write --set moves.root=0"),
     (["gasket.png", "--seconds", "0"], "seconds must be above 0"),
     (["film.mp4"], "film.mp4 is a video; save one of its frames"),
 ])
@@ -127,7 +132,7 @@ def test_an_error_is_one_line_before_any_work(folder, words, message, capsys):
         app.main(words)
     error = capsys.readouterr().err
     assert left.value.code == 2 and error.count("\n") == 1 and error.startswith("fractal-invert: error: ")
-    assert re.search(message, error)
+    assert re.search(message, error, re.MULTILINE)
     assert not (folder / "gasket-fractal").exists()
 
 

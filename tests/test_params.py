@@ -106,12 +106,12 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    ({"moves": {"reorient": -1}}, "moves.reorient must be at least 0.0, got -1"),
+    ({"moves": {"reorient": -1}}, "moves.reorient must be at least 0, got -1"),
     ({"moves": {"reorient": float("nan")}}, "moves.reorient must be a finite number, got nan"),
     ({"moves": {"reorint": 1}}, "there is no parameter moves.reorint; did you mean 'reorient'"),
-    ({"search": {"slack": 1.0}}, "search.slack must be below 1.0, got 1.0"),
+    ({"search": {"slack": 1.0}}, "search.slack must be at least 0 and below 1, got 1.0"),
     ({"search": {"restarts": 2.5}}, "search.restarts must be a whole number, got 2.5"),
-    ({"search": {"mix": {"largest": 1.2}}}, "search.mix.largest must be below 1.0, got 1.2"),
+    ({"search": {"mix": {"largest": 1.2}}}, "search.mix.largest must be above 0 and below 1, got 1.2"),
     ({"births": {"large": [0.1]}}, "births.large.1 is needed"),
     ({"frame": {"enabled": "yes"}}, "frame.enabled must be true or false, got 'yes'"),
     ({"levels": "colour"}, "levels must be 'auto', 'density', 'linear', 'dots', 'coverage' or 'binary', got 'colour'"),
@@ -120,27 +120,27 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
                                 "likeness to be reached, not two; got maps=3 and at_most=4"),
     ({"likeness": 0.9, "bytes": 96}, "give one of the number of maps (maps), its upper bound (at_most or bytes) and "
                                      "the likeness to be reached, not two; got likeness=0.9 and bytes=96"),
-    ({"likeness": 1.5}, "likeness must be at most 1.0, got 1.5"),
-    ({"likeness": 0.0}, "likeness must be above 0.0, got 0.0"),
+    ({"likeness": 1.5}, "likeness must be at most 1, got 1.5"),
+    ({"likeness": 0.0}, "likeness must be above 0, got 0.0"),
     ({"bytes": 12}, "bytes must be at least 24, got 12"),
     ({"growth": {"counts": []}}, "growth.counts must be a list of at least 1 values, got ()"),
     ({"births": {"large": [0.9, 0.4]}}, "births.large must be a lower and an upper end, got [0.9, 0.4]"),
-    ({"births": {"small": [0, 0.4]}}, "births.small.0 must be above 0.0, got 0"),
+    ({"births": {"small": [0, 0.4]}}, "births.small.0 must be above 0, got 0"),
     ({"births": {"blob_steps": 0}}, "births.blob_steps must be at least 1, got 0"),
-    ({"moves": {"sizes": [0.1, 1.0]}}, "moves.sizes.1 must be below 1.0, got 1.0"),
+    ({"moves": {"sizes": [0.1, 1.0]}}, "moves.sizes.1 must be below 1, got 1.0"),
     ({"moves": {"widths": []}}, "moves.widths must be a list of at least 1 values, got ()"),
     ({"moves": {"visible_shares": []}}, "moves.visible_shares must be a list of at least 1 values, got ()"),
-    ({"moves": {"visible_shares": [0.5, 0]}}, "moves.visible_shares.1 must be above 0.0, got 0"),
+    ({"moves": {"visible_shares": [0.5, 0]}}, "moves.visible_shares.1 must be above 0, got 0"),
     ({"moves": {"root_orders": []}}, "moves.root_orders must be a list of at least 1 values, got ()"),
     ({"gauss_newton": {"strides": []}}, "gauss_newton.strides must be a list of at least 1 values, got ()"),
     ({"canonical": {"nudges": []}}, "canonical.nudges must be a list of at least 1 values, got ()"),
     ({"search": {"grid": 48}}, "search.grid must be a power of two, got 48"),
-    ({"moves": {"grid": 2048}}, "moves.grid must be at most 1024, got 2048"),
+    ({"moves": {"grid": 2048}}, "moves.grid must be at least 16 and at most 1024, got 2048"),
     ({"births": {"blob_grid": 40}}, "births.blob_grid must be a power of two, got 40"),
-    ({"search": {"accept": {"steps": 10**7}}}, "search.accept.steps must be at most 1000000, got 10000000"),
+    ({"search": {"accept": {"steps": 10**7}}}, "search.accept.steps must be at least 0 and at most 1000000, got 10000000"),
     ({"saturation": {"window": 2}}, "saturation.window must be odd, got 2"),
     ({"lines": {"finer": 4}}, "lines.finer must be odd, got 4"),
-    ({"lines": {"shortest": 1.0}}, "lines.shortest must be below 1.0, got 1.0"),
+    ({"lines": {"shortest": 1.0}}, "lines.shortest must be at least 0 and below 1, got 1.0"),
     ({"camera": {"points_per_pixel": float("inf")}}, "camera.points_per_pixel must be a finite number, got inf"),
     ({"stages": {"detail_share": 0.4}}, "stages.detail_share must be at least mixture_share, which is 0.45; got 0.4"),
     ({"stages": {"largest_side": 2048}}, "stages.full_side must be at least largest_side, which is 2048; got 1024"),
@@ -151,9 +151,9 @@ def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
 
 
 @pytest.mark.parametrize(("words", "message"), [
-    (["method.moves.reorient=-1"], "method.moves.reorient must be at least 0.0, got -1"),
+    (["method.moves.reorient=-1"], "method.moves.reorient must be at least 0, got -1"),
     (["method.search.slack=x"], "method.search.slack must be a number, got 'x'"),
-    (["restarts=0"], "method.search.restarts must be at least 1, got 0"),
+    (["restarts=0"], "method.search.restarts must be at least 1 and at most 1000, got 0"),
     (["method.maps=3", "method.at_most=4"], "not two"),
 ])
 def test_hydra_says_it_with_the_same_words(words, message):

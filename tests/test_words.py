@@ -59,6 +59,7 @@ def said(program, arguments: list[str], monkeypatch, capsys) -> str:
     (["--config-dir", "nowhere"], "there is no folder"),
     (["--config-name", "nothing"], "there is no configuration 'nothing'"),
     (["--multirn"], "there is no option --multirn; did you mean '--multirun'"),
+    (["--mthod=collage"], "there is no option --mthod; did you mean 'method'?"),
     (["--seed", "3"], "settings are written without dashes: seed=VALUE"),
     (["model=null"], "the command cannot be carried out"),
     (["picture=a.png", "target=known"], "picture=a.png and target=known both name a target"),
@@ -184,6 +185,8 @@ SQUARE = np.pad(np.ones((32, 20), np.float32), ((16, 16), (22, 22)))
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"map": 3}, "the method 'collage' has no option 'map'; did you mean 'maps'"),
+    ({"restarts": 3}, "the method 'collage' has no option 'restarts'; did you mean search.restarts?"),
+    ({"levels": "densty"}, "got 'densty'; did you mean 'density'?"),
     ({"seconds": "a"}, "seconds must be a number or None, got 'a'"),
     ({"seed": 1.5}, "seed must be a whole number, got 1.5"),
     ({"maps": True}, "maps must be a whole number, got True"),

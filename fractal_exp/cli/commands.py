@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 from .. import codes
 from ..errors import InputError, did_you_mean
@@ -29,9 +30,23 @@ class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFor
         return action.help if quiet else super()._get_help_string(action)
 
 
+class _Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are `InputError`, with what an unknown word may have meant."""
+
+    def error(self, message: str) -> NoReturn:
+        found = re.search(r"unrecognized arguments: (\S+)", message)
+        raise InputError(f"{message}{self._hint(found[1]) if found else ''}")
+
+    def _hint(self, word: str) -> str:
+        name = word.split("=")[0]
+        if name.startswith("-"):
+            return did_you_mean(name, [flag for flag in self._option_string_actions if flag.startswith("--")])
+        return f"; write --set {word}" if name != word and "--set" in self._option_string_actions else ""
+
+
 def command_parser(program: str, description: str) -> argparse.ArgumentParser:
     """An argument parser that knows -1.5e-6 for a number, which Python's own takes for an option until 3.14."""
-    parser = argparse.ArgumentParser(program, description=description, formatter_class=Raw)
+    parser = _Parser(program, description=description, formatter_class=Raw)
     parser._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
     return parser
 

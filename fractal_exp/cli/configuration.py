@@ -162,9 +162,9 @@ def _check_against_signature(constructor: Any, given: dict[str, Any], path: str)
         takes = {name: each for name, each in takes.items() if name != "options"}
     unknown = sorted(set(given) - set(takes))
     if unknown:
-        near = did_you_mean(unknown[0], takes)
-        raise InputError(f"unknown key {path}.{unknown[0]}{near}{'' if near else ';'} {constructor.__name__} takes "
-                         f"{', '.join(takes)}")
+        names = [*takes, *(params.model_fields if params else ())]
+        near = did_you_mean(unknown[0], names) or ";"
+        raise InputError(f"unknown key {path}.{unknown[0]}{near} {constructor.__name__} takes {', '.join(names)}")
     variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     needed = [name for name, parameter in takes.items()
               if parameter.default is inspect.Parameter.empty and parameter.kind not in variadic]

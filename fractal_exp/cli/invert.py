@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ..api import INTERRUPTED, invert
+from ..api import INTERRUPTED, OWN, invert
 from ..errors import InputError
 from ..images.reading import read_target
 from ..inversion import Inversion
@@ -22,6 +22,8 @@ from .commands import command, command_parser, make_folder
 LARGEST_OVERLAY = 4096  # pixels of the picture's longer side
 RENDERING = 1024        # pixels a side
 POLARITIES = {"auto": "auto", "true": True, "false": False}
+FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "seed", "seconds", "colour")}
+FLAGS["clean"] = "--as-it-is"
 
 DESCRIPTION = """Find the code of the self-similar shape on a picture: the few affine maps whose attractor it is.
 
@@ -100,6 +102,9 @@ def parse_settings(words: list[str]) -> dict[str, Any]:
         *folders, last = key.split(".")
         if not (equals and text and all([*folders, last])):
             raise InputError(f"--set takes KEY=VALUE, such as search.moves=10, got {word!r}")
+        if (first := key.split(".")[0]) in OWN:
+            flag = f"; use {FLAGS[first]}" if first in FLAGS else ""
+            raise InputError(f"--set {word}: {first} is no parameter of the method{flag}")
         inner = settings
         for folder in folders:
             inner = inner.setdefault(folder, {})

@@ -1,5 +1,5 @@
-"""What stands on the command line of a program that Hydra composes: checked, completed and, where it is wrong,
-explained in one line."""
+"""Check and complete the words on the command line of a program that Hydra composes, and explain in one line what is
+wrong with them."""
 
 from __future__ import annotations
 
@@ -132,8 +132,10 @@ def _settings(words: Sequence[str], vocabulary: Vocabulary) -> list[str]:
         name = word.split("=", 1)[0]
         if word.startswith("--") and name not in flags and not any(flag.startswith(name) for flag in flags):
             bare = name.lstrip("-").replace("-", "_")
-            raise InputError(f"settings are written without dashes: {bare}=VALUE instead of {name}"
-                             if bare in vocabulary else f"there is no option {name}{did_you_mean(name, flags)}")
+            if bare in vocabulary:
+                raise InputError(f"settings are written without dashes: {bare}=VALUE instead of {name}")
+            near = did_you_mean(name, flags) or did_you_mean(bare, vocabulary.keys(), most=1)
+            raise InputError(f"there is no option {name}{near}")
 
     def refuse(message: str) -> None:
         raise InputError(f"{message}; --help tells how the program is called")

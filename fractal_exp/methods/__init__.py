@@ -1,4 +1,4 @@
-"""How a code is got from an image: one folder per method, one contract (`base.Method`)."""
+"""Methods that recover a code from an image: one folder per method, one contract (`base.Method`)."""
 
 from __future__ import annotations
 
@@ -49,8 +49,10 @@ def check_options(build: Callable[..., Method], name: str, options: Mapping[str,
         options = {key: value for key, value in options.items() if key not in own}
     for option, value in options.items():
         if option not in takes:
-            near = did_you_mean(option, [*takes, *others], most=1)
-            raise InputError(f"the method {name!r} has no option {option!r}{near or ';'} it takes "
+            inner = [] if params is None else [full for full, _ in params.leaves() if full.endswith(f".{option}")]
+            near = (f"; did you mean {' or '.join(inner)}?" if inner
+                    else did_you_mean(option, [*takes, *others], most=1) or ";")
+            raise InputError(f"the method {name!r} has no option {option!r}{near} it takes "
                              f"{', '.join([*takes, *(params.model_fields if params else ())])}")
         try:
             _checker(build, option).validate_python(value.item() if isinstance(value, np.generic) else value)

@@ -18,7 +18,7 @@ from ..runtime.params import Params
 SHOWN = {"loss": "↓", "error": "↓", "held_out": "↓", "mean_code": "", "bicubic": "", "other_pictures": "",
          "temperature": "", "maps": ""}  # scalars; an arrow says which way is better
 ALL_DONE = "all stages done"
-LATE = 0.95  # of a time limit: a method that ends after it, and does not say why, has skipped what was left
+NEARLY_ALL = 0.95  # of a time limit: a method that ends after it, and does not say why, has skipped what was left
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class CodeReconstruction(Reconstruction):
 
 
 class Method(ABC):
-    """How a reconstruction is got from an image. A method knows no tracker, no file names and no configuration.
+    """Recovers a reconstruction from an image. A method knows no tracker, no file names and no configuration.
 
     Params: the class of its parameters, where it has one; its fields are options of the constructor.
     """
@@ -123,7 +123,7 @@ def stop_reason(reconstruction: Reconstruction, limit: float | None, seconds: fl
     """Why a method stopped, in words: as it says itself, or by the time that it took against its limit in seconds."""
     if isinstance(reconstruction, CodeReconstruction) and reconstruction.stopped:
         return reconstruction.stopped
-    return time_is_up(limit) if limit is not None and seconds > LATE * limit else ALL_DONE
+    return time_is_up(limit) if limit is not None and seconds > NEARLY_ALL * limit else ALL_DONE
 
 
 def time_is_up(limit: float) -> str:

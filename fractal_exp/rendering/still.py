@@ -203,8 +203,8 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
 def _address_tree(code: IFS, reuse: int = 1, *, with_colours: bool = False) -> AddressTree:
     """The code with the smallest rectangle that certainly contains its attractor. Raises `InputError` if colours are
     wanted and there are none."""
-    chances = code.sampling_probabilities()
-    colours = _colours(code, chances) if with_colours else None
+    probabilities = code.sampling_probabilities()
+    colours = _colours(code, probabilities) if with_colours else None
     h = attractor.support_function(code)
     quarter = len(h) // 4
     # Widths and middles along direction k and across it.
@@ -215,14 +215,14 @@ def _address_tree(code: IFS, reuse: int = 1, *, with_colours: bool = False) -> A
     center = axes @ np.array([h[k] - h[k + 2 * quarter], h[k + quarter] - h[k + 3 * quarter]]) / 2
     slack = 1 + 1e-9  # covers the rounding of all this
     hull = axes * np.array([along[k], across[k]]) / 2 * slack
-    return AddressTree.of(code.linear, code.offset, chances, center, hull, reuse, colours)
+    return AddressTree.of(code.linear, code.offset, probabilities, center, hull, reuse, colours)
 
 
-def _colours(code: IFS, chances: Tensor) -> tuple[Tensor, Tensor]:
+def _colours(code: IFS, probabilities: Tensor) -> tuple[Tensor, Tensor]:
     if code.colours is None:
         raise InputError('the code has no colours to draw; invert(..., colour=True) finds them in a picture, '
                          'IFS(..., colours=Colours(rgb, blends)) gives them, and mode="occupancy" draws without')
-    if not bool((code.colours.blends.cpu() * chances.cpu() > 0).any()):
+    if not bool((code.colours.blends.cpu() * probabilities.cpu() > 0).any()):
         raise InputError("every map of the code with a blend above 0 has the probability 0, so no point gets a colour; "
                          "give another map a blend above 0")
     return code.colours.rgb, code.colours.blends

@@ -126,8 +126,9 @@ def _checked_notes(data: bytes) -> dict[str, Any]:
         raise InputError("it is damaged or cut short")
     found = re.search(re.escape(DIGEST).replace(b"%s", b"([0-9a-f]{64})"), data[8:8 + length])
     if found is None:
-        earlier = "; an earlier one wrote it, which can go on from it" if EARLIER in data[8:8 + length] else ""
-        raise InputError(f"it is no checkpoint of this version, which have a checksum{earlier}")
+        if EARLIER in data[8:8 + length]:
+            raise InputError("an earlier version of fractal-exp wrote it; resume with that version")
+        raise InputError("it is no checkpoint of this version, which have a checksum")
     if _digest(data.replace(found[0], DIGEST % BLANK, 1)) != found[1]:
         raise InputError("it is damaged: its bytes do not give its checksum")
     header = json.loads(data[8:8 + length])["__metadata__"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import textwrap
 from collections.abc import Iterator
 from typing import Annotated, Any, Self
@@ -21,13 +22,15 @@ Odds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Interval = tuple[Amount, Amount]
 
 NAME = "\0"
-RANGES = {  # kinds of pydantic's errors -> what was expected, from what it says of the limit
-    "greater_than_equal": "at least {ge}", "greater_than": "above {gt}", "less_than_equal": "at most {le}",
-    "less_than": "below {lt}", "finite_number": "a finite number", "int_type": "a whole number",
+EXPECTED = {  # kinds of pydantic's errors -> what was expected, from what it says of the limit
+    "greater_than_equal": "at least {ge:.10g}", "greater_than": "above {gt:.10g}", "less_than_equal": "at most {le:.10g}",
+    "less_than": "below {lt:.10g}", "finite_number": "a finite number", "int_type": "a whole number",
     "float_type": "a number", "bool_type": "true or false", "string_type": "a text",
     "literal_error": "{expected}", "model_type": "a mapping of settings", "tuple_type": "a list",
     "too_short": "a list of at least {min_length} values", "too_long": "a list of at most {max_length} values",
 }
+BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+OUTSIDE = ("greater_than_equal", "greater_than", "less_than_equal", "less_than")   # kinds of errors: out of range
 
 
 class Params(BaseModel):
@@ -44,7 +47,7 @@ class Params(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _as_written(cls, values: Any) -> Any:
-        """As YAML and JSON write them; and NumPy's numbers are numbers."""
+        """Accept lists as tuples, as YAML and JSON write them, and NumPy's scalars as numbers."""
         if not isinstance(values, dict):
             return values
         return {name: _plain(value) for name, value in values.items()}
@@ -106,9 +109,19 @@ def _explained(kind: type[Params], error: ValidationError) -> ParamError:
         return ParamError(name, f"there is no parameter {NAME}{near}")
     if first["type"] == "missing":
         return ParamError(name, f"{NAME} is needed, and was not given")
-    told = RANGES.get(first["type"])
+    told, near = EXPECTED.get(first["type"]), ""
     expected = told.format(**first.get("ctx", {})) if told else first["msg"].lower()
-    return ParamError(name, f"{NAME} must be {expected}, got {first['input']!r}")
+    if first["type"] in OUTSIDE and name in kind.model_fields:
+        expected = _range(kind.model_fields[name]) or expected
+    if first["type"] == "literal_error":
+        near = did_you_mean(str(first["input"]), re.findall(r"'([^']*)'", expected), most=1)
+    return ParamError(name, f"{NAME} must be {expected}, got {first['input']!r}{near}")
+
+
+def _range(info: FieldInfo) -> str:
+    """The bounds of a field in words, "at least 0 and below 1"; empty if none are its own."""
+    return " and ".join(f"{words} {getattr(limit, sign):.10g}" for limit in info.metadata
+                        for sign, words in BOUNDS.items() if getattr(limit, sign, None) is not None)
 
 
 def as_yaml(params: Params, interpolated: dict[str, str], indent: int = 0, prefix: str = "") -> str:

@@ -14,7 +14,7 @@ import urllib.request
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from .addresses import database_path, shown
 from .building import artifacts, hide_default
 from .client import ENVIRONMENT, connect
@@ -104,7 +104,9 @@ def _experiment(client: MlflowClient, name: str | None) -> Experiment:
     if name is not None:
         found = next((experiment for experiment in known if experiment.name == name), None)
         if found is None:
-            raise InputError(f"there is no study {name!r}; choose one of {sorted(each.name for each in known)}")
+            names = sorted(each.name for each in known)
+            near = did_you_mean(name, names) or ";"
+            raise InputError(f"there is no study {name!r}{near} it has {', '.join(names) or 'none'}")
         return found
     newest = known and client.search_runs([experiment.experiment_id for experiment in known], max_results=1,
                                           order_by=["attributes.start_time DESC"])

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from ..runtime.extras import need
 from ..runtime.files import check_file
 from .addresses import database_path, shown
@@ -33,7 +33,8 @@ def runs_frame(uri: str, experiment: str, where: str = "") -> pd.DataFrame:
     found = client.get_experiment_by_name(experiment)
     if found is None:
         names = sorted(e.name for e in pages(client.search_experiments) if e.name != "Default")
-        raise InputError(f"{shown(uri)} has no study {experiment!r}; it has {names}")
+        near = did_you_mean(experiment, names) or ";"
+        raise InputError(f"{shown(uri)} has no study {experiment!r}{near} it has {', '.join(names) or 'none'}")
     rows = [
         {"run_id": run.info.run_id, "name": run.info.run_name, "status": run.info.status,
          "start_time": run.info.start_time, "end_time": run.info.end_time,

@@ -30,7 +30,7 @@ def sizes(quick: int, slow: int):
     return pytest.mark.parametrize("count", [quick, pytest.param(slow, marks=pytest.mark.slow)])
 
 
-@sizes(2, 60)
+@sizes(2, 75)
 def test_an_output_folder_works_whatever_interrupted_the_making_of_its_store(count, tmp_path):
     found = campaign("store_trials.py", "kills", tmp_path, count, SEED)
     assert found["tried"] >= count and found["failures"] == []

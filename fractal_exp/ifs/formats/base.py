@@ -129,8 +129,8 @@ def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any]) ->
                              "them all out")
         weights = weights if abs(total - 1) <= NORMALISED else [weight / total for weight in weights]
     table = torch.tensor(rows, dtype=torch.float64)
-    chances = None if weights is None else torch.tensor(weights, dtype=torch.float64)
-    return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:], chances, meta).check_contractive()
+    probabilities = None if weights is None else torch.tensor(weights, dtype=torch.float64)
+    return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:], probabilities, meta).check_contractive()
 
 
 def check_count(maps: int) -> None:

@@ -67,10 +67,10 @@ class Amortized(Pretrained):
         return CodeReconstruction(code, "one pass of the network done", evaluations=0)
 
 
-def chosen(chances: Tensor, present: float, fewest: int) -> Tensor:
+def chosen(probabilities: Tensor, present: float, fewest: int) -> Tensor:
     """The numbers of the maps whose chance (M,) is high enough, or of the `fewest` likeliest ones, in their order."""
-    order = chances.argsort(descending=True, stable=True)
-    count = max(int((chances >= present).sum()), min(fewest, len(chances)))
+    order = probabilities.argsort(descending=True, stable=True)
+    count = max(int((probabilities >= present).sum()), min(fewest, len(probabilities)))
     return order[:count].sort().values
 
 

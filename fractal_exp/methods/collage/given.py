@@ -14,7 +14,7 @@ OPTIONS = {"rounds": 1, "growth": {"enabled": False}}   # another round, or grow
 def found_already(code: IFS) -> Snapshot:
     """What a checkpoint holds of a search whose first round has found `code`, and has yet to judge it by renderings.
 
-    Gone on from with `OPTIONS`, the search improves the code.
+    A search that is resumed from it with `OPTIONS` improves the code.
     """
     best = Candidate(from_code(code).float(), code.probabilities, float("inf"))
     return State(done=(0, Detail.order, 0), best=best).snapshot()

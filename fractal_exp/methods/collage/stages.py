@@ -245,8 +245,8 @@ class DrawnMoves(ImageMoves):
 
 
 class DrawnLastDigits(LastDigits):
-    """`LastDigits` for a picture that others drew, which determines digits less precisely. Maps that become
-    superfluous are removed."""
+    """`LastDigits` for a picture that others drew, which determines digits less precisely. Maps that are no
+    longer worth their price are removed."""
 
     @property
     def canonical(self) -> CanonicalParams:

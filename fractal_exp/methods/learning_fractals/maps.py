@@ -67,7 +67,7 @@ def to_pixels(points: Tensor, side: int) -> Tensor:
     return ((points + HALF_CANVAS) * ((side - 1) / (2 * HALF_CANVAS))).clamp(0, side - 1)
 
 
-def chances(linear: Tensor) -> Tensor:
+def probabilities(linear: Tensor) -> Tensor:
     """|det M| over their sum (N,), uniform where all of them vanish."""
     size = torch.linalg.det(linear.detach().double()).abs() + 1e-12
     return (size / size.sum()).to(linear.dtype)

@@ -97,7 +97,7 @@ class LearningFractalsWalk(Walk):
         linear = affine.matrices(raw)
         points = sequence(linear, raw["b"], affine.fixed_point(linear[0], raw["b"][0]),
                           sequences=self.params.sequences, length=self.params.points,
-                          probabilities=affine.chances(linear), seed=seed)
+                          probabilities=affine.probabilities(linear), seed=seed)
         return blob_error(affine.to_pixels(points, len(self.image)), self.image)
 
     def _adam(self, state: State, raw: Mapping[str, Tensor], number: int) -> dict[str, Tensor]:
@@ -131,7 +131,7 @@ class LearningFractalsWalk(Walk):
     def draw(self, state: State) -> Tensor:
         linear, offset = affine.matrices(_under("best/", state)), state["best/b"]
         points = sequence(linear, offset, affine.fixed_point(linear[0], offset[0]), sequences=1,
-                          length=20 * self.params.points, probabilities=affine.chances(linear), seed=self.seed)
+                          length=20 * self.params.points, probabilities=affine.probabilities(linear), seed=self.seed)
         row, column = affine.to_pixels(points[0], len(self.image)).round().long().unbind(-1)
         drawn = torch.zeros_like(self.image)
         drawn[row, column] = 1

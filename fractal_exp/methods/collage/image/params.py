@@ -125,7 +125,7 @@ class MoveParams(Params):
     root_error: Amount = 30.0
     """A root is tried if its error is at most this factor times the error before, or times `root_least`."""
     root_least: Amount = 0.5
-    """Least value that stands for the error before."""
+    """Lower limit of the error before in this test."""
     root_maps: Positive = 10
     """Maximum number of maps of a hopeless code whose roots are tried."""
     root_orders: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (2, 3)

@@ -271,7 +271,7 @@ class CameraParams(Params):
     depths: Positive = 3
     """Number of depths, the likeliest ones, at which the code is polished first."""
     plausible: PositiveShare = 0.7
-    """A depth is polished further if the least error is at least this share of its own."""
+    """Only depths whose error is at most the least error divided by this are polished further."""
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (3, 4)
     """Maximum number of maps in each search for a trunk and its branches, in a picture that the maps of stage 2 do not
     draw; empty: no such search."""

@@ -20,8 +20,9 @@ from fractal_exp.tracking import building
 
 LEFT_OUT = pytest.StashKey[int]()
 MAKES = building._make
-LONGEST = ("test_editing.py", "test_in_chromium.py", "test_cuda.py", "test_studio_session.py", "test_collage.py",
-           "test_sweeps.py", "test_notebooks.py", "test_train.py", "test_studio.py", "test_params.py")
+LONGEST = ("test_editing.py", "test_in_chromium.py", "test_widget_in_chromium.py", "test_exchange.py", "test_cuda.py",
+           "test_studio_session.py", "test_collage.py", "test_sweeps.py", "test_notebooks.py", "test_train.py",
+           "test_studio.py", "test_params.py")
 
 
 @pytest.fixture(scope="session")

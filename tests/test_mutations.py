@@ -10,7 +10,9 @@ def test_every_mutation_still_applies_and_names_tests_that_there_are():
     mutations = load()
     assert len({mutation.name for mutation in mutations}) == len(mutations) >= 60
     for mutation in mutations:
-        compile(mutation.applied(), mutation.file, "exec")
+        applied = mutation.applied()
+        if mutation.file.endswith(".py"):
+            compile(applied, mutation.file, "exec")
         assert mutation.old != mutation.new and mutation.tests, mutation.name
         for test in mutation.tests:
             file, _, name = test.partition("::")

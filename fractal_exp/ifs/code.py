@@ -7,7 +7,7 @@ import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
@@ -16,6 +16,9 @@ from ..errors import InputError
 from ..runtime.files import write_atomically
 from .colours import Colours
 from .numbers import exact, floats, only_keys, only_numbers
+
+if TYPE_CHECKING:
+    from ..viewer.widget import CodeWidget
 
 FORMAT = "fractal-exp/ifs"
 VERSION = 1
@@ -111,12 +114,22 @@ class IFS:
         except InputError:
             return None
 
-    def _page(self, view: View | None = None) -> str:
+    def widget(self, *, view: View | None = None, height: int = 480) -> CodeWidget:
+        """The page as a widget of a notebook: maps that are dragged in it change its `code`, and its `code` can be set.
+
+        It opens on `view`, or on the whole attractor; height is in pixels. Raises `InputError` where `save_html` does,
+        on meta that is no JSON, and without the extra `notebook`.
+        """
+        from ..viewer.widget import CodeWidget
+
+        return CodeWidget(self, view=view, height=height)
+
+    def _page(self, view: View | None = None, live: bool = False) -> str:
         from ..rendering.sheets import portrait
         from ..viewer import check, page
 
         check(self)  # before the picture is drawn
-        return page(self, view=view, still=portrait(self))
+        return page(self, view=view, still=portrait(self), live=live)
 
     def to(self, device: torch.device | str) -> IFS:
         """The same code on another device."""

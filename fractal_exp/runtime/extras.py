@@ -13,6 +13,7 @@ EXTRAS = {  # the libraries that are imported where they are used -> the extra t
     "omegaconf": "study", "pandas": "study", "pyarrow": "study", "skimage": "study", "yaml": "study",
     "lpips": "perceptual", "torchvision": "perceptual",
     "imageio": "video", "imageio_ffmpeg": "video",
+    "anywidget": "notebook",
     "starlette": "studio", "uvicorn": "studio", "websockets": "studio",
 }
 

@@ -27,7 +27,7 @@ EMPTY = "data:,"    # where there is no still picture
 STATIC = resources.files("fractal_exp.viewer") / "static"
 
 
-def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> str:
+def page(code: IFS, *, view: View | None = None, still: bytes | None = None, live: bool = False) -> str:
     """The text of an HTML file that shows a code's attractor at any depth, in a browser with WebGL 2.
 
     It opens on `view`, or on the whole attractor; its zoom counts from there. The code is shown in its own coordinates:
@@ -35,7 +35,8 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> 
     script or has no WebGL 2; it is left out where the page would be too large. The file has at most 200 000 bytes, and
     its policy forbids it to load anything. Of the code's `meta` it takes the title and the name, as text. A code with
     colours is shown in them; other colours can be chosen in the page. The maps can be edited in the page, and taken
-    along in another format.
+    along in another format. live: the page exchanges codes with the window in whose frame it lies, a `CodeWidget`;
+    others speak to nobody.
 
     Raises `InputError` on a code that is not contractive, has more than 1000 maps, or makes too large a page, as nearly
     a thousand maps with colours do.
@@ -44,7 +45,7 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None) -> 
     home = whole(code)
     title = _title(code)
     given = {"code": _packed(code), "title": title, "file": _file_name(title), "home": _plain(home),
-             "view": _plain(view or home)}
+             "view": _plain(view or home), "live": live}
     script, style = _script(), _read("page.css")
     policy = (f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}; img-src data: blob:; "
               "base-uri 'none'; form-action 'none'")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Opened
+from browser_helpers import Opened
 from PIL import Image
 
 from fractal_exp import IFS, Colours, View, codes, render

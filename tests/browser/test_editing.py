@@ -1,137 +1,14 @@
-"""Maps that are bent in the page: by mouse, touch and keys, at any depth, in and out of every format."""
+"""Maps that are bent in the page: by mouse, touch and keys, at any depth."""
 
-import json
 import re
-import time
 
 import numpy as np
 import pytest
 import torch
-from conftest import PATIENCE, Opened, pages
+from editing_helpers import PANEL, SIDE, UNIT, code_of, drag, likeness, middle, outwards, same, select, typed
 
-from fractal_exp import IFS, View, codes, render
-from fractal_exp.evaluation.metrics import f1
+from fractal_exp import IFS, View
 from fractal_exp.ifs import attractor
-
-VIEW = View()
-SIDE, PANEL = 600, 388  # pixels of the picture, and of what lies beside it
-UNIT = SIDE / 2         # pixels to a unit of the canvas
-WILD = "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
-HOSTILE = [
-    ("[[0.5,0,0,0.5,0,NaN]]", "the file is not JSON"),
-    ("[[1.5,0,0,0.5,0,0]]", "map 1 does not contract: it has singular value 1.5"),
-    (f'{{"{WILD}": 1}}'.replace('"document', "'").replace("taken'\"", ""), "unknown keys '<img src=x"),
-    (f"{WILD[:20]}{{ x }}".replace("<img", "img"), "entry 'img src=x onerror=\"': has 1 numbers"),
-    ("fern { .5 0 0 .5 0 nan }", "entry 'fern': number 6 must be a number, got 'nan'"),
-    ('<!DOCTYPE f [<!ENTITY a "aaaa">]><flame name="&a;"/>', "the file declares a document type or an entity"),
-    ('<flame name="&lt;script&gt;alert(1)&lt;/script&gt;"/>', "flame '<script>alert(1)</script>': the code has no map"),
-    ('<flame><xform weight="1" swirl="1" coefs="1 0 0 1 0 0"/></flame>', "variation or parameter 'swirl'"),
-    ("[" + ",".join(["[0,0,0,0,0,0]"] * 200_000) + "]", "at most 1000 maps, got 200000"),
-]
-
-
-@pytest.fixture(scope="module")
-def fern(tmp_path_factory):
-    code = attractor.normalize(codes.known("fern"))
-    return code, code.save_html(tmp_path_factory.mktemp("page") / "fern.html")
-
-
-@pytest.fixture
-def editing(fern, open_page):
-    """Opens the fern's page with its maps shown."""
-    def opened(side=(SIDE + PANEL, SIDE), fragment="", **settings) -> Opened:
-        return with_maps(open_page(side, **settings).go(f"file://{fern[1]}{fragment}"))
-
-    return opened
-
-
-@pytest.fixture(scope="module")
-def shared(fern, browser):
-    """One such page for all tests that leave its code as it was: to open one takes seconds."""
-    with pages(browser) as open_page:
-        yield with_maps(open_page((SIDE + PANEL, SIDE)).go(f"file://{fern[1]}"))
-
-
-def with_maps(opened: Opened) -> Opened:
-    opened.page.click("#do-edit")
-    opened.page.wait_for_selector("#panel")
-    return opened
-
-
-def select(opened: Opened, number: int) -> None:
-    opened.page.select_option("#which", str(number))
-    opened.page.wait_for_selector(f"#handle-move[aria-label*='map {number + 1},']")
-
-
-def dialog(opened: Opened, name: str) -> None:
-    """Open the dialog that reads a code, or the one that writes it."""
-    opened.page.locator("#picture").focus()
-    opened.page.keyboard.press({"in": "o", "out": "x"}[name])
-    opened.page.wait_for_selector(f"#{name}[open]")
-
-
-def close(opened: Opened, name: str) -> None:
-    opened.page.keyboard.press("Escape")
-    opened.page.wait_for_selector(f"#{name}", state="hidden")
-
-
-def exported(opened: Opened, key: str = "json") -> str:
-    dialog(opened, "out")
-    opened.page.select_option("#out-format", key)
-    text = opened.page.input_value("#out-text")
-    close(opened, "out")
-    return text
-
-
-def code_of(opened: Opened) -> IFS:
-    return IFS.from_json(json.loads(exported(opened)))
-
-
-def middle(opened: Opened, kind: str) -> tuple[float, float]:
-    """Where a handle is, once it has come to rest."""
-    before, box = None, opened.page.locator(f"#handle-{kind} .plate").bounding_box()
-    while box is None or box != before:
-        opened.page.wait_for_timeout(100)
-        before, box = box, opened.page.locator(f"#handle-{kind} .plate").bounding_box()
-    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-
-
-def likeness(opened: Opened, code: IFS, view: View = VIEW, least: float = 0.0) -> float:
-    """F1 of the picture that is seen, once it is drawn, and of the code's. A page takes a while until it begins to draw
-    what was changed, so `least` is waited for."""
-    truth = render(code, view, resolution=SIDE)[None]
-    end = time.monotonic() + PATIENCE / 1000
-    while True:
-        found = float(f1(torch.tensor(opened.drawn().picture(), dtype=torch.float32)[None], truth))
-        if found >= least or time.monotonic() > end:
-            return found
-        opened.page.wait_for_timeout(100)
-
-
-def drag(opened: Opened, kind: str, dx: float, dy: float) -> None:
-    x, y = middle(opened, kind)
-    mouse = opened.page.mouse
-    mouse.move(x, y)
-    mouse.down()
-    for share in (0.3, 0.7, 1):
-        mouse.move(x + share * dx, y + share * dy)
-    mouse.up()
-
-
-def outwards(opened: Opened, kind: str, pixels: float) -> tuple[float, float]:
-    """Pixels away from the map's centre, on either side of which a handle may stand."""
-    (x, y), (x0, y0) = middle(opened, kind), middle(opened, "move")
-    length = np.hypot(x - x0, y - y0)
-    return pixels * (x - x0) / length, pixels * (y - y0) / length
-
-
-def typed(opened: Opened, name: str, text: str) -> None:
-    opened.page.fill(f"#{name}", text)
-    opened.page.keyboard.press("Enter")
-
-
-def same(a: IFS, b: IFS) -> bool:
-    return torch.equal(a.linear, b.linear) and torch.equal(a.offset, b.offset)
 
 
 def test_the_page_opens_as_a_viewer_and_the_maps_come_and_go(fern, open_page):
@@ -144,13 +21,6 @@ def test_the_page_opens_as_a_viewer_and_the_maps_come_and_go(fern, open_page):
     assert opened.page.get_attribute("#do-edit", "aria-pressed") == "true"
     opened.page.keyboard.press("e")
     assert not opened.page.is_visible("#panel") and not opened.page.is_visible("#handle-move")
-
-
-def test_what_is_not_edited_is_exported_to_the_last_bit(fern, editing):
-    code, _ = fern
-    back = code_of(editing())
-    assert same(back, code) and torch.equal(back.probabilities, code.probabilities)
-    assert back.meta["title"] == "Barnsley's fern (black spleenwort)" and back.meta["name"] == "fern"
 
 
 def test_a_handle_is_dragged_and_code_and_picture_follow(fern, editing):
@@ -217,10 +87,10 @@ def test_by_keyboard_alone_a_map_is_selected_moved_and_put_back(fern, open_page)
     assert bool((torch.linalg.det(flipped.linear) * torch.linalg.det(code_of(opened).linear) < -1e-6).any())
 
 
-def test_every_control_has_a_name(shared):
+def test_every_control_has_a_name(editing):
     names = [(each.get_attribute("id"), each.evaluate("(e) => e.ariaLabel || e.labels?.[0]?.textContent.trim() || "
                                                       "e.textContent.trim()"))
-             for each in shared.page.locator("button, input, select, textarea, [tabindex]").all()]
+             for each in editing().page.locator("button, input, select, textarea, [tabindex]").all()]
     assert len(names) > 40 and all(name for _, name in names), names
 
 
@@ -288,100 +158,6 @@ def test_maps_are_bent_at_any_depth(fern, editing):
     assert likeness(opened, moved, View(point, 1e4), least=0.96) >= 0.96
     drag(opened, "turn", 40, 0)
     assert not same(code_of(opened), moved)
-
-
-@pytest.mark.parametrize(("text", "message"), HOSTILE, ids=range(len(HOSTILE)))
-def test_a_hostile_text_is_refused_as_text(fern, shared, text, message):
-    opened = shared
-    dialog(opened, "in")
-    opened.page.fill("#in-text", text)
-    opened.page.click("#in-read")
-    assert message in opened.page.locator("#in-said").text_content()
-    assert opened.page.locator("#in-said *").count() == 0 and opened.page.title() != "taken"
-    close(opened, "in")
-    assert same(code_of(opened), fern[0]) and opened.said == [] and len(opened.asked) == 1
-
-
-def test_files_are_opened_and_their_names_stay_text(fern, editing, tmp_path):
-    opened = editing()
-    dragon = IFS(*(getattr(codes.known("heighway_dragon"), part) for part in ("linear", "offset")), None,
-                 {"name": WILD, "title": WILD})
-    for name in ("dragon.json", "dragon.flame"):
-        opened.page.locator("#picture").focus()
-        opened.page.keyboard.press("o")
-        opened.page.set_input_files("#in-file", dragon.save(tmp_path / name))
-        opened.page.wait_for_selector("#in", state="hidden")
-        assert same(code_of(opened), dragon) and opened.text("title") == WILD == opened.page.title()
-    assert likeness(opened, attractor.normalize(dragon), least=0.95) >= 0.95
-    opened.page.click("#maps-undo")
-    opened.page.click("#maps-undo")
-    assert same(code_of(opened), fern[0]) and opened.text("title") == "Barnsley's fern (black spleenwort)"
-    assert opened.said == [] and len(opened.asked) == 1
-
-
-def test_one_of_several_codes_in_a_file_is_chosen(editing):
-    opened = editing()
-    opened.page.keyboard.press("o")
-    opened.page.fill("#in-text", f"first {{ .5 0 0 .5 0 0 }}\n{WILD} {{ .4 0 0 .4 0 0 1 .3 0 0 .3 1 1 3 }}\n"
-                                 "bad { x }")
-    opened.page.click("#in-read")
-    assert opened.page.locator("#in-which option").all_text_contents() == ["first", WILD, "bad"]
-    opened.page.select_option("#in-which", "2")
-    opened.page.click("#in-take")
-    assert "entry 'bad': has 1 numbers" in opened.text("in-said")
-    opened.page.select_option("#in-which", "1")
-    opened.page.click("#in-take")
-    opened.page.wait_for_selector("#in", state="hidden")
-    assert code_of(opened).probabilities.tolist() == [0.25, 0.75] and opened.text("title") == WILD
-
-
-@pytest.mark.parametrize(("key", "suffix"), [("json", "json"), ("rows", "json"), ("lists", "json"), ("fractint", "ifs"),
-                                             ("flame", "flame"), ("svg", "svg"), ("ply", "ply")])
-def test_every_format_is_saved_and_read_again(fern, shared, tmp_path, key, suffix):
-    code, _ = fern
-    opened = shared
-    dialog(opened, "out")
-    opened.page.select_option("#out-format", key)
-    with opened.page.expect_download() as download:
-        opened.page.click("#out-save")
-    assert download.value.suggested_filename == f"barnsley-s-fern-black-spleenwort.{suffix}"
-    path = tmp_path / f"code.{suffix}"
-    download.value.save_as(path)
-    close(opened, "out")
-    if suffix in ("svg", "ply"):
-        assert len(path.read_bytes()) > (3_000_000 if suffix == "ply" else 10_000)
-    else:
-        assert same(IFS.load(path), code) and torch.equal(IFS.load(path).probabilities, code.probabilities)
-
-
-def test_the_drawing_opens_in_a_browser_with_maps_over_the_shape(shared, open_page, tmp_path):
-    (tmp_path / "maps.svg").write_text(exported(shared, "svg"))
-    drawing = open_page(300)
-    drawing.page.goto(f"file://{tmp_path}/maps.svg")
-    assert drawing.page.locator("polygon").count() == 4 and drawing.page.locator("image").count() == 1
-    assert drawing.said == []
-
-
-def test_a_sandboxed_frame_offers_the_text_of_a_code(fern, open_page, tmp_path):
-    code, _ = fern
-    (tmp_path / "notebook.html").write_text(f"<!doctype html><title>n</title>{code._repr_html_()}")
-    opened = open_page((900, 520))
-    opened.page.goto(f"file://{tmp_path}/notebook.html")
-    opened.page.wait_for_timeout(200)
-    frame = opened.page.frames[-1]
-    opened.drawn(frame)
-    frame.click("#do-edit")
-    frame.select_option("#which", "1")
-    frame.click("#maps-flip")
-    frame.click("#maps-export")
-    assert not frame.is_visible("#out-save") and "lets no page save files" in frame.inner_text("#out-said")
-    edited = IFS.from_json(json.loads(frame.input_value("#out-text")))
-    assert len(edited) == 4 and not same(edited, code)
-    frame.click("#out-copy")
-    frame.wait_for_selector("#out-said:has-text('Copy the selected text')")
-    frame.select_option("#out-format", "ply")
-    assert "Nor can this file be copied" in frame.inner_text("#out-said") and not frame.is_visible("#out-copy")
-    assert opened.said == []
 
 
 @pytest.mark.parametrize("size", [(360, 640), (700, 480), (1280, 800)])

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
-from conftest import PATIENCE, QUIET, Opened
+from browser_helpers import CHROMIUM, PATIENCE, QUIET, Opened
 
 from fractal_exp import IFS, View, codes, render
 from fractal_exp.evaluation.metrics import f1
@@ -23,12 +23,6 @@ BY_LOT = {("maple_leaf", 1e6), ("suite-011", 1e6)}  # where words are drawn by l
 
 def named(name: str) -> IFS:
     return attractor.normalize(random_suite(12)[11] if name == "suite-011" else codes.known(name))
-
-
-@pytest.fixture(scope="module")
-def fern(tmp_path_factory):
-    code = named("fern")
-    return code, code.save_html(tmp_path_factory.mktemp("page") / "fern.html")
 
 
 def address(path, view: View, query: str = "") -> str:
@@ -241,7 +235,7 @@ def test_a_name_is_text_whatever_it_holds(fern, open_page, tmp_path):
 
 def test_without_webgl_a_still_is_shown_and_the_reason_said(fern, playwright):
     _, path = fern
-    browser = playwright.chromium.launch(executable_path="/usr/bin/chromium",
+    browser = playwright.chromium.launch(executable_path=CHROMIUM,
                                          args=[*QUIET, "--disable-gpu", "--disable-3d-apis"])
     opened = Opened(browser.new_page())
     opened.page.goto(f"file://{path}")

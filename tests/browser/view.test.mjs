@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { keyMove } from "../../fractal_exp/viewer/static/gestures.mjs";
 import { isSoftware } from "../../fractal_exp/viewer/static/hand.mjs";
 import {
-  MOST_ZOOM, between, fromFragment, panned, shownAddress, shownZoom, toFragment, windowOf, zoomed,
+  MOST_ZOOM, between, fromFragment, isNear, panned, shownAddress, shownZoom, toFragment, windowOf, zoomed,
 } from "../../fractal_exp/viewer/static/view.mjs";
 
 const at = (view, column, row) => {
@@ -49,6 +49,16 @@ test("a link keeps a view to the last digit, and what is no view is none", () =>
   for (const text of ["", "#", "#x=1&y=2", "#x=1&y=2&zoom=0", "#x=1&y=2&zoom=-3", "#x=1&y=2&zoom=", "#x=NaN&y=0&zoom=1",
     "#x=1e99&y=0&zoom=1", "#<script>"]) assert.equal(fromFragment(text, 1e-3), null, text);
   assert.equal(fromFragment("#x=0&y=0&zoom=1e30", 1e-3).zoom, MOST_ZOOM);
+});
+
+test("views are near if neither is twice as large and each holds the other's middle", () => {
+  const view = { x: 3, y: -2, zoom: 4 };
+  for (const [other, wanted] of [[view, true], [{ ...view, zoom: 7.9 }, true], [{ ...view, zoom: 8.1 }, false],
+    [{ ...view, x: 3.24 }, true], [{ ...view, x: 3.26 }, false], [{ ...view, y: -2.26 }, false],
+    [{ x: 3.2, y: -2, zoom: 6 }, false]]) {
+    assert.equal(isNear(view, other), wanted);
+    assert.equal(isNear(other, view), wanted);
+  }
 });
 
 test("a zoom and an address are short", () => {

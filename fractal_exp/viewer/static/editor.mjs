@@ -10,7 +10,7 @@ import { boxAtHand, dragged, imageOf, mapAt, places } from "./handles.mjs";
 import { boxOf } from "./hull.mjs";
 import { Overlay } from "./overlay.mjs";
 import { Panel } from "./panel.mjs";
-import { homeOf, windowOf } from "./view.mjs";
+import { homeOf, isNear, windowOf } from "./view.mjs";
 
 const NEW = 0.4; // of the box, the size of a map that is added
 const ASIDE = 0.12; // of the box's half sides, how far a copy is set aside
@@ -19,8 +19,8 @@ const CLICK = 4; // pixels that a click may move
 const $ = (id) => document.getElementById(id);
 
 /**
- * Edits a code. page: look() gives {view, sides}, draw(code) draws another one, open(home, meta) is called with a code
- * that was read, scene() gives what drawings need.
+ * Edits a code. page: look() gives {view, sides}, draw(code) draws another one, open(home, code) is called with a code
+ * from elsewhere, where home is null if the view stays, scene() gives what drawings need.
  */
 export class Editor {
   constructor(code, home, surface, page) {
@@ -140,7 +140,8 @@ export class Editor {
     const before = this.state;
     this.steps[way]();
     if (this.state === before) return;
-    if (this.state.home !== before.home) this.page.open(this.state.home, this.state.code.meta);
+    const { home, code } = this.state, moved = home !== before.home;
+    if (moved || code.meta !== before.code.meta) this.page.open(moved ? home : null, code);
     this.drawn();
   }
 
@@ -148,15 +149,20 @@ export class Editor {
     const box = boxOf(read), home = homeOf(box);
     this.steps.push({ code: read, box, home });
     this.selected = 0;
-    this.page.open(home, read.meta);
+    this.page.open(home, read);
     this.drawn();
   }
 
-  /** Show a code from elsewhere, with no way back to the one before. */
-  replace(code) {
-    const box = boxOf(code);
-    this.steps = new Steps({ code, box, home: homeOf(box) });
-    this.hold = null;
+  /** Show a code from elsewhere: as one more step, or with no way back. The view stays if the code looks like the one
+   * before with a change. A step leaves the map in a hand that drags it, and is undone together with the drag. */
+  replace(code, { undoable = false } = {}) {
+    const box = boxOf(code), home = homeOf(box), count = code.rows.length;
+    if (!undoable || this.selected >= count) this.hold = null;
+    const near = this.hold !== null || (count === this.state.code.rows.length && isNear(home, this.home()));
+    const next = { code, box, home: near ? this.state.home : home };
+    if (undoable) this.steps.push(next, this.hold && this.steps.label);
+    else this.steps = new Steps(next);
+    this.page.open(near ? null : home, code);
     this.drawn();
   }
 

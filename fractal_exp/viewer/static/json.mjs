@@ -54,7 +54,8 @@ function endOfString(text, at) {
   return at + 1;
 }
 
-function codeOf(data) {
+/** The code of plain data in any of the three spellings. Throws Refused. */
+export function codeOf(data) {
   const isObject = data !== null && typeof data === "object";
   if (!isObject) throw new Refused("a code is a JSON object or a list of rows of six numbers");
   const maps = Array.isArray(data) ? data : data.linear ?? data.ifs_m;

@@ -5,6 +5,7 @@ import { Colouring } from "./colouring.mjs";
 import { PLAIN, fromLink, rgbOf, toLink } from "./colours.mjs";
 import { Editor } from "./editor.mjs";
 import { keyMove, listenToPointers } from "./gestures.mjs";
+import { Notebook } from "./notebook.mjs";
 import { Picture } from "./picture.mjs";
 import { randomNumbers } from "./random.mjs";
 import { plain } from "./reading.mjs";
@@ -25,7 +26,8 @@ const usual = { ...PLAIN, by: given.code.colours ? "own" : "plain" }; // choice 
 const calm = matchMedia("(prefers-reduced-motion: reduce)"), dark = matchMedia("(prefers-color-scheme: dark)");
 let home = given.home;
 let view = fromFragment(location.hash, least()) ?? given.view;
-let glide = null, swapped = false, picture = null, editor = null, colouring = null, writing = 0;
+let glide = null, swapped = false, picture = null, editor = null, colouring = null, notebook = null;
+let writing = 0;
 
 /** The least zoom. */
 function least() {
@@ -129,11 +131,13 @@ const page = {
   draw(code) {
     picture.follow(ready(code));
     colouring.offer(Boolean(code.colours));
+    notebook?.send(code);
   },
-  open(to, meta) {
-    home = to;
+  open(to, { meta, rows }) {
     const title = [meta.title, meta.name].find((each) => typeof each === "string" && each.trim());
-    named(plain(title ?? "a code without a name", 120));
+    named(plain(title ?? `a code of ${rows.length} map${rows.length > 1 ? "s" : ""}`, 120));
+    if (!to) return;
+    home = to;
     stopGliding();
     go(home);
   },
@@ -247,6 +251,9 @@ function start() {
   colouring = new Colouring(chosen, Boolean(code.colours), coloured);
   picture.choose(chosen);
   editor = new Editor(code, home, surface, page);
+  if (given.live) {
+    notebook = new Notebook({ show: (read, first) => editor.replace(read, { undoable: !first }), refuse: note });
+  }
   listenToPointers(surface, moves);
   document.addEventListener("keydown", onKey);
   addEventListener("hashchange", () => {

@@ -73,6 +73,13 @@ export function homeOf({ x, y, hx, hy }) {
   return isCanvas ? { x: 0, y: 0, zoom: 1 } : { x, y, zoom };
 }
 
+/** Whether two views show about the same place: neither is twice as large, and each holds the other's middle. */
+export function isNear(one, other) {
+  const apart = Math.max(Math.abs(one.x - other.x), Math.abs(one.y - other.y));
+  const [far, close] = [one.zoom, other.zoom].sort((a, b) => a - b);
+  return close < 2 * far && apart * close < 1;
+}
+
 /** The canvas, or where a box does not lie in it the view of the whole. */
 export function cameraOf(box) {
   const fits = Math.max(Math.abs(box.x) + box.hx, Math.abs(box.y) + box.hy) <= 1;

@@ -1,0 +1,70 @@
+"""Debian's Chromium on one processor without a GPU, and a page that is opened in it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+CHROMIUM = "/usr/bin/chromium"
+QUIET = ["--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync"]
+SOFTWARE = [*QUIET, "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+PATIENCE = 60_000  # ms
+
+
+@dataclass
+class Opened:
+    """A page in the browser, with all that it says on the console and asks of anybody."""
+
+    page: object
+    said: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.page.on("console", lambda message: self._hear(f"{message.type}: {message.text}"))
+        self.page.on("pageerror", lambda error: self.said.append(f"error: {error}"))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+
+    def _hear(self, said: str) -> None:
+        if "GL Driver Message (OpenGL, Performance" not in said:  # the browser's own copy of a canvas without a GPU
+            self.said.append(said)
+
+    def go(self, url: str) -> Opened:
+        self.page.goto(url)
+        return self.drawn()
+
+    def drawn(self, frame: object = None) -> Opened:
+        """Wait until the picture is done; the page's policy lets no test run a script of its own there."""
+        (frame or self.page).wait_for_selector('html[data-state="done"]', state="attached", timeout=PATIENCE)
+        return self
+
+    def picture(self) -> np.ndarray:
+        """What is seen, (H,W) in [0,1], as the page itself saves it."""
+        with self.page.expect_download() as download:
+            self.page.keyboard.press("s")
+        return np.asarray(Image.open(io.BytesIO(Path(download.value.path()).read_bytes())).convert("L")) / 255
+
+    def text(self, name: str) -> str:
+        return self.page.inner_text(f"#{name}")
+
+
+@contextmanager
+def pages(browser: object) -> Iterator[Callable[..., Opened]]:
+    """Opens pages, each for itself, and closes them all in the end."""
+    contexts = []
+
+    def opened(side: int | tuple[int, int] = 128, scheme: str = "dark", **settings: object) -> Opened:
+        width, height = (side, side) if isinstance(side, int) else side
+        contexts.append(browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme,
+                                            **settings))
+        return Opened(contexts[-1].new_page())
+
+    yield opened
+    for context in contexts:
+        context.close()

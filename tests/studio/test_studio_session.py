@@ -54,10 +54,29 @@ def test_the_reading_is_corrected_by_hand(studio, tab, triangle):
     tab.do("read", reading={"invert": True, "frame": "keep", "threshold": 0.5, "clean": False})
     state = tab.until(lambda state: free(state) and state["picture"]["reading"]["threshold"] == 0.5)
     assert state["picture"]["inverted"] and "binary at the threshold 0.5" in state["picture"]["notes"]
-    assert state["picture"]["crop"] == [0, 0, SIDE, SIDE]
+    assert state["picture"]["square"] == [0, 0, SIDE, SIDE]
     for reading, message in (({"threshold": 7}, "between 0 and 1"), ({"colour": 1}, "not read with 'colour'"),
                              ({"invert": "no"}, "invert"), ({"frame": "wide"}, "frame")):
         assert message in tab.refused("read", reading=reading)
+
+
+def test_a_part_of_the_picture_is_read_alone_until_all_of_it_is_wanted(studio, tab, triangle):
+    studio.send(triangle)
+    whole = tab.until(lambda state: free(state) and state["picture"])["picture"]
+    assert whole["reading"]["crop"] is None
+    tab.do("read", reading={"crop": [8, 32, 32, 60]})  # the lower left of the three triangles
+    part = tab.until(lambda state: free(state) and state["picture"]["reading"]["crop"])["picture"]
+    assert part["reading"]["crop"] == [8, 32, 32, 60] and (part["width"], part["height"]) == (SIDE, SIDE)
+    assert part["scale"] > 1.5 * whole["scale"]
+    x0, y0, x1, y1 = part["square"]
+    assert 0 < x0 and x1 < 45 and 20 < y0 and y1 < SIDE and "the part of 24×28 px at (8, 32)" in part["notes"][0]
+    for crop, message in (([0, 0, 65, 64], "within (0, 0, 64, 64)"), ([40, 0, 40, 64], "empty"), ([0, 0, 9, 9], "16 px"),
+                          (["0", 0, 32, 32], "four whole numbers"), ("all", "four whole numbers")):
+        why = tab.refused("read", reading={"crop": crop})
+        assert message in why and str(studio.output) not in why
+    tab.do("read", reading={"crop": None})
+    again = tab.until(lambda state: free(state) and not state["picture"]["reading"]["crop"])["picture"]
+    assert again["square"] == whole["square"]
 
 
 def test_what_cannot_be_is_refused_with_the_reason(studio, tab, triangle):

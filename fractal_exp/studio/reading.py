@@ -85,9 +85,9 @@ class Picture:
         """What is shown of it: plain data."""
         read, (width, height) = self.read, self.read.source_size
         return {
-            "name": self.name, "width": width, "height": height, "square": list(read.crop_box), "inverted": read.inverted,
-            "scale": read.scale, "notes": [note for note in read.notes if note not in read.warnings],
-            "warnings": list(read.warnings), "reading": {
+            "name": self.name, "width": width, "height": height, "square": list(read.crop_box),
+            "inverted": read.inverted, "scale": read.scale, "warnings": list(read.warnings),
+            "notes": [note for note in read.notes if note not in read.warnings], "reading": {
                 "invert": self.reading.invert, "threshold": self.reading.threshold, "clean": self.reading.clean,
                 "frame": self.reading.frame, "crop": read.crop and list(read.crop)},
         }

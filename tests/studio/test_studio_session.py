@@ -70,8 +70,9 @@ def test_a_part_of_the_picture_is_read_alone_until_all_of_it_is_wanted(studio, t
     assert part["scale"] > 1.5 * whole["scale"]
     x0, y0, x1, y1 = part["square"]
     assert 0 < x0 and x1 < 45 and 20 < y0 and y1 < SIDE and "the part of 24×28 px at (8, 32)" in part["notes"][0]
-    for crop, message in (([0, 0, 65, 64], "within (0, 0, 64, 64)"), ([40, 0, 40, 64], "empty"), ([0, 0, 9, 9], "16 px"),
-                          (["0", 0, 32, 32], "four whole numbers"), ("all", "four whole numbers")):
+    for crop, message in (([0, 0, 65, 64], "within (0, 0, 64, 64)"), ([40, 0, 40, 64], "empty"),
+                          ([0, 0, 9, 9], "16 px"), (["0", 0, 32, 32], "four whole numbers"),
+                          ("all", "four whole numbers")):
         why = tab.refused("read", reading={"crop": crop})
         assert message in why and str(studio.output) not in why
     tab.do("read", reading={"crop": None})

@@ -195,8 +195,8 @@ class _Wanted(Exception):
 
 
 def _compile(pipe: Connection) -> None:
-    """Let a search of a small picture compile, or load, what the first one would wait for. It gives way to a task, which
-    needs less before its first code."""
+    """Let a search of a small picture compile, or load, what the first one would wait for. It gives way to a task,
+    whose first code needs less of it."""
     from .. import api, codes, suite
 
     def give_way(_: Progress | None = None) -> None:

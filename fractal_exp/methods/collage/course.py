@@ -43,8 +43,8 @@ class Course:
 
 
 class Teller:
-    """Reports to `on_step`: scores and the number of moves after each move, sometimes a preview, in the first stage also
-    the candidate, and the code at the end of each stage."""
+    """Reports to `on_step`: scores and the number of moves after each move, sometimes a preview, the candidate as long
+    as no stage has ended, and the code at the end of each stage."""
 
     def __init__(self, on_step: OnStep | None, problem: SearchProblem, previews: int, render: Callable[[IFS], Tensor]):
         self.on_step, self.problem, self.render, self.course = on_step, problem, render, Course(problem)

@@ -104,14 +104,14 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
     with studio.tab() as other:  # a second page follows the same session
         other.do("find", settings={"maps": 3, "seconds": 60})
         first = tab.until(lambda state: state["task"] == "find" and state["code"])
-        assert 0 < first["scores"]["iou"] <= first["scores"]["f1"] <= 1 and tab.progress
+        assert 0 < first["scores"]["iou"] <= first["scores"]["f1"] <= 1
         assert "stop it first" in other.refused("save") and "stop it before" in other.refused("edit", code=[])
     tab.do("stop")  # the page that began it is gone
     stopped = tab.until(lambda state: free(state) and not state["stopping"])
     assert stopped["can_go_on"] and stopped["code"]
     tab.do("go_on")
     found = tab.until(lambda state: judged(state))
-    assert not found["can_go_on"], found["why"]
+    assert tab.progress and not found["can_go_on"], found["why"]
     assert "recovered" in found["verdict"]["words"] and found["likeness"] >= 0.985
     tab.do("save")
     saved = tab.until(lambda state: free(state) and state["saved"])["saved"]
@@ -204,7 +204,7 @@ def test_a_search_that_is_stopped_before_any_stage_has_ended_keeps_its_candidate
     tab.until(lambda state: state["task"] == "find" and state["code"])
     tab.do("stop")
     stopped = tab.until(lambda state: free(state) and not state["stopping"])
-    assert stopped["can_go_on"] and stopped["likeness"] > 0 and {word["stage"] for word in tab.progress} == {"search"}
+    assert stopped["can_go_on"] and stopped["likeness"] > 0 and {word["stage"] for word in tab.progress} <= {"search"}
 
 
 def test_warming_up_gives_way_to_a_task(monkeypatch):
@@ -225,6 +225,16 @@ def test_warming_up_gives_way_to_a_task(monkeypatch):
     assert len(steps) == 2, "it was in the middle"
     _compile(theirs)
     assert len(steps) == 2, "the task is still waiting"
+
+
+def test_a_studio_that_ends_while_it_searches_keeps_the_code_and_says_nothing(tmp_path, triangle, caplog):
+    pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
+    with served(tmp_path) as studio, studio.tab() as tab:
+        studio.send(triangle)
+        tab.until(lambda state: state["ready"] and free(state) and state["picture"])
+        tab.do("find", settings={"levels": "density"})
+        tab.until(lambda state: state["task"] == "find" and state["code"])
+    assert len(studio.kept) == 1 and not caplog.records
 
 
 def test_the_time_that_is_left_goes_by_the_limit_or_by_the_work():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 INTERRUPTED = "interrupted"
 LAST_CODES = 4  # how many codes of an interrupted search are compared
-OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "seed", "seconds", "progress", "on_step",
-       "keep_interrupted", "checkpoint", "colour")  # arguments of `invert` itself, whatever the method
+OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "crop", "seed", "seconds", "progress",
+       "on_step", "keep_interrupted", "checkpoint", "colour")  # arguments of `invert` itself, whatever the method
 
 
 def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str = "collage", resolution: int = 256,
            frame: Literal["fit", "keep"] = "fit", invert: bool | Literal["auto"] = "auto",
-           threshold: float | None = None, clean: bool = True, colour: bool = False, seed: int = 0,
-           seconds: float | None = None, progress: bool = False, on_step: OnStep | None = None,
+           threshold: float | None = None, clean: bool = True, crop: Sequence[int] | None = None, colour: bool = False,
+           seed: int = 0, seconds: float | None = None, progress: bool = False, on_step: OnStep | None = None,
            keep_interrupted: bool = False, checkpoint: Checkpoint | None = None, **options: Any) -> Inversion:
     """Recover the code of the self-similar shape in a picture.
 
@@ -41,7 +41,7 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     on black, centred, padded, and resized to (resolution, resolution). The code is in the frame of that image: the
     shape's longer side spans [-0.75, 0.75]. The result's `placement` maps it back to the picture's pixels. A
     `ReadImage` from `read_target` is used as it is. frame: "keep" keeps the frame of a square picture, such as one from
-    `render` or `suite.target`; fitting it again would resample its grey levels. invert, threshold, clean: see
+    `render` or `suite.target`; fitting it again would resample its grey levels. invert, threshold, clean, crop: see
     `read_target`. colour: give each map of the code found a colour and a blend, so that the code is drawn in the
     picture's colours (see `ifs.Colours` and `colouring.fitted`). The search, and so the shape, is the same without. It
     takes some seconds more, and scikit-image. seconds: a time limit, after which the best code so far is returned.
@@ -64,13 +64,14 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     from .methods.history import History
 
     build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step, colour)
-    reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean}
+    reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean, "crop": crop}
     if isinstance(image, ReadImage):
         target, reading = image, {}
     else:
         if options.get("levels") == "linear" and not isinstance(image, str | Path):
             image, reading["clean"] = _scaled(image), False  # its levels are numbers; there is no paper to clean
         target = read_target(image, resolution, **reading)
+        reading["crop"] = target.crop  # plain numbers, whatever the sequence was
     built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
     painted = _painted(target) if colour else None
     codes: list[IFS] = []

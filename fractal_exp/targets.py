@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -74,14 +75,14 @@ class Picture(TargetSource):
     """An image file. Its shape is found, centred and padded, see `fractal_exp.images.read_target`."""
 
     def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None,
-                 clean: bool = True):
-        self.path, self.threshold, self.clean = Path(path).absolute(), threshold, clean
+                 clean: bool = True, crop: Sequence[int] | None = None):
+        self.path, self.threshold, self.clean, self.crop = Path(path).absolute(), threshold, clean, crop
         self.invert: bool | Literal["auto"] = invert
         self.label = self.path.stem
 
     def load(self, resolution: int) -> Target:
         read = images.read_target(self.path, resolution, invert=self.invert, threshold=self.threshold,
-                                  clean=self.clean)
+                                  clean=self.clean, crop=self.crop)
         return Target(read.image, None, read.notes, read)
 
 

@@ -122,6 +122,19 @@ def test_a_seed_repeats_and_another_differs(triangle, whole):
     assert len(a) != len(c) or not torch.equal(a.linear, c.linear)
 
 
+def test_candidates_are_told_until_the_first_stage_has_ended(whole):
+    told, _ = whole
+    first = next(number for number, progress in enumerate(told) if progress.code is not None)
+    assert first > 0
+    for progress in told[:first]:
+        assert len(progress.candidate) == progress.scalars["maps"]
+        progress.candidate.check_contractive()
+    scores = [progress.scalars["score"] for progress in told[:first + 1]]
+    assert scores == sorted(scores, reverse=True)
+    assert torch.equal(told[first].code.linear, told[first - 1].candidate.linear)
+    assert not any(progress.candidate for progress in told[first:])
+
+
 def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(triangle, whole, tmp_path, monkeypatch):
     (_, image), (_, whole) = triangle, whole
     path = tmp_path / "checkpoint.safetensors"

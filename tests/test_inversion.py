@@ -290,6 +290,9 @@ def test_how_the_picture_is_read_can_be_told(known):
     found = known(triangle_picture(), invert=True, threshold=0.5, clean=False)
     assert "black shape on white: inverted, as asked" in found.notes and "binary at the threshold 0.5" in found.notes
     assert found.options["threshold"] == 0.5
+    found = known(triangle_picture(), crop=np.array([60, 4, 178, 118]))
+    assert found.target.crop == found.options["crop"] == (60, 4, 178, 118)
+    assert found.facts()["options"]["crop"] == [60, 4, 178, 118] and found.placement.size == SIZE
 
 
 class Interrupted(Method):

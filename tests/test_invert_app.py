@@ -104,11 +104,13 @@ def test_the_folder_is_not_overwritten_unless_forced(folder, method, capsys):
 def test_options_reach_the_method_and_the_reader(folder, method, capsys):
     given = method()
     app.main(["gasket.png", "--seconds", "9", "--maps", "3", "--seed", "7", "--resolution", "64", "--invert", "true",
-              "--as-it-is", "--set", "search.moves=10", "search.mixture=false", "rounds=2"])
+              "--as-it-is", "--crop", "2", "0", "168", "150", "--set", "search.moves=10", "search.mixture=false",
+              "rounds=2"])
     assert given == {"resolution": 64, "seed": 7, "seconds": 9.0, "maps": 3, "rounds": 2,
                      "search": {"moves": 10, "mixture": False}}
     out = capsys.readouterr().out
     assert "inverted, as asked" in out and "text beside" not in out
+    assert "168×158 px" in out and "only the part of 166×150 px at (2, 0) is read, as asked" in out
     facts = json.loads((folder / "gasket-fractal" / "inversion.json").read_text())["meta"]["inversion"]
     assert facts["options"]["search"]["moves"] == 10
 
@@ -123,6 +125,7 @@ def test_options_reach_the_method_and_the_reader(folder, method, capsys):
     (["gasket.png", "--set", "progress=true"], "progress is no parameter of the method$"),
     (["gasket.png", "--secnds", "9"], "unrecognized arguments: --secnds 9; did you mean '--seconds'?"),
     (["gasket.png", "moves.root=0"], "unrecognized arguments: moves.root=0; write --set moves.root=0"),
+    (["gasket.png", "--crop", "0", "0", "169", "90"], r"crop must lie within \(0, 0, 168, 158\), the whole picture"),
     (["gasket.png", "--seconds", "0"], "seconds must be above 0"),
     (["film.mp4"], "film.mp4 is a video; save one of its frames"),
 ])

@@ -266,4 +266,5 @@ def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypat
         jobs = OverridesParser.create().parse_overrides(list(config.hydra.overrides.task))
         [[job]] = BasicSweeper.split_arguments(jobs, None)
         target = compose(study, [*job, *search]).target
-    assert set(target) == {"_target_", "path", "invert", "threshold", "clean"} and target._target_.endswith("Picture")
+    assert set(target) == {"_target_", "path", "invert", "threshold", "clean", "crop"}
+    assert target._target_.endswith("Picture")

@@ -29,7 +29,7 @@ from .sets import SETS
 
 FILE = "fits.jsonl"
 RESOLUTION = 256                                                # of `invert`, unless told otherwise
-READING = "resolution", "frame", "invert", "threshold", "clean"  # its options that say how a picture is read
+READING = "resolution", "frame", "invert", "threshold", "clean", "crop"  # its options that say how a picture is read
 CLOCKS = {"core": CoreTime.deadline, "wall": Collage.deadline}  # what the limit counts, in collage search
 
 

@@ -39,6 +39,7 @@ examples
   fractal-invert leaf.png                                    writes leaf-fractal
   fractal-invert leaf.png --seconds 60 --maps 4
   fractal-invert scan.jpg --invert true --output scan        a black shape on white
+  fractal-invert page.png --crop 40 60 340 380               the part from (40, 60) to (340, 380)
   fractal-invert leaf.png --colour                           and the colours of the maps
   fractal-invert leaf.png --set search.moves=100 rounds=2    any parameter of collage search (docs/collage.md)"""
 
@@ -59,6 +60,8 @@ def main(arguments: list[str] | None = None) -> None:
                                                                              "white one on black; auto: as the border "
                                                                              "tells")
     parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
+    parser.add_argument("--crop", type=int, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
+                        help="read this part of the picture alone, in pixels from its upper left corner")
     parser.add_argument("--colour", action="store_true", help="give the code the picture's colours too")
     parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
@@ -75,7 +78,7 @@ def invert_picture(options: argparse.Namespace) -> None:
         settings["maps"] = options.maps
     folder = _folder(options)
     picture = read_target(options.picture, options.resolution, invert=POLARITIES[options.invert],
-                          threshold=options.threshold, clean=not options.as_it_is)
+                          threshold=options.threshold, clean=not options.as_it_is, crop=options.crop)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
     found = invert(picture, method=options.method, colour=options.colour, seed=options.seed, seconds=options.seconds,

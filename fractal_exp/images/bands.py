@@ -14,6 +14,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from ..errors import InputError
 from ..runtime.files import check_file
+from .checks import check_within
 from .refusals import known_as
 
 # Formats that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
@@ -25,29 +26,36 @@ SHRUNK_MODES = ("L", "LA", "RGB", "RGBA", "CMYK")
 BAND_PIXELS = 2**20
 MOST_LEVELS = 65535
 EXIF_ORIENTATION = 0x0112
+Crop = tuple[int, int, int, int]  # left, top, right, bottom in pixels of the upright picture
 
 
 @dataclass(frozen=True)
 class Bands:
     """A picture of `height` × `width` pixels with 1, 3 or 4 `channels`. `rows(first, last)` returns some of its rows.
 
-    scale: pixels of the file per side of a pixel, above 1 if the file was shrunk while it was read; full: the file's
-    own (width, height) in that case. lossy: whether the file stores pixels with errors, as a JPEG does.
+    full: (width, height) of the whole picture in pixels of the file. scale: pixels of the file per side of a pixel,
+    above 1 if it was shrunk while it was read; origin: (x, y) of the upper left corner in pixels of the file, not
+    (0, 0) if it was cropped. lossy: whether the file stores pixels with errors, as a JPEG does.
     """
 
     height: int
     width: int
     channels: int
     rows: Callable[[int, int], np.ndarray]
+    full: tuple[int, int]
     scale: int = 1
-    full: tuple[int, int] | None = None
+    origin: tuple[int, int] = (0, 0)
     lossy: bool = False
 
     @classmethod
-    def of_array(cls, pixels: np.ndarray) -> Bands:
-        """The bands of an array (H,W), (H,W,3) or (H,W,4)."""
-        channels = pixels.shape[2] if pixels.ndim == 3 else 1
-        return cls(pixels.shape[0], pixels.shape[1], channels, lambda first, last: pixels[first:last])
+    def of_array(cls, pixels: np.ndarray, crop: Crop | None = None) -> Bands:
+        """The bands of an array (H,W), (H,W,3) or (H,W,4), or of a part of it. Raises `InputError` on another crop."""
+        height, width = pixels.shape[:2]
+        left, top, right, bottom = crop = crop or (0, 0, width, height)
+        check_within(crop, width, height)
+        part, channels = pixels[top:bottom, left:right], pixels.shape[2] if pixels.ndim == 3 else 1
+        return cls(bottom - top, right - left, channels, lambda first, last: part[first:last],
+                   (width, height), origin=(left, top))
 
     def map(self, function: Callable[[np.ndarray], np.ndarray], channels: int = 1) -> Bands:
         """The same picture, with a function applied to every band when it is read; channels: of the result."""
@@ -143,17 +151,18 @@ class Overview:
 
 
 def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str], np.ndarray], *,
-                 shrink: bool = False) -> Bands:
+                 shrink: bool = False, crop: Crop | None = None) -> Bands:
     """The upright picture of a file, as bands of uint8, uint16 or float32, each passed through `check(band, name)`.
 
-    shrink: shrink a picture of at least 8192 × 2048 px while it is read, a JPEG already while it is decoded. Adds to
-    `notes` what a user should know. Raises `InputError` if the file cannot be read or has over 20 000² pixels.
+    shrink: shrink a picture of at least 8192 × 2048 px while it is read, a JPEG already while it is decoded, unless it
+    is cropped. crop: the part that is read; `shrink` goes by its size. Adds to `notes` what a user should know. Raises
+    `InputError` if the file cannot be read, has over 20 000² pixels, or does not hold the crop.
     """
     path = path.absolute()
     check_file(path, "the picture")
     with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
         lossy, scale, before = picture.format == "JPEG", 1, picture.size
-        if shrink and lossy:
+        if shrink and lossy and crop is None:
             part = _factor(before)
             picture.draft(None, (max(1, before[0] // part), max(1, before[1] // part)))
             scale = round(before[0] / picture.size[0])
@@ -167,11 +176,16 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
             picture = ImageOps.exif_transpose(picture)
             before = (before[1], before[0]) if picture.size != tall else before
             notes.append("turned upright by its EXIF orientation")
-        if shrink and scale == 1 and _factor(before) > 1 and picture.mode in SHRUNK_MODES:
-            scale = _factor(before)
+        size = before
+        if crop is not None:
+            check_within(crop, *before)
+            picture = picture.crop(crop)
+            size = picture.size
+        if shrink and scale == 1 and _factor(size) > 1 and picture.mode in SHRUNK_MODES:
+            scale = _factor(size)
             picture = picture.reduce(scale)
         if scale > 1:
-            notes.append(f"shrunk {scale} times as it was read, from {before[0]}×{before[1]} px")
+            notes.append(f"shrunk {scale} times as it was read, from {size[0]}×{size[1]} px")
         mode = _mode(picture)
         picture.crop((0, 0, 1, 1)).convert(mode)  # raises where Pillow cannot
 
@@ -180,8 +194,8 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
         pixels = np.asarray(band if band.mode == mode else band.convert(mode))
         return check(_sixteen_bits(pixels, path) if mode.startswith("I") else pixels, f"the picture {path}")
 
-    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows, scale,
-                 before if scale > 1 else None, lossy)
+    return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows, before, scale,
+                 crop[:2] if crop else (0, 0), lossy)
 
 
 def _factor(size: tuple[int, int]) -> int:

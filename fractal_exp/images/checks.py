@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from numbers import Integral, Real
 from typing import Any
 
@@ -64,6 +65,26 @@ def check_options(invert: Any, threshold: Any, padding: Any, frame: Any, clean: 
         raise InputError(f'frame must be "fit" or "keep", got {frame!r}')
     if not isinstance(clean, bool | np.bool_):
         raise InputError(f"clean must be true or false, got {clean!r}")
+
+
+def check_crop(crop: Any) -> tuple[int, int, int, int]:
+    """A crop as ints. Raises `InputError` unless it is four whole numbers that enclose something."""
+    given = () if isinstance(crop, str) or not isinstance(crop, Iterable) else tuple(crop)
+    if len(given) != 4 or not all(isinstance(side, Integral) and not isinstance(side, bool) for side in given):
+        raise InputError("crop must be four whole numbers (left, top, right, bottom), in pixels of the picture, got "
+                         f"{crop!r}")
+    left, top, right, bottom = map(int, given)
+    if not (left < right and top < bottom):
+        raise InputError("crop is (left, top, right, bottom) with left below right and top below bottom, got "
+                         f"{(left, top, right, bottom)}, which is empty")
+    return left, top, right, bottom
+
+
+def check_within(crop: tuple[int, int, int, int], width: int, height: int) -> None:
+    """Raise `InputError` if a crop leaves a picture of this size."""
+    left, top, right, bottom = crop
+    if left < 0 or top < 0 or right > width or bottom > height:
+        raise InputError(f"crop must lie within (0, 0, {width}, {height}), the whole picture, got {crop}")
 
 
 def check_pixels(image: Any, name: str) -> np.ndarray:

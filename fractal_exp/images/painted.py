@@ -50,9 +50,9 @@ class Painted:
         level = np.kron(target, np.ones((step, step), np.float32))
         if picture.source is None:
             return cls._opaque(np.repeat(level[..., None], 3, -1), level, np.zeros(3))
-        pixels = open_source(picture.source)
-        if (pixels.width, pixels.height) != picture.source_size:
-            raise InputError(f"the picture {picture.source} now has {pixels.width}×{pixels.height} pixels, but had "
+        pixels = open_source(picture.source, picture.crop)
+        if pixels.full != picture.source_size:
+            raise InputError(f"the picture {picture.source} now has {pixels.full[0]}×{pixels.full[1]} pixels, but had "
                              f"{picture.source_size[0]}×{picture.source_size[1]}; give `invert` the new one")
         channels = [_placed(pixels, picture, channel, len(level)) for channel in range(4)]
         seen, alpha = np.dstack(channels[:3]), channels[3]
@@ -80,12 +80,12 @@ class Painted:
 
 
 def _placed(pixels: Bands, picture: ReadImage, channel: int, side: int) -> np.ndarray:
-    """A channel of the square that fills the canvas, (S,S), 0 beyond the picture: red, green and blue times opacity, or
-    opacity (3)."""
+    """A channel of the square that fills the canvas, (S,S), 0 beyond what was read of the picture: red, green and blue
+    times opacity, or opacity (3)."""
     def one(band: np.ndarray) -> np.ndarray:
         levels = np.atleast_3d(unit(band))
         opacity = levels[..., 3] if pixels.channels == 4 else np.ones(levels.shape[:2], np.float32)
         return opacity if channel == 3 else opacity * levels[..., min(channel, levels.shape[2] - 1)]
 
-    x0, y0, x1, _ = picture.crop_box
-    return resample(pixels.map(one), x0, y0, x1 - x0, side, 0.0)
+    (left, top), (x0, y0, x1, _) = pixels.origin, picture.crop_box
+    return resample(pixels.map(one), x0 - left, y0 - top, x1 - x0, side, 0.0)

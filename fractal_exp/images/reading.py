@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,8 +16,8 @@ from torch import Tensor
 from ..errors import InputError
 from ..runtime.files import replacing
 from . import tone
-from .bands import Bands, Overview, Profile, open_picture
-from .checks import MIN_SIDE, Notes, check_options, check_pixels, check_resolution, unit
+from .bands import Bands, Crop, Overview, Profile, open_picture
+from .checks import MIN_SIDE, Notes, check_crop, check_options, check_pixels, check_resolution, unit
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
 from .parts import beside_the_shape
 from .placement import Placement
@@ -39,7 +39,7 @@ class ReadImage:
     pixels from its upper left corner (it may reach beyond the picture); scale: target pixels per picture pixel; notes:
     sentences for the log; warnings: the notes about what may spoil a result; doubtful: whether what was taken for the
     background may be the shape; unclear: why the picture shows no clear shape, in words, empty if it shows one; source:
-    the given picture.
+    the given picture; crop: (left, top, right, bottom), the part of it that was read, in pixels, or None for all of it.
     """
 
     image: Tensor
@@ -52,6 +52,7 @@ class ReadImage:
     doubtful: bool = False
     unclear: str = ""
     source: Path | np.ndarray | Tensor | None = None
+    crop: Crop | None = None
 
     @property
     def placement(self) -> Placement:
@@ -68,6 +69,7 @@ def read_target(
     padding: float = PADDING,
     frame: Literal["fit", "keep"] = "fit",
     clean: bool = True,
+    crop: Sequence[int] | None = None,
 ) -> ReadImage:
     """Read a picture as a target (resolution, resolution), white on black.
 
@@ -88,17 +90,23 @@ def read_target(
     levels are distances from the background's colour, with 1 for the pen's colour. The background and its noise become
     0; a shape of one flat colour becomes 1. Axes, frames, text, specks and all but the largest of several solid shapes
     are left out. A drawing of a code on black stays as it is.
+    crop: (left, top, right, bottom), the part of the upright picture that is read as if it were all, in pixels from the
+    upper left corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.
-    Pillow holds the file's pixels at 1 to 4 bytes each (for a large JPEG, those of a smaller one). Beside that, the
-    memory is for some rows, an overview of a million pixels, and the result.
+    Pillow holds the file's pixels at 1 to 4 bytes each (for a large JPEG without `crop`, those of a smaller one).
+    Beside that, the memory is for some rows, an overview of a million pixels, and the result.
     Raises `InputError`, before any work on the pixels, if anything cannot be used; also on pictures of noise.
     """
     resolution = check_resolution(resolution)
     check_options(invert, threshold, padding, frame, clean)
+    part = None if crop is None else check_crop(crop)
     name = f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
     notes = Notes()
-    pixels = _open(source, notes, name, shrink=frame == "fit")
-    height, width = pixels.height, pixels.width
+    pixels = _open(source, notes, name, shrink=frame == "fit", crop=part)
+    height, width, (left, top) = pixels.height, pixels.width, pixels.origin
+    if part is not None:
+        name = f"the part {part} of {name}"
+        notes.append(f"only the part of {part[2] - left}×{part[3] - top} px at ({left}, {top}) is read, as asked")
     if min(height, width) < MIN_SIDE:
         raise InputError(f"{name} must be at least {MIN_SIDE} px on each side, got {width}×{height}; take a larger one")
     if frame == "keep" and height != width:
@@ -109,17 +117,17 @@ def read_target(
         notes.append(f"binary at the threshold {threshold:g}")
     scale = pixels.scale
     x, y, side = (0.0, 0.0, float(width)) if frame == "keep" else window(shape.profile, shape.level, padding, notes,
-                                                                        scale)
+                                                                        scale, pixels.origin)
     if side * scale < resolution:
         notes.warn(f"enlarged {resolution / side / scale:.3g} times by linear interpolation: the picture has no finer "
                    "detail")
     if shape.level > MIN_CONTRAST:
         notes.warn(f"the background is not black but {shape.level:.2f}; a threshold would clear it")
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
-    crop_box = (scale * x, scale * y, scale * (x + side), scale * (y + side))
-    return ReadImage(image, shape.inverted, pixels.full or (width, height), crop_box, resolution / side / scale,
+    crop_box = (left + scale * x, top + scale * y, left + scale * (x + side), top + scale * (y + side))
+    return ReadImage(image, shape.inverted, pixels.full, crop_box, resolution / side / scale,
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
-                     Path(source).absolute() if isinstance(source, str | Path) else source)
+                     Path(source).absolute() if isinstance(source, str | Path) else source, part)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,12 +273,14 @@ def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8
     return path
 
 
-def open_source(source: str | Path | np.ndarray | Tensor) -> Bands:
-    """The upright picture of a file or an array, in its own size. Raises `InputError` if it cannot be read."""
-    return _open(source, Notes(), "the image")
+def open_source(source: str | Path | np.ndarray | Tensor, crop: Crop | None = None) -> Bands:
+    """The upright picture of a file or an array, or a crop of it, in its own size. Raises `InputError` if it cannot be
+    read."""
+    return _open(source, Notes(), "the image", crop=crop)
 
 
-def _open(source: str | Path | np.ndarray | Tensor, notes: Notes, name: str, *, shrink: bool = False) -> Bands:
+def _open(source: str | Path | np.ndarray | Tensor, notes: Notes, name: str, *, shrink: bool = False,
+          crop: Crop | None = None) -> Bands:
     if isinstance(source, str | Path):
-        return open_picture(Path(source), notes, check_pixels, shrink=shrink)
-    return Bands.of_array(check_pixels(source, name))
+        return open_picture(Path(source), notes, check_pixels, shrink=shrink, crop=crop)
+    return Bands.of_array(check_pixels(source, name), crop)

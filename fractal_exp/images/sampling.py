@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 
 
-def window(profile: Profile, level: float, padding: float, notes: list[str], scale: float = 1.0
-           ) -> tuple[float, float, float]:
+def window(profile: Profile, level: float, padding: float, notes: list[str], scale: float = 1.0,
+           origin: tuple[int, int] = (0, 0)) -> tuple[float, float, float]:
     """The square (x, y, side) of the picture that fills the canvas: the shape's box, centred, with its padding.
 
-    scale: pixels of the file per pixel of the picture, for the note.
+    scale: pixels of the file per pixel of the picture; origin: (x, y) of the picture in the file; both for the note.
     """
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level) / contrast
@@ -34,7 +34,7 @@ def window(profile: Profile, level: float, padding: float, notes: list[str], sca
     side = max(x1 - x0, y1 - y0) / (1 - padding)
     width, height = (round(scale * len(each[1])) for each in (profile.columns, profile.rows))
     notes.append(f"the shape spans {scale * (x1 - x0):.1f}×{scale * (y1 - y0):.1f} px of {width}×{height}, "
-                 f"centred at ({scale * (x0 + x1) / 2:.1f}, {scale * (y0 + y1) / 2:.1f})")
+                 f"centred at ({origin[0] + scale * (x0 + x1) / 2:.1f}, {origin[1] + scale * (y0 + y1) / 2:.1f})")
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side
 
 

@@ -24,7 +24,8 @@ NEARLY_ALL = 0.95  # of a time limit: a method that ends after it, and does not 
 @dataclass(frozen=True)
 class Progress:
     """What a method tells while it works: the step, the fraction done in [0,1], named scalars, the name of the stage,
-    now and then a preview image (R,R), and at the end of a stage the code that it found."""
+    now and then a preview image (R,R), and at the end of a stage the code that it found. candidate: the best code so
+    far, told only as long as no stage has ended; only some methods tell it."""
 
     step: int
     fraction: float
@@ -32,6 +33,7 @@ class Progress:
     preview: Tensor | None = None
     stage: str | None = None
     code: IFS | None = None
+    candidate: IFS | None = None
 
     def describe(self) -> str:
         """The stage and what is being improved, in words; ↓ stands after what is better when lower."""

@@ -23,9 +23,9 @@ Interval = tuple[Amount, Amount]
 
 NAME = "\0"
 EXPECTED = {  # kinds of pydantic's errors -> what was expected, from what it says of the limit
-    "greater_than_equal": "at least {ge:.10g}", "greater_than": "above {gt:.10g}", "less_than_equal": "at most {le:.10g}",
-    "less_than": "below {lt:.10g}", "finite_number": "a finite number", "int_type": "a whole number",
-    "float_type": "a number", "bool_type": "true or false", "string_type": "a text",
+    "greater_than_equal": "at least {ge:.10g}", "greater_than": "above {gt:.10g}",
+    "less_than_equal": "at most {le:.10g}", "less_than": "below {lt:.10g}", "finite_number": "a finite number",
+    "int_type": "a whole number", "float_type": "a number", "bool_type": "true or false", "string_type": "a text",
     "literal_error": "{expected}", "model_type": "a mapping of settings", "tuple_type": "a list",
     "too_short": "a list of at least {min_length} values", "too_long": "a list of at most {max_length} values",
 }

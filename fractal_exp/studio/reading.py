@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -30,6 +30,7 @@ class Reading:
     threshold: float | None = None
     clean: bool = True
     frame: Literal["fit", "keep"] = "fit"
+    crop: Sequence[int] | None = None
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Reading:
@@ -61,7 +62,8 @@ class Picture:
         """The file read as `reading` says. Raises `InputError`, which calls the file by its own name."""
         try:
             return cls(path, name, reading, read_target(path, RESOLUTION, invert=reading.invert, clean=reading.clean,
-                                                        threshold=reading.threshold, frame=reading.frame))
+                                                        threshold=reading.threshold, frame=reading.frame,
+                                                        crop=reading.crop))
         except InputError as error:
             raise InputError(str(error).replace(str(path), name)) from error
 
@@ -83,11 +85,11 @@ class Picture:
         """What is shown of it: plain data."""
         read, (width, height) = self.read, self.read.source_size
         return {
-            "name": self.name, "width": width, "height": height, "crop": list(read.crop_box), "inverted": read.inverted,
-            "scale": read.scale, "notes": [note for note in read.notes if note not in read.warnings],
-            "warnings": list(read.warnings), "reading": {
+            "name": self.name, "width": width, "height": height, "square": list(read.crop_box),
+            "inverted": read.inverted, "scale": read.scale, "warnings": list(read.warnings),
+            "notes": [note for note in read.notes if note not in read.warnings], "reading": {
                 "invert": self.reading.invert, "threshold": self.reading.threshold, "clean": self.reading.clean,
-                "frame": self.reading.frame},
+                "frame": self.reading.frame, "crop": read.crop and list(read.crop)},
         }
 
 

@@ -37,7 +37,7 @@ class Session:
     def __init__(self, output: Path, loop: asyncio.AbstractEventLoop):
         self.output, self.loop = output, loop
         self.work = saving.new_folder(output, WORK)
-        self.ready = self.stopping = self.can_go_on = False
+        self.ready = self.stopping = self.can_go_on = self.closing = False
         self.task = ""                        # "find", "polish", "judge", "read", "save", or nothing
         self.picture: Picture | None = None
         self.version = {"picture": 0, "code": 0}
@@ -168,6 +168,7 @@ class Session:
 
     def close(self) -> Path | None:
         """End all work. A code that nobody saved is written; returns its file."""
+        self.closing = True
         self.worker.close()
         kept = None
         if self.code is not None and not self.saved and self.picture is not None:
@@ -206,7 +207,7 @@ class Session:
 
     def _judge(self) -> None:
         """Judge the code as it is now; a code that is changed meanwhile is judged after it."""
-        if self.task == "" and self.code is not None:
+        if self.task == "" and self.code is not None and not self.closing:
             self.task = "judge"
             self.worker.do(Judge(self._picture().read, self.code))
 

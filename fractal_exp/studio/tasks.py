@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from ..api import INTERRUPTED, invert
 from ..evaluation import metrics
 from ..ifs.code import IFS
@@ -16,10 +18,12 @@ from ..images.reading import ReadImage
 from ..inversion import Inversion, Likeness, Verdict
 from ..methods.base import Progress
 from ..methods.collage import given
+from ..methods.collage.maps import from_code
 from ..rendering.still import render
 from ..runtime.checkpoint import Checkpoint
 
-TELL_EVERY = 0.2   # seconds between two words of progress
+TELL_EVERY = 0.2   # seconds between two words of progress,
+SHOW_EVERY = 1.0   # and between two codes within a stage, each of which is rendered
 BY_HAND = "made by hand"
 
 
@@ -107,22 +111,34 @@ Task = Find | Judge
 
 
 class _Telling:
-    """An `on_step` that tells how far a search is, and each code that a stage ends with."""
+    """An `on_step` that tells how far a search is, each code that a stage ends with, and before there is one, now and
+    then the best candidate."""
 
     def __init__(self, tell: Tell, picture: ReadImage, limit: float | None):
         self.tell, self.image, self.limit = tell, picture.image, limit
         self.began, self.last = time.monotonic(), -math.inf
+        self.shown: IFS | None = None
+        self.shown_at = -math.inf
 
     def __call__(self, progress: Progress) -> None:
         now = time.monotonic()
-        if progress.code is not None:
-            self.tell(best(progress.code, self.image))
+        code = progress.code or self._better(progress.candidate, now)
+        if code is not None:
+            self.shown, self.shown_at = code, now
+            self.tell(best(code, self.image))
         elif now - self.last < TELL_EVERY:
             return
         self.last, seconds = now, now - self.began
         error = progress.scalars.get("error")
         self.tell(Told(seconds, seconds_left(seconds, progress.fraction, self.limit), progress.stage or "search",
                        progress.fraction, error if error is not None and math.isfinite(error) else None))
+
+    def _better(self, candidate: IFS | None, now: float) -> IFS | None:
+        """The candidate, if it is another one than is shown, and it is time to show it."""
+        if candidate is None or now - self.shown_at < SHOW_EVERY:
+            return None
+        shown = self.shown
+        return None if shown is not None and torch.equal(from_code(candidate), from_code(shown)) else candidate
 
 
 def seconds_left(seconds: float, fraction: float, limit: float | None) -> float | None:

@@ -16,6 +16,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ..errors import InputError
+from ..methods.base import Progress
 from .tasks import Best, Done, Task, Told
 
 WARM_SECONDS, WARM_SIDE = 0.5, 64   # of a search that only compiles what searches need, and of its picture
@@ -149,7 +150,7 @@ def main(pipe: Connection) -> None:
     from ..runtime import threads
 
     threads.use()
-    _compile()
+    _compile(pipe)
     _send(pipe, Ready())
     while True:
         try:
@@ -189,9 +190,20 @@ def _send(pipe: Connection, word: Word) -> None:
         pipe.send_bytes(pickle.dumps(word))
 
 
-def _compile() -> None:
-    """Let a search of a small picture compile, or load, what the first one would wait for."""
-    from .. import codes, suite
-    from ..api import invert
+class _Wanted(Exception):
+    """A task is waiting."""
 
-    invert(suite.target(codes.known("sierpinski_triangle"), WARM_SIDE), seconds=WARM_SECONDS, maps=3)
+
+def _compile(pipe: Connection) -> None:
+    """Let a search of a small picture compile, or load, what the first one would wait for. It gives way to a task,
+    whose first code needs less of it."""
+    from .. import api, codes, suite
+
+    def give_way(_: Progress | None = None) -> None:
+        if pipe.poll():
+            raise _Wanted
+
+    with contextlib.suppress(_Wanted):
+        give_way()
+        target = suite.target(codes.known("sierpinski_triangle"), WARM_SIDE)
+        api.invert(target, seconds=WARM_SECONDS, maps=3, on_step=give_way)

@@ -1,13 +1,14 @@
 """The studio in a real browser: from a dropped picture to a saved run."""
 
 import base64
+import io
 import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, codes, suite
 from fractal_exp.ifs import attractor
@@ -89,6 +90,108 @@ def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     assert code.offset[1].tolist() == pytest.approx(numbers, abs=1e-6)
     assert {"code.html", "overlay.png", "rendering.png"} <= {path.name for path in output.rglob("*")}
     assert opened.said == [] and all(url.startswith((address, "data:")) for url in opened.asked)
+
+
+def pair_of_shapes() -> bytes:
+    """A PNG of a small square on the left and a larger triangle on the right, 300×120 px."""
+    drawing = Image.new("L", (300, 120), 255)
+    drawing.paste(0, (20, 40, 70, 90))
+    ImageDraw.Draw(drawing).polygon([(190, 10), (280, 100), (170, 110)], fill=0)
+    buffer = io.BytesIO()
+    drawing.save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+@pytest.fixture
+def cropping(studio, open_page):
+    """A page with that picture."""
+    page = open_page((1280, 860)).page
+    page.goto(studio[0])
+    page.wait_for_selector("#file:enabled")
+    page.set_input_files("#file", {"name": "pair.png", "mimeType": "image/png", "buffer": pair_of_shapes()})
+    until(page, "#picture-name", "pair.png")
+    page.wait_for_selector("#reading:enabled")
+    return page
+
+
+def square(page) -> list[float]:
+    """The square that the search sees: left, top, right, bottom in pixels of the picture."""
+    x, y, width, height = (float(page.get_attribute("#square", name)) for name in ("x", "y", "width", "height"))
+    return [x, y, x + width, y + height]
+
+
+def typed(page) -> list[int]:
+    return [int(page.input_value(f"#part-{name}")) for name in ("left", "top", "width", "height")]
+
+
+def drag(page, first, last, drop=True) -> None:
+    """From one pixel of the picture to another."""
+    box = page.locator("#crop").bounding_box()
+    for (x, y), act in ((first, page.mouse.down), (last, page.mouse.up if drop else lambda: None)):
+        page.mouse.move(box["x"] + x / 300 * box["width"], box["y"] + y / 120 * box["height"], steps=3)
+        act()
+
+
+def test_a_rectangle_dragged_over_the_picture_is_read_alone(cropping):
+    page = cropping
+    assert typed(page) == [0, 0, 300, 120] and page.is_disabled("#part-all")
+    assert square(page)[0] > 100, "the larger shape is taken"
+    drag(page, (90, 110), (5, 20))  # from the lower right to the upper left
+    until(page, "#notes", "only the part of")
+    left, top, width, height = typed(page)
+    assert abs(left - 5) <= 1 and abs(top - 20) <= 1 and abs(width - 85) <= 1 and abs(height - 90) <= 1
+    assert square(page) == pytest.approx([45 - 100 / 3, 65 - 100 / 3, 45 + 100 / 3, 65 + 100 / 3], abs=0.1)
+    page.wait_for_selector("#reading:enabled")
+    page.click("#part-all")
+    until(page, "#notes", "(?s)^(?!.*only the part)")
+    assert typed(page) == [0, 0, 300, 120] and square(page)[0] > 100
+
+
+def test_a_drag_can_be_given_up_and_a_click_chooses_nothing(cropping):
+    page, before = cropping, square(cropping)
+    drag(page, (5, 20), (90, 110), drop=False)
+    assert typed(page)[2] == pytest.approx(85, abs=1)
+    page.keyboard.press("Escape")
+    assert typed(page) == [0, 0, 300, 120]
+    page.mouse.up()
+    drag(page, (30, 30), (31, 31))
+    page.wait_for_timeout(300)
+    assert typed(page) == [0, 0, 300, 120] and square(page) == before and page.inner_text("#said") == ""
+
+
+def test_a_part_is_typed_and_one_that_cannot_be_is_put_back_with_the_reason(cropping):
+    page = cropping
+    page.fill("#part-width", "100")
+    page.keyboard.press("Tab")
+    until(page, "#notes", "the part of 100×120 px at \\(0, 0\\)")
+    page.wait_for_selector("#reading:enabled")
+    assert square(page)[2] < 100
+    page.fill("#part-left", "250")  # so near the right edge the part is narrower
+    page.keyboard.press("Tab")
+    until(page, "#notes", "the part of 50×120 px at \\(250, 0\\)")
+    page.wait_for_selector("#reading:enabled")
+    page.fill("#part-width", "9")
+    page.keyboard.press("Tab")
+    assert "at least 16 px" in until(page, "#said", "part")
+    assert typed(page) == [250, 0, 50, 120]
+
+
+def test_a_finger_drags_a_part(studio, open_page):
+    page = open_page((390, 844), has_touch=True).page
+    page.goto(studio[0])
+    page.wait_for_selector("#file:enabled")
+    page.set_input_files("#file", {"name": "pair.png", "mimeType": "image/png", "buffer": pair_of_shapes()})
+    until(page, "#picture-name", "pair.png")
+    page.wait_for_selector("#reading:enabled")
+    page.locator("#crop").scroll_into_view_if_needed()
+    box, touch = page.locator("#crop").bounding_box(), page.context.new_cdp_session(page)
+    for kind, place in (("touchStart", (5, 20)), ("touchMove", (50, 60)), ("touchMove", (90, 110)), ("touchEnd", None)):
+        points = [] if place is None else [{"x": box["x"] + place[0] / 300 * box["width"],
+                                            "y": box["y"] + place[1] / 120 * box["height"]}]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    until(page, "#notes", "only the part of")
+    assert typed(page)[2] == pytest.approx(85, abs=1) and square(page)[2] < 100
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
 def test_a_page_without_the_token_shows_nothing(studio, open_page):

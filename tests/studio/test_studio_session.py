@@ -10,10 +10,12 @@ import pytest
 import torch
 from studio_helpers import SIDE, TOKEN, deaf, served
 
-from fractal_exp import IFS, codes
+from fractal_exp import IFS, api, codes, suite
 from fractal_exp.ifs import attractor
-from fractal_exp.studio.tasks import seconds_left
-from fractal_exp.studio.worker import Ready, Worker
+from fractal_exp.images import ReadImage
+from fractal_exp.methods.base import Progress
+from fractal_exp.studio.tasks import Best, _Telling, seconds_left
+from fractal_exp.studio.worker import Ready, Worker, _compile
 
 
 def free(state) -> bool:
@@ -54,10 +56,30 @@ def test_the_reading_is_corrected_by_hand(studio, tab, triangle):
     tab.do("read", reading={"invert": True, "frame": "keep", "threshold": 0.5, "clean": False})
     state = tab.until(lambda state: free(state) and state["picture"]["reading"]["threshold"] == 0.5)
     assert state["picture"]["inverted"] and "binary at the threshold 0.5" in state["picture"]["notes"]
-    assert state["picture"]["crop"] == [0, 0, SIDE, SIDE]
+    assert state["picture"]["square"] == [0, 0, SIDE, SIDE]
     for reading, message in (({"threshold": 7}, "between 0 and 1"), ({"colour": 1}, "not read with 'colour'"),
                              ({"invert": "no"}, "invert"), ({"frame": "wide"}, "frame")):
         assert message in tab.refused("read", reading=reading)
+
+
+def test_a_part_of_the_picture_is_read_alone_until_all_of_it_is_wanted(studio, tab, triangle):
+    studio.send(triangle)
+    whole = tab.until(lambda state: free(state) and state["picture"])["picture"]
+    assert whole["reading"]["crop"] is None
+    tab.do("read", reading={"crop": [8, 32, 32, 60]})  # the lower left of the three triangles
+    part = tab.until(lambda state: free(state) and state["picture"]["reading"]["crop"])["picture"]
+    assert part["reading"]["crop"] == [8, 32, 32, 60] and (part["width"], part["height"]) == (SIDE, SIDE)
+    assert part["scale"] > 1.5 * whole["scale"]
+    x0, y0, x1, y1 = part["square"]
+    assert 0 < x0 and x1 < 45 and 20 < y0 and y1 < SIDE and "the part of 24×28 px at (8, 32)" in part["notes"][0]
+    for crop, message in (([0, 0, 65, 64], "within (0, 0, 64, 64)"), ([40, 0, 40, 64], "empty"),
+                          ([0, 0, 9, 9], "16 px"), (["0", 0, 32, 32], "four whole numbers"),
+                          ("all", "four whole numbers")):
+        why = tab.refused("read", reading={"crop": crop})
+        assert message in why and str(studio.output) not in why
+    tab.do("read", reading={"crop": None})
+    again = tab.until(lambda state: free(state) and not state["picture"]["reading"]["crop"])["picture"]
+    assert again["square"] == whole["square"]
 
 
 def test_what_cannot_be_is_refused_with_the_reason(studio, tab, triangle):
@@ -82,14 +104,14 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
     with studio.tab() as other:  # a second page follows the same session
         other.do("find", settings={"maps": 3, "seconds": 60})
         first = tab.until(lambda state: state["task"] == "find" and state["code"])
-        assert 0 < first["scores"]["iou"] <= first["scores"]["f1"] <= 1 and tab.progress
+        assert 0 < first["scores"]["iou"] <= first["scores"]["f1"] <= 1
         assert "stop it first" in other.refused("save") and "stop it before" in other.refused("edit", code=[])
     tab.do("stop")  # the page that began it is gone
     stopped = tab.until(lambda state: free(state) and not state["stopping"])
     assert stopped["can_go_on"] and stopped["code"]
     tab.do("go_on")
     found = tab.until(lambda state: judged(state))
-    assert not found["can_go_on"], found["why"]
+    assert tab.progress and not found["can_go_on"], found["why"]
     assert "recovered" in found["verdict"]["words"] and found["likeness"] >= 0.985
     tab.do("save")
     saved = tab.until(lambda state: free(state) and state["saved"])["saved"]
@@ -152,6 +174,67 @@ def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle):
     kept = [IFS.load(path) for path in studio.kept]
     assert [each.to_json()["linear"] for each in kept] == [code.to_json()["linear"]]
     assert sorted(path.name for path in tmp_path.rglob("*") if path.is_file()) == ["code.json"]
+
+
+def test_before_a_stage_has_ended_another_candidate_is_shown_every_second_at_most(monkeypatch):
+    code, other, third = (attractor.normalize(codes.known(name)) for name in ("sierpinski_triangle", "fern", "rauzy"))
+    image, words, now = suite.target(code, SIDE), [], [0.0]
+    monkeypatch.setattr("fractal_exp.studio.tasks.time.monotonic", lambda: now[0])
+    tell = _Telling(words.append, ReadImage(image, False, (SIDE, SIDE), (0, 0, SIDE, SIDE), 1.0, ()), None)
+
+    def shown(seconds, **more):
+        """The code that is shown of what a search tells at a time."""
+        now[0] = seconds
+        words.clear()
+        tell(Progress(1, 0.1, stage="search", **more))
+        return next((word.code for word in words if isinstance(word, Best)), None)
+
+    assert shown(0.3, candidate=code) is code and words[0].f1 > 0.9
+    assert shown(0.9, candidate=other) is None and shown(1.2, candidate=other) is None
+    assert shown(1.4, candidate=IFS(code.linear.clone(), code.offset.clone(), code.probabilities)) is None, "the same"
+    assert shown(1.5, candidate=other) is other
+    assert shown(1.6, code=third) is third, "a stage's end waits for nothing"
+    assert shown(9.0) is None
+
+
+def test_a_search_that_is_stopped_before_any_stage_has_ended_keeps_its_candidate(studio, tab, triangle):
+    studio.send(triangle)
+    tab.until(lambda state: free(state) and state["picture"])
+    tab.do("find", settings={"levels": "density"})
+    tab.until(lambda state: state["task"] == "find" and state["code"])
+    tab.do("stop")
+    stopped = tab.until(lambda state: free(state) and not state["stopping"])
+    assert stopped["can_go_on"] and stopped["likeness"] > 0 and {word["stage"] for word in tab.progress} <= {"search"}
+
+
+def test_warming_up_gives_way_to_a_task(monkeypatch):
+    ours, theirs = multiprocessing.Pipe()
+    steps, invert = [], api.invert
+
+    def watched(*image, on_step, **options):
+        def step(progress):
+            steps.append(progress)
+            if len(steps) == 2:
+                ours.send_bytes(b"a task")
+            on_step(progress)
+        return invert(*image, on_step=step, **options)
+
+    monkeypatch.setattr(api, "invert", watched)
+    monkeypatch.setattr("fractal_exp.studio.worker.WARM_SECONDS", 60)
+    _compile(theirs)
+    assert len(steps) == 2, "it was in the middle"
+    _compile(theirs)
+    assert len(steps) == 2, "the task is still waiting"
+
+
+def test_a_studio_that_ends_while_it_searches_keeps_the_code_and_says_nothing(tmp_path, triangle, caplog):
+    pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
+    with served(tmp_path) as studio, studio.tab() as tab:
+        studio.send(triangle)
+        tab.until(lambda state: state["ready"] and free(state) and state["picture"])
+        tab.do("find", settings={"levels": "density"})
+        tab.until(lambda state: state["task"] == "find" and state["code"])
+    assert len(studio.kept) == 1 and not caplog.records
 
 
 def test_the_time_that_is_left_goes_by_the_limit_or_by_the_work():

@@ -43,8 +43,8 @@ class Course:
 
 
 class Teller:
-    """Reports to `on_step`: scores and the number of moves after each move, sometimes a preview, and the code at the
-    end of each stage."""
+    """Reports to `on_step`: scores and the number of moves after each move, sometimes a preview, the candidate as long
+    as no stage has ended, and the code at the end of each stage."""
 
     def __init__(self, on_step: OnStep | None, problem: SearchProblem, previews: int, render: Callable[[IFS], Tensor]):
         self.on_step, self.problem, self.render, self.course = on_step, problem, render, Course(problem)
@@ -56,15 +56,16 @@ class Teller:
             step = self.course.moves_before(stage) + state.step
             wanted = self.every and step % self.every == 0
             preview = self.render(state.current.code) if wanted else None
-            self._tell(stage, state.step, state.current, preview=preview)
+            first = state.current.code if state.result is None else None  # later stages may begin with a worse one
+            self._tell(stage, state.step, state.current, preview=preview, candidate=first)
 
     def stage(self, stage: Stage, state: State) -> None:
         """Report the end of a stage."""
         if self.on_step:
             self._tell(stage, stage.most_moves, state.result, code=state.result.code)
 
-    def _tell(self, stage: Stage, step: int, candidate: Candidate, **more: Tensor | IFS | None) -> None:
-        scalars = {"score": candidate.score, "error": candidate.error, "maps": float(len(candidate.maps)),
+    def _tell(self, stage: Stage, step: int, now: Candidate, **more: Tensor | IFS | None) -> None:
+        scalars = {"score": now.score, "error": now.error, "maps": float(len(now.maps)),
                    "stage": float(self.course.number(stage))}
         done = max(self.course.fraction(stage, step), self.problem.deadline.used)
         self.on_step(Progress(self.course.moves_before(stage) + step, min(1.0, done), scalars, stage=stage.name,

@@ -1,6 +1,7 @@
 // The studio's page: what the studio tells is shown, and what hands want is asked of it.
 
 import { Channel } from "./channel.mjs";
+import { Crop } from "./crop.mjs";
 import { Stage } from "./stage.mjs";
 
 const ACTS = ["stop", "go_on", "save"]; // that take nothing more
@@ -23,6 +24,7 @@ const stage = new Stage((code) => {
   edits += 1; // what comes back of it is on the stage already
   if (!channel.ask("edit", { code })) say("The studio does not answer: the change was not kept");
 }, say);
+const crop = new Crop(read);
 
 function heard(word) {
   if (word.told === "progress") return progress(word);
@@ -76,10 +78,8 @@ function showPicture() {
   stage.showPicture(picture && `target.png?version=${version.picture}`);
   if (!picture) return;
   $("given").src = `given.png?version=${version.picture}`;
-  const { width, height, crop: [x0, y0, x1, y1], reading } = picture;
-  $("crop").setAttribute("viewBox", `0 0 ${width} ${height}`);
-  const sides = { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
-  for (const [name, value] of Object.entries(sides)) $("crop").firstElementChild.setAttribute(name, value);
+  const { width, height, square, reading } = picture;
+  crop.show([width, height], square, reading.crop);
   $("picture-name").textContent = `${picture.name}, ${width} × ${height} px`;
   const line = (text, kind) => Object.assign(document.createElement("li"), { textContent: text, className: kind });
   $("notes").replaceChildren(...picture.warnings.map((text) => line(text, "warning")),
@@ -138,6 +138,12 @@ function settings() {
   return { seconds: numberIn("seconds"), maps: numberIn("count"), levels: $("levels").value };
 }
 
+function read() {
+  const invert = { auto: "auto", true: true, false: false }[$("read-invert").value];
+  channel.ask("read", { reading: { invert, frame: $("read-frame").value, threshold: numberIn("read-threshold"),
+    clean: $("read-clean").checked, crop: crop.part } });
+}
+
 async function send(file) {
   if (!file) return;
   $("upload-said").textContent = "";
@@ -149,10 +155,8 @@ function listen() {
   for (const act of ACTS) $(`do-${act}`).addEventListener("click", () => channel.ask(act));
   for (const act of SEARCHES) $(`do-${act}`).addEventListener("click", () => channel.ask(act, { settings: settings() }));
   $("file").addEventListener("change", () => send($("file").files[0]));
-  $("reading").addEventListener("change", () => {
-    const invert = { auto: "auto", true: true, false: false }[$("read-invert").value];
-    channel.ask("read", { reading: { invert, frame: $("read-frame").value, threshold: numberIn("read-threshold"),
-      clean: $("read-clean").checked } });
+  $("reading").addEventListener("change", ({ target }) => {
+    if (!target.closest("#part-fields")) read();
   });
   $("curve").addEventListener("change", () => {
     if ($("curve").value) channel.ask("choose", { index: Number($("curve").value) });

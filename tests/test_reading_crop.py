@@ -1,0 +1,162 @@
+"""A part of a picture is read as if it were all, and lies where it lay."""
+
+import numpy as np
+import pytest
+import torch
+from drawings import koch, leaf
+from PIL import Image
+
+from fractal_exp import InputError, codes, suite
+from fractal_exp.ifs import attractor
+from fractal_exp.images import bands
+from fractal_exp.images.painted import Painted
+from fractal_exp.images.reading import read_colour, read_target
+from fractal_exp.inversion import Inversion, Likeness
+from fractal_exp.verdict import Verdict
+
+CROP = (310, 40, 590, 310)  # of a page: the leaf on its right
+
+
+@pytest.fixture(scope="module")
+def page() -> Image.Image:
+    """A Koch curve on the left and a larger leaf on the right of a page, 600×320 px."""
+    page = Image.new("RGB", (600, 320), "white")
+    page.paste(koch(size=(600, 400)).resize((280, 200)), (10, 20))
+    page.paste(leaf((0, 100, 0)).resize((260, 260)), (320, 45))
+    return page
+
+
+def assert_same_place(found, part, origin=CROP[:2], size=(600, 320)):
+    """A reading of a crop equals that of the part alone, and lies at `origin` in the whole."""
+    assert torch.equal(found.image, part.image)
+    assert found.source_size == size and found.scale == part.scale and found.inverted == part.inverted
+    np.testing.assert_allclose(found.crop_box, np.add(part.crop_box, [*origin, *origin]), atol=1e-9)
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"clean": False}, {"threshold": 0.4}, {"invert": True, "padding": 0.5}])
+def test_a_part_of_an_array_is_read_as_that_part_alone(page, options):
+    pixels, (left, top, right, bottom) = np.asarray(page), CROP
+    part = read_target(pixels[top:bottom, left:right], 96, **options)
+    for source in (pixels, torch.from_numpy(pixels.copy())):
+        found = read_target(source, 96, crop=CROP, **options)
+        assert_same_place(found, part)
+        assert found.crop == CROP
+        assert found.notes[0] == "only the part of 280×270 px at (310, 40) is read, as asked"
+    assert read_target(pixels, 96, **options).crop is None
+
+
+def test_the_place_of_the_shape_is_told_in_pixels_of_the_whole_picture(page):
+    found = read_target(np.asarray(page), 96, crop=CROP)
+    x, y = found.placement.to_pixels((0.0, 0.0))
+    assert any(f"of 280×270, centred at ({x:.1f}, {y:.1f})" in note for note in found.notes)
+
+
+def test_a_square_part_keeps_its_frame(page):
+    square = (300, 20, 580, 300)
+    found = read_target(np.asarray(page), 140, crop=square, frame="keep")
+    assert found.crop_box == square and found.scale == 0.5
+    with pytest.raises(InputError, match=r'a square picture, the part \(310, 40, 590, 310\) of the image is 280×270'):
+        read_target(np.asarray(page), 140, crop=CROP, frame="keep")
+
+
+@pytest.mark.parametrize("name, mode", [
+    ("rgb.png", "RGB"), ("grey.png", "L"), ("palette.png", "P"), ("palette.gif", "P"), ("bits.png", "1"),
+    ("alpha.png", "RGBA"), ("cmyk.tif", "CMYK"), ("cmyk.jpg", "CMYK"), ("deep.png", "I;16")])
+def test_a_part_of_a_file_is_that_part_of_the_picture_as_shown(page, tmp_path, name, mode):
+    if mode == "RGBA":
+        picture = page.copy()
+        picture.putalpha(page.convert("L").point(lambda level: 255 * (level < 250)))
+    elif mode == "I;16":
+        picture = Image.fromarray(np.asarray(page.convert("L")).astype(np.uint16) * 257)
+    else:
+        picture = page.convert(mode)
+    picture.save(tmp_path / name)
+    shown = Image.open(tmp_path / name)
+    if mode in ("P", "CMYK", "1"):
+        shown = shown.convert("L" if mode == "1" else "RGB")
+    left, top, right, bottom = CROP
+    lossy = name.endswith("jpg")  # its errors are dealt with, which an array does not tell
+    part = read_target(np.asarray(shown)[top:bottom, left:right], 96, clean=not lossy)
+    assert_same_place(read_target(tmp_path / name, 96, crop=CROP, clean=not lossy), part)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_crop_is_that_of_the_upright_picture(page, tmp_path, orientation):
+    exif = Image.Exif()
+    exif[bands.EXIF_ORIENTATION] = orientation
+    page.save(tmp_path / "turned.png", exif=exif)
+    upright = read_colour(tmp_path / "turned.png")
+    height, width = upright.shape[:2]
+    assert (width, height) == ((600, 320) if orientation < 5 else (320, 600))
+    crop = np.array([20, 15, width - 25, height - 30])  # NumPy's whole numbers are whole numbers, too
+    part = read_target(upright[crop[1]:crop[3], crop[0]:crop[2]], 96)
+    assert_same_place(read_target(tmp_path / "turned.png", 96, crop=crop), part, crop[:2], (width, height))
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_a_huge_picture_is_shrunk_if_its_crop_is_huge(tmp_path, monkeypatch, suffix):
+    monkeypatch.setattr(bands, "LARGE_SIDE", 256)
+    monkeypatch.setattr(bands, "LARGE_SHORTER_SIDE", 256)
+    small = Image.new("L", (400, 200), 255)
+    small.paste(leaf("black").convert("L").resize((160, 160)), (225, 21))
+    large = small.resize((1600, 800), Image.Resampling.NEAREST)
+    large.save(tmp_path / f"large.{suffix}", **({"quality": 95} if suffix == "jpg" else {}))
+    part = read_target(np.asarray(small)[13:187, 211:393], 96)
+    found = read_target(tmp_path / f"large.{suffix}", 96, crop=(844, 52, 1572, 748))
+    assert "shrunk 2 times as it was read, from 728×696 px" in found.notes and found.source_size == (1600, 800)
+    np.testing.assert_allclose(found.crop_box, 4 * np.add(part.crop_box, [211, 13, 211, 13]), atol=2.5)
+    assert found.scale == pytest.approx(part.scale / 4, rel=0.01)
+    whole = read_target(tmp_path / f"large.{suffix}", 96)
+    np.testing.assert_allclose(found.crop_box, whole.crop_box, atol=5)
+    tip = read_target(tmp_path / f"large.{suffix}", 96, crop=(1100, 200, 1400, 500), clean=False, invert=True)
+    assert not any("shrunk" in note for note in tip.notes)
+
+
+@pytest.mark.parametrize("crop, message", [
+    ((0, 0, 100), r"four whole numbers \(left, top, right, bottom\), in pixels of the picture, got \(0, 0, 100\)"),
+    ((0, 0, 100.0, 100), "four whole numbers"), ((0, 0, True, 100), "four whole numbers"), ("0000", "got '0000'"),
+    (100, "got 100"), ([None, 0, 50, 50], "four whole numbers"), ({"left": 0}, "four whole numbers"),
+    ((50, 0, 50, 100), r"left below right and top below bottom, got \(50, 0, 50, 100\), which is empty"),
+    ((0, 90, 100, 80), "which is empty"),
+    ((-1, 0, 100, 100), r"must lie within \(0, 0, 600, 320\), the whole picture, got \(-1, 0, 100, 100\)"),
+    ((0, -1, 100, 100), "within"), ((0, 0, 601, 100), "within"), ((0, 0, 100, 321), "within"),
+    ((10, 10, 25, 100), r"the part \(10, 10, 25, 100\) of .* at least 16 px on each side, got 15×90"),
+    ((0, 0, 40, 16), r"the part \(0, 0, 40, 16\) of .* is all white"),
+])
+@pytest.mark.parametrize("kind", ["array", "file"])
+def test_a_crop_that_cannot_be_is_refused(page, tmp_path, crop, message, kind):
+    page.save(tmp_path / "page.png")
+    with pytest.raises(InputError, match=message) as caught:
+        read_target(np.asarray(page) if kind == "array" else tmp_path / "page.png", 64, crop=crop)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_overlay_lies_over_the_part_that_was_read(tmp_path):
+    """The code that drew both of two pictures beside each other covers the one that was read, and not the other."""
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    drawn = np.rint(255 * suite.target(code, 160).numpy()).astype(np.uint8)
+    Image.fromarray(np.pad(np.hstack([drawn, drawn]), ((31, 4), (17, 9)))).save(tmp_path / "twins.png")
+    read = read_target(tmp_path / "twins.png", 160, crop=(177, 20, 340, 195))
+    likeness = Likeness.of(code, read.image)
+    found = Inversion(code=code, target=read, source=read.source, likeness=likeness, history=(), stopped="",
+                      verdict=Verdict.of(likeness, 3, read.image, picture=read), method="hand", seconds=0.0)
+    laid = np.asarray(found.overlay(colour=(255, 0, 0), opacity=1.0)).astype(int)
+    red = laid[..., 0] - laid[..., 1] > 100
+    lit = np.asarray(Image.open(tmp_path / "twins.png")) > 0
+    assert red[:, :177].sum() == 0 and lit[red].mean() > 0.95
+    shape = lit & (np.arange(lit.shape[1]) >= 177)
+    assert red[shape].mean() > 0.5
+    found.save(tmp_path / "found")
+    assert Inversion.load(tmp_path / "found").placement == read.placement
+
+
+def test_colours_come_from_the_part_alone():
+    """The neighbour's pixels lie in the square around the shape, but were not read."""
+    page = np.zeros((200, 200, 4), np.uint8)
+    page[60:140, 40:120] = (255, 0, 0, 255)
+    page[60:140, 124:150] = (0, 0, 255, 255)
+    seen = Painted.of(read_target(page, 64, crop=(30, 50, 122, 150)))
+    assert float(seen.seen[..., 0].max()) == 1 and float(seen.seen[..., 2].max()) == 0
+    both = Painted.of(read_target(page, 64))
+    assert float(both.seen[..., 2].max()) == 1

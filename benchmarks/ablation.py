@@ -84,11 +84,9 @@ def fit(part: str, name: str, fractal: int | str, limit: float, resolution: int 
     boxed, framed = (without_empty(evaluate(code, truth, align=align, resolution=resolution))["f1"].mean()
                      for align in ("bbox", "none"))
     exact = code_error(code, truth, align="none", resolution=resolution).exact
-    plain = {key: None if (value := getattr(code, key)) is None else value.tolist()
-             for key in ("linear", "offset", "probabilities")}
     return {"without": part, "set": name, "fractal": fractal, "suite": seed, "limit": limit, "resolution": resolution,
             "f1_box": round(float(boxed), 4), "f1_frame": round(float(framed), 4), "exact": bool(exact),
-            "seconds": round(seconds, 2), "code": plain, **archive.here(), "machine": machine(),
+            "seconds": round(seconds, 2), "code": archive.plain(code), **archive.here(), "machine": machine(),
             "date": time.strftime("%Y-%m-%d")}
 
 

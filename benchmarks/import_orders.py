@@ -87,9 +87,13 @@ def ratios(rounds: list[dict[str, dict[str, float]]]) -> dict[str, dict[str, lis
 
 
 def worst(report: dict) -> dict[str, float]:
-    """The ratio of the slowest order, by state and kind of work."""
-    return {f"{kind}, {state}: slowest order": max(ratio for ratio, *_ in by_order.values())
-            for state in STATES if state in report for kind, by_order in report[state]["ratio"].items()}
+    """The ratio of the slowest order to the fastest, by state and kind of work."""
+    result = {}
+    for state in STATES:
+        for kind, by_order in report[state]["ratio"].items():
+            ratios = [ratio for ratio, *_ in by_order.values()]
+            result[f"{kind}, {state}: slowest / fastest order"] = max(ratios) / min(ratios)
+    return result
 
 
 def main() -> None:
@@ -107,6 +111,8 @@ def main() -> None:
         for kind, by_order in report[state]["ratio"].items():
             print(f"{state}, {kind}: " + "; ".join(
                 f"{order} {ratio:.2f} [{low:.2f}, {high:.2f}]" for order, (ratio, low, high) in by_order.items()))
+    for name, ratio in worst(report).items():
+        print(f"{name} {ratio:.2f}")
     if arguments.record:
         record.append(arguments.record, "import_orders", report, worst(report))
 

@@ -68,10 +68,9 @@ def kernels():
             array(dtype, 2), longs)
 
 
+@pytest.mark.slow
 @needs_numba_cuda
-@pytest.mark.parametrize("capability", [pytest.param((8, 0), marks=pytest.mark.slow), (9, 0, "a"),
-                                        pytest.param((10, 0, "a"), marks=pytest.mark.slow)],
-                         ids=lambda cc: "".join(map(str, cc)))
+@pytest.mark.parametrize("capability", [(8, 0), (9, 0, "a"), (10, 0, "a")], ids=lambda cc: "".join(map(str, cc)))
 def test_kernels_compile_to_machine_code(capability):
     """By NVVM and nvJitLink, optimised as they are linked, as a launch has it done; neither needs a GPU or a driver."""
     from cuda.bindings import nvjitlink
@@ -124,6 +123,7 @@ def test_images_are_refused_on_devices_that_cannot_draw(device, message):
         render(IFS(torch.eye(2)[None] / 2, torch.zeros(1, 2)), device=device)
 
 
+@pytest.mark.slow
 def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path, monkeypatch):
     """A lease is too short to find a slip of the script on it."""
     from benchmarks import gpu

@@ -124,7 +124,7 @@ def test_kernels_agree_with_their_twins_and_so_do_their_gradients():
         numbers = {name: value.requires_grad_() for name, value in raw(dtype).items()}
         linear = affine.matrices(numbers)
         points = sequence(linear, numbers["b"], affine.fixed_point(linear[0], numbers["b"][0]), sequences=5, length=70,
-                          probabilities=affine.chances(linear), seed=3, backend=backend)
+                          probabilities=affine.probabilities(linear), seed=3, backend=backend)
         errors = blob_error(affine.to_pixels(points, 48), image.to(dtype), backend=backend)
         (errors * torch.arange(1, 6)).sum().backward()
         return [points.detach(), errors.detach(), *(value.grad for value in numbers.values())]
@@ -203,7 +203,7 @@ def test_a_code_whose_singular_values_are_one_in_float32_still_contracts():
 
 @pytest.mark.parametrize("options, message", [
     ({"iterations": 0}, "iterations must be at least 1, got 0"),
-    ({"side": 8}, "side must be at least 16, got 8"),
+    ({"side": 8}, "side must be at least 16 and at most 1024, got 8"),
     ({"seconds": -1}, "seconds must be above 0"),
     ({"previews": -1}, "previews must be at least 0"),
     ({"sequence": 3}, "did you mean 'sequences'"),

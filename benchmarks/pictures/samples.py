@@ -6,7 +6,8 @@
                                                      what `make run` fits, to the end
 
 Each is judged on its input: F1, IoU, PSNR and SSIM of the inner 75% at the input's resolution. A line of JSON for each
-fit is added to --record: its scores, the seconds that cores worked on it, after each stage as well, commit and machine.
+fit is added to --record: its code and scores, the seconds that cores worked on it, after each stage as well, commit and
+machine.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from fractal_exp.rendering.sheets import comparison_strip
 from fractal_exp.runtime import threads
 from fractal_exp.targets import KnownCode
 
-from .. import record
+from .. import archive, record
 
 PICTURES = {"retina": samples.retina_vessels, "snowflake": samples.snowflake,
             "fern": lambda resolution: KnownCode("fern").load(resolution).image}
@@ -63,7 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 rows.append({"picture": name, "method": method, "seed": seed, "maps": len(found.code), **scores,
                              "seconds": seconds, "core_seconds": work})
                 if args.record:
-                    figures = rows[-1] | {"limit": args.seconds or None, "threads": used, "stages": stages}
+                    figures = rows[-1] | {"limit": args.seconds or None, "threads": used, "stages": stages,
+                                          "code": archive.plain(found.code)}
                     record.append(args.record, "pictures", figures, ratios(figures))
                 print(pd.DataFrame(rows[-1:]).round(3).to_string(index=False, header=len(rows) == 1), flush=True)
                 if seed == args.seeds[0]:

@@ -134,12 +134,22 @@ def check_components(node: DictConfig, path: str) -> None:
             check_components(value, f"{path}.{key}")
     if "_target_" not in node:
         return
-    try:
-        constructor = get_object(node["_target_"])
-    except Exception as error:
-        raise InputError(f"{path}._target_: there is no {node['_target_']!r}") from error
+    constructor = _constructor(node["_target_"], path)
     given = {str(key): value for key, value in node.items() if not str(key).startswith("_")}
     _check_against_signature(constructor, given, path)
+
+
+def _constructor(target: str, path: str) -> Any:
+    """What `_target_` names. Raises `InputError` if there is no such thing; a module that cannot be imported for
+    another reason is a defect, and raises what its import raised."""
+    try:
+        return get_object(target)
+    except (ImportError, ValueError) as error:
+        cause = error.__cause__
+        is_absent = isinstance(cause, ModuleNotFoundError) and target.startswith(str(cause.name))
+        if cause is not None and not is_absent:
+            raise
+        raise InputError(f"{path}._target_: there is no {target!r}") from error
 
 
 def _checked_params(params: type[Params], given: dict[str, Any], path: str) -> dict[str, Any]:

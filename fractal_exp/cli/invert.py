@@ -22,7 +22,8 @@ from .commands import command, command_parser, make_folder
 LARGEST_OVERLAY = 4096  # pixels of the picture's longer side
 RENDERING = 1024        # pixels a side
 POLARITIES = {"auto": "auto", "true": True, "false": False}
-FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "seed", "seconds", "colour")}
+FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "seed", "seconds",
+                                         "colour")}
 FLAGS["clean"] = "--as-it-is"
 
 DESCRIPTION = """Find the code of the self-similar shape on a picture: the few affine maps whose attractor it is.

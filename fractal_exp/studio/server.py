@@ -179,33 +179,40 @@ async def _done(session: Session, text: str) -> str:
     """Do what a page asks for; why it could not be done, empty if it was."""
     try:
         word = json.loads(text) if len(text) <= LONGEST_WORD else None
-        asked: dict[str, Any] = word if isinstance(word, dict) else {}
-        name = asked.get("do")
-        if name not in ACTS:
+    except (ValueError, RecursionError) as error:
+        return f"the page sent what cannot be read ({type(error).__name__}); load it again"
+    asked: dict[str, Any] = word if isinstance(word, dict) else {}
+    name = asked.get("do")
+    try:
+        if not isinstance(name, str) or name not in ACTS:
             raise InputError(f"the studio knows {', '.join(ACTS)}, got {str(name)[:40]!r}; load the page again")
         doing = ACTS[name](session, asked)
         if doing is not None:
             await doing
     except InputError as error:
         return str(error)
-    except (ValueError, TypeError, RecursionError) as error:
-        return f"the page sent what cannot be read ({type(error).__name__}); load it again"
     except OSError as error:
-        log.exception("a page's wish failed")
+        log.exception("the disk refused what a page asked for")
         return f"the disk refused: {error.strerror}"
+    except Exception as error:
+        log.exception("a defect of the studio")
+        return f"the studio has a defect ({type(error).__name__}: {error}); its log has the details"
     return ""
 
 
-def _settings(asked: Mapping[str, Any]) -> dict[str, Any]:
-    return dict(asked.get("settings") or {})
+def _mapping(asked: Mapping[str, Any], name: str) -> dict[str, Any]:
+    given = asked.get(name) or {}
+    if not isinstance(given, dict):
+        raise InputError(f"{name} must be a mapping, got {type(given).__name__}; load the page again")
+    return given
 
 
 ACTS: dict[str, Callable[[Session, Mapping[str, Any]], Awaitable[None] | None]] = {
-    "read": lambda session, asked: session.read(asked.get("reading") or {}),
-    "find": lambda session, asked: session.find(_settings(asked)),
+    "read": lambda session, asked: session.read(_mapping(asked, "reading")),
+    "find": lambda session, asked: session.find(_mapping(asked, "settings")),
     "stop": lambda session, asked: session.stop(),
     "go_on": lambda session, asked: session.go_on(),
-    "polish": lambda session, asked: session.polish(_settings(asked)),
+    "polish": lambda session, asked: session.polish(_mapping(asked, "settings")),
     "edit": lambda session, asked: session.edit(asked.get("code")),
     "choose": lambda session, asked: session.choose(asked.get("index")),
     "save": lambda session, asked: session.save(),

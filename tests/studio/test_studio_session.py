@@ -90,7 +90,8 @@ def test_what_cannot_be_is_refused_with_the_reason(studio, tab, triangle):
             ("go_on", {}, "no search that was stopped"), ("choose", {"index": 0}, "the curve has 0 codes"),
             ("find", {"settings": {"seconds": 0}}, "1 to 86400 seconds"),
             ("find", {"settings": {"maps": 2.5}}, "2 to 1000"), ("find", {"settings": {"levels": "x"}}, "one of auto"),
-            ("find", {"settings": {"path": "/etc"}}, "got 'path'"), ("find", {"settings": 3}, "cannot be read"),
+            ("find", {"settings": {"path": "/etc"}}, "got 'path'"),
+            ("find", {"settings": 3}, "settings must be a mapping, got int"), (["find"], {}, "the studio knows read"),
             ("edit", {"code": [[2, 0, 0, 2, 0, 0]]}, "contractive"), ("edit", {"code": 3}, "got int"),
             ("__class__", {}, "the studio knows read")):
         assert message in tab.refused(act, **more), act

@@ -1,6 +1,6 @@
 """Exported `.flame` files, drawn by flam3: whether shape and colours are those that `render` draws.
 
-    python -m benchmarks.flame                         about five minutes on one core; needs flam3-render, scikit-image
+    python -m benchmarks.flame                         five minutes on a quiet core; needs flam3-render, scikit-image
     python -m benchmarks.flame --side 256 --limit 3    three codes of each kind, at 256²
     python -m benchmarks.flame --record benchmarks/results/formats.jsonl --sheet flame.png
 
@@ -9,9 +9,9 @@ Drawn are the classic codes, fractals of the suite of seed 2025, the codes with 
 file and drawn by `flam3-render` and by `render`, in the file's camera.
 
 F1 is that of the lit pixels. Beside it stands the F1 of two pictures by `render` with other random points: where rare
-points make the shape, no two drawings agree. The colour difference is the mean CIEDE2000 over the pixels that both light, of the mean
-colours of their points: flam3's picture is taken with transparency, so that neither its brightness nor a thin cover
-counts.
+points make the shape, no two drawings agree. The colour difference is the mean CIEDE2000 between the mean colours of
+the points in a pixel, over the pixels that both light. flam3's picture is taken with transparency, so that neither its
+brightness nor a thin cover counts.
 """
 
 from __future__ import annotations

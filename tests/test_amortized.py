@@ -121,6 +121,7 @@ def test_what_the_fit_refuses(file, tmp_path):
     with pytest.raises(InputError, match="the network sees 64² pixels, and the target has 32²"):
         Amortized(weights=file).check(TARGET)
     for options, message in (({"seconds": 0}, "seconds must be above 0"), ({"side": 20}, "side must be"),
-                             ({"present": 2.0}, "present must be at least 0 and at most 1"), ({"fewest": 0}, "must be at least 1")):
+                             ({"present": 2.0}, "present must be at least 0 and at most 1"),
+                             ({"fewest": 0}, "must be at least 1")):
         with pytest.raises(InputError, match=message):
             Amortized(**options)

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from skimage.color import deltaE_ciede2000, rgb2lab
 
-from fractal_exp import IFS, InputError, View, codes, render
+from fractal_exp import IFS, Colours, InputError, View, codes, render
 from fractal_exp.evaluation.metrics import f1
 from fractal_exp.ifs import attractor
+from fractal_exp.ifs.formats.colours import Palette
 from fractal_exp.ifs.formats.flame import camera_of
 from fractal_exp.suite import random_suite
 
@@ -54,12 +56,12 @@ def flame(*elements, **values):
     return f"<flame{attributes(**values)}>{''.join(elements)}</flame>"
 
 
-def drawn(path, side=SIDE, index=0):
+def drawn(path, side=SIDE, index=0, **settings):
     """What flam3 draws of a file's flame, (side, side); it takes the frame's larger side to be 1024 or so."""
     out = path.with_name("drawn")
     size = float(path.read_text().split('size="')[1 + index].split()[0])
     subprocess.run(["flam3-render"], check=True, capture_output=True, timeout=300, env=os.environ | {
-        "in": str(path), "prefix": str(out), "ss": str(side / size), "isaac_seed": "fern", "nthreads": "1"})
+        "in": str(path), "prefix": str(out), "ss": str(side / size), "isaac_seed": "fern", "nthreads": "1"} | settings)
     pictures = sorted(path.parent.glob("drawn*.png"))
     return torch.from_numpy(np.asarray(Image.open(pictures[index]).convert("L"), np.float32))
 
@@ -95,6 +97,80 @@ def test_flam3_draws_the_maps_in_their_colours(tmp_path):
     colours = np.asarray(Image.open(next(tmp_path.glob("drawn*.png"))).convert("RGB"), float)
     left, right = (half[half.max(-1) > 100].mean(0) for half in (colours[64:, :64], colours[64:, 64:]))
     assert np.abs(left - right).max() > 40
+
+
+def own_colours(blends, rgb=((0.9, 0.2, 0.1), (0.1, 0.7, 0.2), (0.2, 0.3, 0.9))):
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    return replace(code, colours=Colours(torch.tensor(rgb), torch.full((3,), blends)))
+
+
+def difference(path, code):
+    """The mean CIEDE2000 between flam3's colours of a file and a code's, where both have points."""
+    drawn(path, 128, transparency="1")
+    flam3 = np.asarray(Image.open(next(path.parent.glob("drawn*.png"))), float) / 255
+    own = render(code, camera_of(code), resolution=128, mode="colour").numpy()
+    both = (flam3[..., 3] > 0) & (own[..., 3] > 0)
+    assert both.sum() > 1000
+    return float(deltaE_ciede2000(rgb2lab(flam3[both][:, :3]), rgb2lab(own[both][:, :3])).mean())
+
+
+@DRAWS
+def test_flam3_draws_a_codes_own_colours(tmp_path):
+    by_last_map = own_colours(1.0)
+    assert difference(by_last_map.save(tmp_path / "a.flame"), by_last_map) < 1
+    on_a_line = own_colours(0.3, ((0.9, 0.2, 0.1), (0.1, 0.7, 0.2), (0.5, 0.45, 0.15)))  # mixtures are on it too
+    assert difference(on_a_line.save(tmp_path / "b.flame"), on_a_line) < 1
+    mixed = own_colours(0.6)  # in a triangle, of which a palette holds the corners of corners
+    assert difference(mixed.save(tmp_path / "c.flame"), mixed) < 3
+    assert difference(tmp_path / "c.flame", by_last_map) > 10
+
+
+def errors_of(palette, rgb, blend, steps=4000):
+    """How far the palette's colours are from the true ones along a chaos game of equal chances, (steps, 3)."""
+    rgb, place, colour, errors = np.array(rgb), 0.5, np.full(3, 0.5), []
+    for i in np.random.default_rng(0).integers(0, len(rgb), steps):
+        place += palette.speeds[i] * (palette.places[i] - place)
+        colour = (1 - blend) * colour + blend * rgb[i]
+        errors.append(palette.rgb[min(round(256 * place), 255)] / 255 - colour)
+    return np.abs(errors[steps // 10:])
+
+
+def test_a_palette_is_exact_for_colours_on_a_line():
+    for rgb in (((1, 0, 0), (0, 0, 1), (0.5, 0, 0.5)), ((0.2, 0.8, 0.4), (0.2, 0.2, 0.4), (0.2, 0.5, 0.4))):
+        palette = Palette.of(own_colours(0.2, rgb))
+        assert errors_of(palette, rgb, 0.2).max() < 0.01
+        assert np.abs(palette.rgb[np.minimum(256 * palette.places, 255).astype(int)] / 255 - rgb).max() < 0.02
+
+
+def test_a_palette_tells_colours_apart_that_lie_on_no_line():
+    rgb = ((0.9, 0.2, 0.1), (0.1, 0.7, 0.2), (0.2, 0.3, 0.9))
+    assert errors_of(Palette.of(own_colours(0.6, rgb)), rgb, 0.6).mean() < 0.015
+
+
+@pytest.mark.parametrize("count", [1, 2, 1200])
+def test_a_palette_of_few_or_many_maps(tmp_path, count):
+    rng = np.random.default_rng(1)
+    code = IFS(np.tile(0.4 * np.eye(2), (count, 1, 1)), rng.uniform(-0.5, 0.5, (count, 2)),
+               colours=Colours(rng.uniform(0, 1, (count, 3)), rng.uniform(0.1, 1, count)))
+    palette = Palette.of(code)
+    assert palette.places.shape == palette.speeds.shape == (count,) and palette.rgb.shape == (256, 3)
+    assert 0 <= palette.places.min() and palette.places.max() <= 1 and np.isfinite(palette.places).all()
+    assert len(IFS.load(code.save(tmp_path / "a.flame"))) == count
+
+
+def test_near_colours_are_neighbours_on_the_palette():
+    code = own_colours(1.0, ((0.9, 0.1, 0.1), (0.1, 0.1, 0.9), (0.85, 0.15, 0.1)))
+    places = Palette.of(code).places
+    assert abs(places[0] - places[2]) < 0.1 < abs(places[0] - places[1])
+
+
+@pytest.mark.parametrize("suffix", [".flame", ".ply"])
+def test_colours_that_no_point_gets_are_not_written(tmp_path, suffix):
+    code = replace(own_colours(0.5), probabilities=torch.tensor([0.5, 0.5, 0]),
+                   colours=Colours(torch.ones(3, 3), torch.tensor([0.0, 0, 0.5])))
+    with pytest.raises(InputError, match="has the probability 0, so no point gets a colour; give another map a blend"):
+        code.save(tmp_path / f"a{suffix}")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_of_the_field(tmp_path):

@@ -14,7 +14,7 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import IFS, InputError, View, codes, render
+from fractal_exp import IFS, Colours, InputError, View, codes, render
 from fractal_exp.cli import convert
 from fractal_exp.cli import render as render_app
 from fractal_exp.cli.commands import read_code
@@ -273,6 +273,24 @@ def test_a_ply_holds_points_of_the_attractor_coloured_by_map(tmp_path):
     for k in range(3):  # of a colour are the points of one corner
         x, y = (points[axis][members.ravel() == k] for axis in "xy")
         assert np.ptp(x) <= 0.5 + 1e-5 and np.ptp(y) <= 3 ** 0.5 / 4 + 1e-5 and 0.3 < len(x) / 200_000 < 0.36
+
+
+def test_a_ply_holds_points_in_the_codes_own_colours(tmp_path):
+    code = replace(attractor.normalize(codes.known("fern")), colours=Colours(
+        [[0.9, 0.2, 0.1], [0.1, 0.7, 0.2], [0.2, 0.3, 0.9], [0.8, 0.8, 0.1]], [0.9, 0.15, 0.5, 0.7]))
+    _, _, data = code.save(tmp_path / "points.ply").read_bytes().partition(b"end_header\n")
+    points = np.frombuffer(data, ply.VERTEX)
+    image = render(code, resolution=32, mode="colour").numpy()
+    row, column = ((np.stack([1 - points["y"], 1 + points["x"]]) * 16).astype(int))
+    for channel, name in enumerate(("red", "green", "blue")):
+        sums = np.zeros((32, 32))
+        np.add.at(sums, (row, column), points[name] / 255)
+        counts = np.zeros((32, 32))
+        np.add.at(counts, (row, column), 1)
+        many = counts > 500
+        assert many.sum() > 50
+        assert np.abs(sums[many] / counts[many] - image[many][:, channel]).mean() < 0.01
+        assert np.ptp(image[many][:, channel]) > 0.3
 
 
 def test_random_points_follow_the_invariant_measure():

@@ -159,7 +159,8 @@ def test_the_network_in_the_package_reads_more_off_an_image_than_the_mean_code()
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    ({"seconds": 0}, "seconds must be above 0 .* got 0"), ({"maps": 0}, "maps must be at least 1 and at most 64, got 0"),
+    ({"seconds": 0}, "seconds must be above 0 .* got 0"),
+    ({"maps": 0}, "maps must be at least 1 and at most 64, got 0"),
     ({"side": 20}, "side must be .*20"), ({"largest": 1.0}, "largest must be above 0 and below 1, got 1.0"),
     ({"map": 3}, "did you mean 'maps'"), ({"device": "gpu"}, "there is no device 'gpu'"),
 ])

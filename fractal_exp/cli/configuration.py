@@ -29,6 +29,7 @@ class TrainConfig:
 
     picture: str | None = None
     seconds: float | None = None
+    colour: bool = False
     task: Any = MISSING
     target: Any = MISSING
     method: Any = MISSING

@@ -25,7 +25,7 @@ from ..targets import Target
 if TYPE_CHECKING:
     import pandas as pd
 
-NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS"}
+NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "ciede2000": "CIEDE2000"}
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from .folders import FitFolder
 
 SWEEP = "sweep"  # the tag `kind` of a parent run
 GENERAL = ("target", "target_image", "fingerprint", "resolution", "scale", "variant", "perceptual",
-           "perceptual_weights", "seed", "device", "backend")  # settings that every method has
+           "perceptual_weights", "seed", "colour", "device", "backend")  # settings that every method has
 
 
 class Runs(ABC):

@@ -17,6 +17,7 @@ from omegaconf import DictConfig, OmegaConf
 from ..errors import InputError
 from ..evaluation import Perceptual
 from ..ifs.code import IFS
+from ..images.painted import Painted
 from ..images.reading import write_image
 from ..inversion import Likeness
 from ..methods.base import CodeReconstruction, Method, Reconstruction, stop_reason
@@ -28,15 +29,15 @@ from ..runtime.files import write_atomically
 from ..targets import Target
 from ..tracking import Tracker
 from ..verdict import Verdict
-from . import configuration, interruption, words
+from . import colours, configuration, interruption, words
 from .folders import PAGE, FitFolder
 from .judging import Judgement, check_options, judge, judge_course
 from .progress import Reporter
 from .records import ENLARGED
 from .runs import Runs
 
-# The target and the method hold what `picture` and `seconds` say.
-NOT_PART_OF_A_FIT = ("picture", "seconds", "output", "study", "name", "resume", "tracking", "threads",
+# The target and the method hold what `picture` and `seconds` say. Colours are a part of a fit that has them.
+NOT_PART_OF_A_FIT = ("picture", "seconds", "colour", "output", "study", "name", "resume", "tracking", "threads",
                      "checkpoint_every", "evaluation", "sweep", "task", "pretraining", "weights",
                      "network_side", "network_width")
 
@@ -75,14 +76,19 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     source = configuration.build(config.target)
     method: Method = configuration.build(config.method)
     runs: Runs = configuration.build(config.tracking)
+    if config.colour:
+        colours.check_method(config.method["_target_"])
     perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
     target = source.load(config.resolution)
+    painted = colours.of_target(target) if config.colour else None
     method.check(target.image)
     if target.truth is None:  # judged at its own resolution
         perceptual.check(target.image.shape[-1])
     else:
         perceptual.check(config.evaluation.resolution, "evaluation.resolution")
     identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
+    if painted is not None:
+        identity |= {"colour": True, "target_colours": _digest(painted.seen.tobytes())}
     identity["target_image"] = _digest(target.image.numpy().tobytes())
     if fingerprint := method.fingerprint():
         identity["fingerprint"] = fingerprint[:16]
@@ -118,6 +124,8 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         sweep = config.sweep or {}
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds,
                           ceiling=bool(sweep.get("ceiling")))
+        if painted is not None and isinstance(reconstruction, CodeReconstruction):
+            judgement = _keep_colours(folder, run, reconstruction, painted, config.seed, judgement)
         _keep(folder, run, judgement)
         if sweep.get("course") and target.truth is not None:
             points = judge_course(history.course, target.truth, settings["evaluation"])
@@ -153,6 +161,17 @@ def _keep_found(folder: FitFolder, run: Tracker, reconstruction: Reconstruction)
         return None
     run.artifact(kept.name, kept)
     return kept
+
+
+def _keep_colours(folder: FitFolder, run: Tracker, reconstruction: CodeReconstruction, painted: Painted, seed: int,
+                  judgement: Judgement) -> Judgement:
+    """Give the kept code the picture's colours; the judgement with what they are worth."""
+    coloured = colours.Coloured.of(reconstruction.code, painted, seed)
+    if coloured is None:
+        print("  no colours hardly any pixel is lit by both the code and the picture")
+        return judgement
+    _keep_found(folder, run, replace(reconstruction, code=coloured.code))
+    return coloured.beside(judgement)
 
 
 def _keep_page(folder: FitFolder, run: Tracker, code: IFS) -> None:

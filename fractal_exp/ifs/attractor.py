@@ -120,6 +120,16 @@ def random_point(code: IFS, seed: int | Sequence[int] = 0) -> tuple[float, float
     return x, y
 
 
+def random_letters(code: IFS, count: int, seed: int | Sequence[int] = 0) -> np.ndarray:
+    """The maps (200 + T, 1000) of each step of a thousand chaos games. The last T steps give at least `count` points.
+
+    `random_points` with the same seed plays these games.
+    """
+    p = code.sampling_probabilities().cpu().double().numpy()
+    steps = WARM_UP - (-count // TRAJECTORIES)
+    return np.random.Generator(np.random.PCG64(seed)).choice(len(p), (steps, TRAJECTORIES), p=p / p.sum())
+
+
 def random_points(code: IFS, count: int, seed: int | Sequence[int] = 0) -> tuple[np.ndarray, np.ndarray]:
     """Points (count,2), float64, of the attractor, drawn by the invariant measure, and the map (count,) that produced
     each.
@@ -129,10 +139,8 @@ def random_points(code: IFS, count: int, seed: int | Sequence[int] = 0) -> tuple
     """
     start = random_point(code, seed)
     linear, offset = _float64(code)
-    p = code.sampling_probabilities().cpu().double().numpy()
-    kept = -(-count // TRAJECTORIES)
-    letters = np.random.Generator(np.random.PCG64(seed)).choice(len(p), (WARM_UP + kept, TRAJECTORIES), p=p / p.sum())
-    points, now = np.empty((kept, TRAJECTORIES, 2)), np.tile(start, (TRAJECTORIES, 1))
+    letters = random_letters(code, count, seed)
+    points, now = np.empty((len(letters) - WARM_UP, TRAJECTORIES, 2)), np.tile(start, (TRAJECTORIES, 1))
     for step, maps in enumerate(letters):
         now = np.einsum("kij,kj->ki", linear[maps], now) + offset[maps]
         if step >= WARM_UP:

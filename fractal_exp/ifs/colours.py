@@ -70,6 +70,18 @@ class Colours:
         blend above 0."""
         return Colours(self.rgb[maps], self.blends[maps])
 
+    def shares(self, chances: Tensor) -> Tensor:
+        """The share (N,) that each map's colour has in the mean colour of the attractor's points, with sum 1.
+
+        chances (N,): of the maps in the chaos game. Raises `InputError` if all maps with a blend above 0 have the
+        probability 0, because then no point gets a colour.
+        """
+        weights = self.blends.cpu() * chances.cpu()
+        if not bool((weights > 0).any()):
+            raise InputError("every map of the code with a blend above 0 has the probability 0, so no point gets a "
+                             "colour; give another map a blend above 0")
+        return weights / weights.sum()
+
     def to_json(self) -> dict[str, Any]:
         """Plain data: `rgb` as N lists of three numbers, and N `blends`."""
         return {"rgb": exact(self.rgb), "blends": exact(self.blends)}

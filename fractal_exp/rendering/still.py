@@ -222,9 +222,7 @@ def _colours(code: IFS, probabilities: Tensor) -> tuple[Tensor, Tensor]:
     if code.colours is None:
         raise InputError('the code has no colours to draw; invert(..., colour=True) finds them in a picture, '
                          'IFS(..., colours=Colours(rgb, blends)) gives them, and mode="occupancy" draws without')
-    if not bool((code.colours.blends.cpu() * probabilities.cpu() > 0).any()):
-        raise InputError("every map of the code with a blend above 0 has the probability 0, so no point gets a colour; "
-                         "give another map a blend above 0")
+    code.colours.shares(probabilities)  # or it raises
     return code.colours.rgb, code.colours.blends
 
 

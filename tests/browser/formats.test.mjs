@@ -65,6 +65,19 @@ test("a PLY file holds points of the attractor in the colours of the maps that l
   assert.ok(Math.max(...low) <= 0.5 && Math.min(...high) >= 0.5 && Math.abs(low.length / count - 0.5) < 0.06);
 });
 
+test("a PLY file of a code with colours holds its own, folded along the address of a point", () => {
+  const colours = { rgb: [[1, 0, 0], [0, 0.5, 1]], blends: [0.5, 1] }, count = 2000;
+  const bytes = writePly({ ...code, colours }, { random: randomNumbers(1) }, count);
+  const data = new DataView(bytes.buffer, bytes.length - 15 * count), seen = new Set();
+  for (let k = 0; k < count; k++) seen.add([12, 13, 14].map((at) => data.getUint8(15 * k + at)).join(" "));
+  const runs = [1, 2, 3].map((n) => [1 - 0.5 ** n, 0.5 ** (n + 1), 0.5 ** n].map((part) => Math.round(255 * part)));
+  for (const colour of [[0, 128, 255], ...runs]) assert.ok(seen.has(colour.join(" ")), colour.join(" "));
+  assert.ok([...seen].every((each) => { // all mixtures lie between the two colours
+    const [red, green, blue] = each.split(" ").map(Number);
+    return Math.abs(red + blue - 255) <= 1 && Math.abs(2 * green - blue) <= 1;
+  }));
+});
+
 test("file names are plain", () => {
   assert.deepEqual(["Barnsley's fern (1)", "../../etc/passwd", "ф"].map(fileName),
     ["barnsley-s-fern-1", "etc-passwd", "fractal"]);

@@ -238,7 +238,7 @@ def test_runs_frame(uri, tmp_path, monkeypatch):
     assert tracking.runs_frame(uri, "frame", "tags.variant = 'base'")["name"].tolist() == ["fit 0"]
     assert tracking.runs_frame(uri, "frame", "tags.variant = 'none'").columns.tolist() == [
         "run_id", "name", "status", "start_time", "end_time"]
-    with pytest.raises(InputError, match="has no study 'other'; it has .*'frame'"):
+    with pytest.raises(InputError, match="has no study 'other'; it has .*frame"):
         tracking.runs_frame(uri, "other")
 
 

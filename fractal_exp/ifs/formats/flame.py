@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import InputError
 from ..code import IFS, View
 from .base import CodeFormat, Entry, code_of, number_of, numbers_of, plain, text_of
-from .colours import COLOURS, place, ramp
+from .colours import COLOURS, Palette
 from .flame_xml import Flame, flames
 
 SIZE = 1024                  # pixels per side of the written picture
@@ -24,6 +24,8 @@ HARMLESS = {"weight", "coefs", "post", "linear", "opacity", "plotmode", "chaos",
 LOOK = {"supersample": "2", "filter": "0.1", "filter_shape": "gaussian", "quality": "48", "background": "0 0 0",
         "brightness": "4", "gamma": "4", "gamma_threshold": "0.01", "vibrancy": "1", "estimator_radius": "0",
         "estimator_minimum": "0", "estimator_curve": "0.4", "palette_mode": "linear", "interpolation": "linear"}
+# flam3 makes dense pixels brighter than their colour, up to white. In a code's own colours, none may be so bright.
+OWN_LOOK = LOOK | {"brightness": "0.3", "gamma": "8", "gamma_threshold": "0.001"}
 IDENTITY = "1 0 0 1 0 0"
 
 
@@ -38,9 +40,10 @@ class FlameFile(CodeFormat):
     the center and zoom of a `View` on the file's window. Palette, colours, quality, camera rotation and edit history
     are lost.
 
-    Writing keeps only `meta["name"]` of the notes. The colours are those of a palette, because flam3's colour is a
-    place on one; a code's own colours are lost. A code without probabilities gets those of the chaos game. The camera
-    shows the canvas [-1,1]², or a square around an attractor that does not fit into it.
+    Writing keeps only `meta["name"]` of the notes. flam3's colour is a place on a palette, so a code's own colours are
+    approximate, see `colours.Palette`. A code without colours gets a palette that tells its maps apart. A code without
+    probabilities gets those of the chaos game. The camera shows the canvas [-1,1]², or a square around an attractor
+    that does not fit into it.
     """
 
     key, suffixes, several = "flame", (".flame", ".flam3"), True
@@ -140,16 +143,18 @@ def _element(code: IFS, tree: Any) -> Any:
     root = tree.Element("flame", {
         "version": "fractal-exp", "name": plain(code.meta.get("name")) or "code", "time": "0", "size": f"{SIZE} {SIZE}",
         "center": f"{view.center[0]:.9g} {0.0 - view.center[1]:.9g}", "scale": f"{SIZE / 2 * view.zoom:.9g}",
-        "zoom": "0", "rotate": "0", **LOOK})
+        "zoom": "0", "rotate": "0", **(LOOK if code.colours is None else OWN_LOOK)})
     chances = code.sampling_probabilities().tolist() if data["probabilities"] is None else data["probabilities"]
-    for i, (((a, b), (c, d)), (e, f), chance) in enumerate(zip(data["linear"], data["offset"], chances, strict=True)):
+    palette = Palette.of(code)
+    maps = zip(data["linear"], data["offset"], chances, palette.places, palette.speeds, strict=True)
+    for ((a, b), (c, d)), (e, f), chance, place, speed in maps:
         numbers = (a, 0.0 - c, 0.0 - b, d, e, 0.0 - f)  # 0 - x is never minus zero
         tree.SubElement(root, "xform", {
-            "weight": repr(chance), "color": f"{place(i, len(code)):.6g}", "color_speed": "0.5", "opacity": "1",
+            "weight": repr(chance), "color": f"{place:.6g}", "color_speed": f"{speed:.6g}", "opacity": "1",
             "linear": "1", "coefs": " ".join(map(repr, numbers))})
-    palette = tree.SubElement(root, "palette", {"count": str(COLOURS), "format": "RGB"})
-    colours = [bytes(colour).hex().upper() for colour in ramp(np.linspace(0, 1, COLOURS))]
-    palette.text = "\n" + "\n".join("".join(colours[i:i + 8]) for i in range(0, COLOURS, 8)) + "\n"
+    entries = tree.SubElement(root, "palette", {"count": str(COLOURS), "format": "RGB"})
+    colours = [bytes(colour).hex().upper() for colour in palette.rgb]
+    entries.text = "\n" + "\n".join("".join(colours[i:i + 8]) for i in range(0, COLOURS, 8)) + "\n"
     return root
 
 

@@ -1,6 +1,7 @@
 // What is written to be looked at, not read back: a drawing of the maps, and points.
 
 import { chancesOf } from "./code.mjs";
+import { foldsOf, meanColour } from "./colours.mjs";
 import { escaped, hexadecimal, ramp } from "./flame.mjs";
 import { plain } from "./reading.mjs";
 
@@ -49,8 +50,11 @@ function nine(number) {
   return Number(number.toPrecision(9));
 }
 
-/** Binary PLY, as bytes: points of the chaos game at z = 0, in the colours of the maps that led to them. */
-export function writePly({ rows, probabilities, meta }, { random }, count = POINTS) {
+/**
+ * Binary PLY, as bytes: points of the chaos game at z = 0, in the code's own colours, or else in those of the maps that
+ * led to them.
+ */
+export function writePly({ rows, probabilities, meta, colours = null }, { random }, count = POINTS) {
   const name = plain(meta.name).replace(/[^ -~]/g, "?");
   const header = new TextEncoder().encode(["ply", "format binary_little_endian 1.0",
     `comment ${name || "attractor"}, by fractal-exp`, `element vertex ${count}`,
@@ -58,14 +62,18 @@ export function writePly({ rows, probabilities, meta }, { random }, count = POIN
     ...["red", "green", "blue"].map((channel) => `property uchar ${channel}`), "end_header", ""].join("\n"));
   const bytes = new Uint8Array(header.length + VERTEX * count), data = new DataView(bytes.buffer, header.length);
   bytes.set(header);
-  const chances = chancesOf(rows, probabilities), colours = rows.map((_, i) => ramp(i / Math.max(rows.length - 1, 1)));
+  const chances = chancesOf(rows, probabilities), own = foldsOf({ rows, colours }, { by: "own" });
+  const byMap = rows.map((_, i) => ramp(i / Math.max(rows.length - 1, 1)));
+  const colour = own && meanColour(own, chances);
   for (let k = -WARM_UP, x = 0, y = 0; k < count; k++) {
     const i = drawn(chances, random()), [a, b, c, d, e, f] = rows[i];
     [x, y] = [a * x + b * y + e, c * x + d * y + f];
+    colour?.forEach((value, channel) => { colour[channel] = own.keep[i] * value + own.gift[3 * i + channel]; });
     if (k < 0) continue;
     data.setFloat32(VERTEX * k, x, true);
     data.setFloat32(VERTEX * k + 4, y, true);
-    colours[i].forEach((value, channel) => data.setUint8(VERTEX * k + 12 + channel, value));
+    const shown = colour?.map((value) => Math.round(255 * value)) ?? byMap[i];
+    shown.forEach((value, channel) => data.setUint8(VERTEX * k + 12 + channel, value));
   }
   return bytes;
 }

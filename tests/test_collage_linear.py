@@ -127,7 +127,7 @@ def test_a_code_is_found_from_its_density_alone(image):
     nearest = away.min(1)
     assert sorted(nearest.indices.tolist()) == [0, 1, 2] and float(nearest.values.max()) < 0.3
     assert found.code.probabilities[nearest.indices].tolist() == pytest.approx([0.55, 0.3, 0.15], abs=0.02)
-    assert found.likeness.noise_ratio < 1.2 and found.history[0].name == "population"
+    assert found.likeness.noise_ratio < 2 and found.history[0].name == "population"
 
 
 def test_a_likeness_is_that_under_the_camera_of_the_image(image):

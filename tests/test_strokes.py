@@ -177,7 +177,7 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
     assert found.camera[:2] == ("strokes", 4) and len(found.maps) <= 4
     assert stage.last_key(state) > stage.key          # the moves by renderings are left out
     branches = found.maps[affine.smaller_singular(found.maps) > 0.3]
-    assert affine.smaller_singular(branches).tolist() == pytest.approx([RATIO] * 2, abs=0.02)
+    assert affine.smaller_singular(branches).tolist() == pytest.approx([RATIO] * 2, abs=0.04)
 
 
 def test_a_code_that_draws_the_picture_is_not_searched_again():

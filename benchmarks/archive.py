@@ -22,6 +22,7 @@ from fractal_exp.ifs.code import IFS
 from .environment import environment
 
 CODES = "codes.jsonl"
+LOADED = environment("cpu")  # as this process began: the code that it runs, whatever is committed meanwhile
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ def true_code(fractal: int | str, seed: int | None) -> IFS:
 
 
 def here() -> dict:
-    """The fields of a `Fit` that say where it ran."""
-    facts = environment("cpu")
+    """The fields of a `Fit` that say where it ran: the commit is that of the code as it was imported."""
+    facts = dict(LOADED)
     return {"commit": facts.pop("commit"), "machine": facts.pop("machine"), "versions": facts}
 
 

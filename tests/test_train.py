@@ -72,6 +72,7 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     assert run["metrics.eval/f1"] == pytest.approx(scores["eval/f1"])
     assert run["tags.variant"] == "full" and run["tags.perceptual"] == "none" and run["tags.scale"] == "smoke"
     assert run["params.model.maps"] == "10" and run["params.optimizer.lr"] == "0.01"
+    assert "**cross** by chaotic (full, smoke scale)" in run["tags.mlflow.note.content"]
     series = read_series(uri, run["run_id"], "train/loss")
     assert list(series["step"]) == [1, 2, 3, 4, 5, 6]
 

@@ -86,12 +86,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         perceptual.check(target.image.shape[-1])
     else:
         perceptual.check(config.evaluation.resolution, "evaluation.resolution")
-    identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
-    if painted is not None:
-        identity |= {"colour": True, "target_colours": _digest(painted.seen.tobytes())}
-    identity["target_image"] = _digest(target.image.numpy().tobytes())
-    if fingerprint := method.fingerprint():
-        identity["fingerprint"] = fingerprint[:16]
+    identity = _identity(settings, target, painted, method)
 
     folder = FitFolder.open(Path(config.output) / config.study, config.name or _name(config, source.label, identity))
     held.enter_context(folder.alone())
@@ -134,6 +129,17 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
     _conclude(judgement, stopped, verdict, found, folder, runs.where(settings))
     return judgement.scores
+
+
+def _identity(settings: dict[str, Any], target: Target, painted: Painted | None, method: Method) -> dict[str, Any]:
+    """What two fits have in common if one can take the other's checkpoint or scores."""
+    identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT}
+    if painted is not None:
+        identity |= {"colour": True, "target_colours": _digest(painted.seen.tobytes())}
+    identity["target_image"] = _digest(target.image.numpy().tobytes())
+    if fingerprint := method.fingerprint():
+        identity["fingerprint"] = fingerprint[:16]
+    return identity
 
 
 def _conclude(judgement: Judgement, stopped: str, verdict: Verdict | None, found: Path | None, folder: FitFolder,

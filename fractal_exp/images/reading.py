@@ -103,14 +103,11 @@ def read_target(
     name = f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
     notes = Notes()
     pixels = _open(source, notes, name, shrink=frame == "fit", crop=part)
-    height, width, (left, top) = pixels.height, pixels.width, pixels.origin
+    width, height, (left, top) = pixels.width, pixels.height, pixels.origin
     if part is not None:
         name = f"the part {part} of {name}"
         notes.append(f"only the part of {part[2] - left}×{part[3] - top} px at ({left}, {top}) is read, as asked")
-    if min(height, width) < MIN_SIDE:
-        raise InputError(f"{name} must be at least {MIN_SIDE} px on each side, got {width}×{height}; take a larger one")
-    if frame == "keep" and height != width:
-        raise InputError(f'frame="keep" needs a square picture, {name} is {width}×{height}; use frame="fit" or crop it')
+    _check_sides(width, height, frame, name)
     shape = _levels(pixels, invert, name, notes, clean=clean and frame == "fit")
     if threshold is not None:
         shape = shape.binary(threshold, name)
@@ -118,16 +115,27 @@ def read_target(
     scale = pixels.scale
     x, y, side = (0.0, 0.0, float(width)) if frame == "keep" else window(shape.profile, shape.level, padding, notes,
                                                                         scale, pixels.origin)
-    if side * scale < resolution:
-        notes.warn(f"enlarged {resolution / side / scale:.3g} times by linear interpolation: the picture has no finer "
-                   "detail")
-    if shape.level > MIN_CONTRAST:
-        notes.warn(f"the background is not black but {shape.level:.2f}; a threshold would clear it")
+    _warn(notes, resolution / side / scale, shape.level)
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
     crop_box = (left + scale * x, top + scale * y, left + scale * (x + side), top + scale * (y + side))
     return ReadImage(image, shape.inverted, pixels.full, crop_box, resolution / side / scale,
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
                      Path(source).absolute() if isinstance(source, str | Path) else source, part)
+
+
+def _check_sides(width: int, height: int, frame: str, name: str) -> None:
+    if min(height, width) < MIN_SIDE:
+        raise InputError(f"{name} must be at least {MIN_SIDE} px on each side, got {width}×{height}; take a larger one")
+    if frame == "keep" and height != width:
+        raise InputError(f'frame="keep" needs a square picture, {name} is {width}×{height}; use frame="fit" or crop it')
+
+
+def _warn(notes: Notes, enlarged: float, level: float) -> None:
+    """Add what is wrong with an image that was enlarged so many times and whose background has this level."""
+    if enlarged > 1:
+        notes.warn(f"enlarged {enlarged:.3g} times by linear interpolation: the picture has no finer detail")
+    if level > MIN_CONTRAST:
+        notes.warn(f"the background is not black but {level:.2f}; a threshold would clear it")
 
 
 @dataclass(frozen=True, eq=False)

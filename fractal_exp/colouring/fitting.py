@@ -44,11 +44,11 @@ class _Sample:
     counts: np.ndarray
     cover: np.ndarray
     seen: np.ndarray
-    chances: np.ndarray
+    probabilities: np.ndarray
 
     def walked(self, rgb: np.ndarray, blends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The mean weights (P,N) of the maps' colours, and derivatives (P,N,3) of the mean colour by the blends."""
-        share = self.chances * blends
+        share = self.probabilities * blends
         weights, slopes = cpu.walked(self.letters, self.pixels, rgb, blends, share / share.sum(), len(self.counts),
                                      WARM_UP)
         return weights / self.counts[:, None], slopes / self.counts[:, None, None]
@@ -73,8 +73,9 @@ def fitted(code: IFS, painted: Painted, seed: int = 0) -> IFS | None:
 
 def _sampled(code: IFS, painted: Painted, seed: int) -> _Sample | None:
     random = np.random.default_rng(derive(seed, "colours"))
-    chances = code.sampling_probabilities().cpu().double().numpy()
-    letters = random.choice(len(code), (WARM_UP + STEPS, GAMES), p=chances / chances.sum()).astype(np.uint16)
+    probabilities = code.sampling_probabilities().cpu().double().numpy()
+    probabilities /= probabilities.sum()
+    letters = random.choice(len(code), (WARM_UP + STEPS, GAMES), p=probabilities).astype(np.uint16)
     linear, offset = code.linear.cpu().double().numpy(), code.offset.cpu().double().numpy()
     side = len(painted.lit)
     number = np.full(side * side + 1, -1, np.int32)  # of a pixel among those compared; the last is none at all
@@ -95,13 +96,13 @@ def _sampled(code: IFS, painted: Painted, seed: int) -> _Sample | None:
     again = np.append(np.where(hit, np.cumsum(hit) - 1, -1), -1).astype(np.int32)  # the last for -1
     cover = painted.cover.ravel()[lit[hit]].astype(np.float64)
     seen = painted.seen.reshape(-1, 3)[lit[hit]] - (1 - cover[:, None]) * painted.ground
-    return _Sample(letters, again[pixels], counts[hit], cover, seen, chances)
+    return _Sample(letters, again[pixels], counts[hit], cover, seen, probabilities)
 
 
 def _alike(sample: _Sample, blend: float) -> OptimizeResult:
     """The best colours if all maps have one blend: `x` (4N,) holds them and the blends, `cost` is half the squared
     error."""
-    maps = len(sample.chances)
+    maps = len(sample.probabilities)
     blends = np.full(maps, blend)
     weights, _ = sample.walked(np.zeros((maps, 3)), blends)
     solved = [lsq_linear(sample.cover[:, None] * weights, channel, (0, 1)) for channel in sample.seen.T]
@@ -111,7 +112,7 @@ def _alike(sample: _Sample, blend: float) -> OptimizeResult:
 
 def _improved(sample: _Sample, start: np.ndarray) -> OptimizeResult:
     """Colours and blends improved together from x (4N,) on."""
-    maps = len(sample.chances)
+    maps = len(sample.probabilities)
     last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def walked(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -70,13 +70,13 @@ class Colours:
         blend above 0."""
         return Colours(self.rgb[maps], self.blends[maps])
 
-    def shares(self, chances: Tensor) -> Tensor:
+    def shares(self, probabilities: Tensor) -> Tensor:
         """The share (N,) that each map's colour has in the mean colour of the attractor's points, with sum 1.
 
-        chances (N,): of the maps in the chaos game. Raises `InputError` if all maps with a blend above 0 have the
+        probabilities (N,): of the maps in the chaos game. Raises `InputError` if all maps with a blend above 0 have the
         probability 0, because then no point gets a colour.
         """
-        weights = self.blends.cpu() * chances.cpu()
+        weights = self.blends.cpu() * probabilities.cpu()
         if not bool((weights > 0).any()):
             raise InputError("every map of the code with a blend above 0 has the probability 0, so no point gets a "
                              "colour; give another map a blend above 0")

@@ -95,7 +95,8 @@ class CodeReconstruction(Reconstruction):
 
 
 class Method(ABC):
-    """Recovers a reconstruction from an image. A method knows no tracker, no file names and no configuration.
+    """Reconstructs an image as something that can be drawn at any view. A method knows no tracker, no file names and no
+    configuration.
 
     Params: the class of its parameters, where it has one; its fields are options of the constructor.
     """

@@ -104,10 +104,10 @@ def _packed(code: IFS) -> dict[str, Any]:
     Written out, a thousand maps would be too long for a page.
     """
     rows = torch.cat([code.linear.reshape(-1, 4), code.offset], 1)
-    chances = code.probabilities
+    own = code.probabilities
     colours = None if code.colours is None else {"rgb": _base64(code.colours.rgb),
                                                  "blends": _base64(code.colours.blends)}
-    return {"rows": _base64(rows), "probabilities": None if chances is None else _base64(chances), "colours": colours,
+    return {"rows": _base64(rows), "probabilities": None if own is None else _base64(own), "colours": colours,
             "meta": {key: text for key in ("title", "name") if (text := _line(code.meta.get(key)))}}
 
 

@@ -144,9 +144,9 @@ def _element(code: IFS, tree: Any) -> Any:
         "version": "fractal-exp", "name": plain(code.meta.get("name")) or "code", "time": "0", "size": f"{SIZE} {SIZE}",
         "center": f"{view.center[0]:.9g} {0.0 - view.center[1]:.9g}", "scale": f"{SIZE / 2 * view.zoom:.9g}",
         "zoom": "0", "rotate": "0", **(LOOK if code.colours is None else OWN_LOOK)})
-    chances = code.sampling_probabilities().tolist() if data["probabilities"] is None else data["probabilities"]
+    probabilities = code.sampling_probabilities().tolist() if data["probabilities"] is None else data["probabilities"]
     palette = Palette.of(code)
-    maps = zip(data["linear"], data["offset"], chances, palette.places, palette.speeds, strict=True)
+    maps = zip(data["linear"], data["offset"], probabilities, palette.places, palette.speeds, strict=True)
     for ((a, b), (c, d)), (e, f), chance, place, speed in maps:
         numbers = (a, 0.0 - c, 0.0 - b, d, e, 0.0 - f)  # 0 - x is never minus zero
         tree.SubElement(root, "xform", {

@@ -1,3 +1,5 @@
+import json
+
 import pytest
 from hydra import compose, initialize_config_module
 from hydra.errors import HydraException
@@ -40,10 +42,19 @@ def options(group: str) -> list[str]:
 
 
 @pytest.mark.parametrize("group", ["target", "model", "loss", "optimizer", "scale", "tracking", "ablation", "init"])
-def test_every_choice_composes_and_passes_its_schema(group):
+def test_every_choice_composes_passes_its_schema_and_differs_from_the_others(group):
+    composed = {}
     for choice in options(group):
         extra = ["target.path=leaf.png"] if (group, choice) == ("target", "image") else []
-        plain(f"{group}={choice}", *extra)
+        composed[choice] = plain(f"{group}={choice}", *extra)
+    assert len({json.dumps(each, sort_keys=True, default=str) for each in composed.values()}) == len(composed) > 1
+
+
+def test_a_module_that_does_not_import_is_a_defect_and_no_name_that_is_not_there(tmp_path, monkeypatch):
+    (tmp_path / "broken_model.py").write_text("import a_library_that_nobody_has\nclass Model: pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ImportError, match="a_library_that_nobody_has"):
+        configuration.check_components(OmegaConf.create({"_target_": "broken_model.Model"}), "model")
 
 
 def test_a_fit_that_begins_with_collage_search_has_one_start_and_a_name_of_its_own():

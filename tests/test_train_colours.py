@@ -4,15 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_module
 from PIL import Image
+from test_train import train
 
 from fractal_exp import IFS, InputError
-from fractal_exp.cli import colours, configuration
-from fractal_exp.cli.train import fit
+from fractal_exp.cli import colours
 from fractal_exp.tracking import read_artifact, runs_frame
 
-TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=6", "anneal_every=3", "threads=1", "name=fit"]
 RED, BLUE = (200, 30, 20), (20, 60, 190)
 
 
@@ -26,12 +24,6 @@ def picture(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("picture") / "cross.png"
     Image.fromarray(image).save(path)
     return path
-
-
-def train(*overrides: str) -> dict[str, float]:
-    configuration.register()
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return fit(compose("train", [*TINY, *overrides]))
 
 
 def on_picture(path: Path, output: Path, *others: str) -> dict[str, float]:

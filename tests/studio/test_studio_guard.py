@@ -1,5 +1,6 @@
 """Who the studio answers, and what it takes from whom."""
 
+import asyncio
 import json
 
 import pytest
@@ -7,6 +8,7 @@ from studio_helpers import TOKEN
 
 from fractal_exp.cli import studio as command
 from fractal_exp.errors import InputError
+from fractal_exp.studio import server
 from fractal_exp.studio.serving import bound
 
 
@@ -78,3 +80,13 @@ def test_a_port_in_use_is_named_with_the_remedy(studio, tmp_path, capsys):
     assert f"port {studio.port} is in use" in capsys.readouterr().err
     with pytest.raises(InputError, match="from 0 to 65535, got 70000"):
         bound(70000)
+
+
+def test_a_defect_of_the_studio_is_not_blamed_on_the_page():
+    class Session:
+        def stop(self):
+            raise TypeError("a slip of ours")
+
+    said = asyncio.run(server._done(Session(), '{"do": "stop"}'))
+    assert "the studio has a defect (TypeError: a slip of ours)" in said
+    assert "load it again" in asyncio.run(server._done(Session(), "{"))

@@ -2,8 +2,9 @@
 
     python -m benchmarks.pictures samples                    one minute each
     python -m benchmarks.pictures samples --seconds 120
-    python -m benchmarks.pictures samples --seconds 0 --methods collage --pictures retina fern --threads 1
-                                                     what `make run` fits, to the end
+    python -m benchmarks.pictures samples --seconds 0 --methods collage --pictures retina --maps 64
+    python -m benchmarks.pictures samples --seconds 0 --methods collage --pictures fern
+                                                             the two fits of `make run`
 
 Each is judged on its input: F1, IoU, PSNR and SSIM of the inner 75% at the input's resolution. A line of JSON for each
 fit is added to --record: its code and scores, the seconds that cores worked on it, after each stage as well, commit and
@@ -45,6 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--pictures", choices=PICTURES, nargs="+", default=REAL)
     parser.add_argument("--methods", choices=METHODS, nargs="+", default=list(METHODS))
+    parser.add_argument("--maps", type=int, help="how many the code gets (default: as the method finds them)")
     parser.add_argument("--threads", type=int, help="default: one a core")
     parser.add_argument("--record", type=Path, help="file of JSON lines to add to")
     parser.add_argument("--output", type=Path, default=Path("outputs/pictures"))
@@ -56,7 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for method in args.methods:
             for seed in args.seeds:
                 start, work, stages = time.perf_counter(), time.process_time(), []
-                built = load(method)(resolution=args.resolution, seed=seed, seconds=args.seconds or None)
+                asked = {} if args.maps is None else {"maps": args.maps}
+                built = load(method)(resolution=args.resolution, seed=seed, seconds=args.seconds or None, **asked)
                 found = built.reconstruct(image, on_step=_keeper(stages, work))
                 seconds, work = time.perf_counter() - start, time.process_time() - work
                 result = found.render(View(), resolution=args.resolution)

@@ -210,3 +210,11 @@ def test_nothing_is_wider_than_the_window_and_every_control_has_a_name(studio, o
     names = opened.page.evaluate("""() => [...document.querySelectorAll("button, input, select")].map((e) => [e.id,
         e.ariaLabel || e.labels?.[0]?.textContent.trim() || e.textContent.trim()])""")
     assert len(names) > 30 and all(name for _, name in names), names
+
+
+def test_the_stage_stays_in_view_while_the_panel_is_scrolled(studio, open_page):
+    page = open_page((1280, 400)).page
+    page.goto(studio[0])
+    page.wait_for_selector("#do-find", timeout=PATIENCE)
+    assert page.evaluate("() => { scrollTo(0, 10_000); return scrollY; }") > 100
+    assert page.locator("#stage").bounding_box()["y"] == 0

@@ -34,10 +34,18 @@ def test_a_map_of_nan_leaves_the_canvas_nowhere():
     torch.testing.assert_close(pushed.sum((1, 2)), torch.ones(4))
 
 
-@pytest.mark.parametrize("options", [{}, {"tied": True}, {"smaller": 0.2}, {"largest": 0.4, "smaller": 0.3}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"tied": True}, {"smaller": 0.2}, {"largest": 0.4, "smaller": 0.3},
+                                     {"beta_1": 0.5, "beta_2": 0.9, "epsilon": 1e-3}], ids=str)
 @pytest.mark.parametrize("steps", [0, 1, 10])
 def test_the_kernel_descends_as_its_twin_does(steps, options):
     check_descent("cpu", Descent(steps, rate=0.02, **options))
+
+
+def test_the_kernel_and_its_twin_add_the_same_floor_to_masses():
+    check_descent("cpu", Descent(3, rate=0.02), floor=1e-2)
+    errors = [float(descend(maps, weights, measure, Descent(0))[2][0])
+              for measure, maps, weights in (tiling_problem(floor=floor) for floor in (1e-5, 1e-2))]
+    assert errors[1] < 0.5 * errors[0]
 
 
 def test_the_smaller_singular_value_has_a_limit_of_its_own():

@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
-from ....ops.collage.reference import FLOOR
 from ....runtime.params import Interval
 from .. import maps as affine
 from ..image.params import MoveParams
@@ -61,7 +60,8 @@ class Birthplace:
 def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:
     """Where maps are wanted, (G,G): half by missing mass, half by its cost, because thin tips weigh little but are
     seen well."""
-    cost = ((measure.bins + FLOOR).sqrt() - (measure.bins - lacking + FLOOR).clamp_min(0).sqrt()).square()
+    floor = measure.floor
+    cost = ((measure.bins + floor).sqrt() - (measure.bins - lacking + floor).clamp_min(0).sqrt()).square()
     return lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
 
 

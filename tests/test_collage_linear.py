@@ -60,7 +60,8 @@ def judge(image: torch.Tensor, **options) -> ImageObjective:
 def test_a_linear_image_is_a_histogram_under_a_blur(blur_px):
     code = CODE.similar(1, (0.5, 0.3))  # a part of it beyond the canvas
     levels = Linear(CameraParams(blur_px=blur_px, linear_points=5.0, points_per_pixel=1.0), 0.2, SIDE)
-    points = attractor_points(affine.from_code(code), code.sampling_probabilities(), 5 * SIDE**2, 7).double().numpy()
+    points = attractor_points(affine.from_code(code), code.sampling_probabilities(), 5 * SIDE**2, 7, levels.camera)
+    points = points.double().numpy()
     assert (np.abs(points) > 1).any()
     expected = counted(points, blur_px=blur_px)
     torch.testing.assert_close(levels.render(code, SIDE, 7).double().numpy(), 0.2 * expected / expected.mean(),

@@ -1,8 +1,8 @@
 """The parameters of collage search, one class per component. docs/collage.md explains where the method uses each.
 
-The class of a component is in the `params.py` of its folder. Where a docstring names no source, the value was found by
-trial on tuning suites (docs/lab_notes.md). Each part has a setting that switches it off: `enabled=false`, a count of 0,
-odds of 0.
+The class of a component is in the `params.py` of its folder, the camera's in `measure/camera_params.py`. Where a
+docstring names no source, the value was found by trial on tuning suites (docs/lab_notes.md). Each part has a setting
+that switches it off: `enabled=false` or another switch, a count of 0, odds of 0.
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ from .canonical.params import CanonicalParams
 from .fields import SingularValue
 from .growth.params import GrowthParams
 from .image.params import FrameParams, GaussNewtonParams, ImageParams, LineParams, MoveParams, RefineParams
-from .measure.params import BirthParams, CameraParams, DescentParams, PopulationParams, SaturationParams, SearchParams
+from .measure.camera_params import CameraParams
+from .measure.params import BirthParams, DescentParams, PopulationParams, SaturationParams, SearchParams
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
+CAMERAS = {"pen_px": ("coverage",), "gain": ("dots",), "blur_px": ("coverage", "dots", "linear")}   # levels they are of
 
 
 class StageParams(Params):
@@ -79,7 +81,7 @@ class StageParams(Params):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         for first, second in (*pairwise(name for name in type(self).model_fields if name.endswith("_share")),
-                              ("largest_side", "full_side")):
+                              ("largest_side", "full_side"), ("contraction", "isometry"), ("drawn_hopeless", "unlike")):
             low, high = getattr(self, first), getattr(self, second)
             if low > high:
                 raise ParamError(second, f"{NAME} must be at least {first}, which is {low}; got {high}")
@@ -128,6 +130,24 @@ class CollageParams(Params):
                              f"likeness to be reached, not two; got {' and '.join(given)}")
         return self
 
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        camera, growth = self.camera, self.growth
+        if self.saturation.length <= camera.warmup:
+            raise ParamError("saturation.length", f"{NAME} must be above camera.warmup, which is {camera.warmup}; "
+                                                  f"got {self.saturation.length}")
+        if self.likeness is not None and not growth.enabled:
+            raise ParamError("likeness", f"{NAME} is reached by growth, but growth.enabled is false; "
+                                         f"got {self.likeness}")
+        for name, levels in CAMERAS.items():
+            value = getattr(camera, name)
+            if value is not None and self.levels not in ("auto", *levels):
+                raise ParamError(f"camera.{name}", f"{NAME} must be null if levels is {self.levels}, got {value}")
+        if camera.blur_px is not None and not camera.estimate and self.levels != "linear":
+            raise ParamError("camera.blur_px", f"{NAME} must be null if camera.estimate is false and levels is not "
+                                               f"linear, got {camera.blur_px}")
+        return self
+
     @property
     def most_maps(self) -> int | None:
         """The maximum number of maps, or None."""
@@ -145,7 +165,7 @@ def hydra_config() -> str:
     elsewhere = {"rounds": "${rounds}", "search.restarts": "${restarts}", "search.moves": "${moves}",
                  "search.detail_moves": "${detail_moves}", "moves.count": "${image_moves}"}
     return f"""# Collage search finds the maps of a code one by one, from the measure that the image shows.
-# This file is generated from the params.py files in fractal_exp/methods/collage. Do not edit it.
+# This file is generated from the parameter classes in fractal_exp/methods/collage. Do not edit it.
 _target_: fractal_exp.methods.collage.method.Collage
 _convert_: all
 seconds: ${{seconds}}

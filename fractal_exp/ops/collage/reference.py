@@ -17,7 +17,7 @@ from ...runtime.checks import check_count, check_number, shown
 FLOOR = 1e-5                # default of `BinnedMeasure.floor`
 BETA_1, BETA_2 = 0.9, 0.98  # defaults of Adam's `Descent.beta_1` and `Descent.beta_2`
 EPSILON = 1e-7              # default of Adam's `Descent.epsilon`
-EDGE = 1.001                # cells between a sample and the grid's far edge: a whole one for its neighbour, and rounding
+EDGE = 1.001                # cells that stay free at a grid's far edge: one for a sample's neighbour, and rounding
 MAX_STEPS = 1_000_000       # of a descent; more would take hours in one call that cannot be interrupted
 LEAST_RADIUS = 1e-6         # canvas units; the code divides by the radius
 LEAST = 1e-12               # of a floor and of Adam's epsilon; the code divides by both

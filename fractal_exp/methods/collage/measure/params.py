@@ -8,11 +8,19 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ....ops.collage import BinnedMeasure, Descent
 from ....ops.collage.reference import LEAST, LEAST_RADIUS
-from ....runtime.params import Amount, Count, Params, Positive, Share, at_most
+from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, at_most
 from ..fields import DescentSteps, Factor, Grid, Sizes, descent, odd
 
 Beta = Annotated[float, Field(ge=0, lt=1)]
 Divisor = Annotated[float, Field(ge=LEAST, allow_inf_nan=False)]
+
+
+def _within_reach(params: Params, sizes: str, descent: str) -> None:
+    """Raise `ParamError` if a descent makes all maps of these sizes smaller than any of them."""
+    least, limit = getattr(params, sizes)[0], getattr(params, descent).largest
+    if least > limit:
+        raise ParamError(sizes, f"{NAME} must begin at {descent}.largest or below, which is {limit}; "
+                                f"got {list(getattr(params, sizes))}")
 
 
 class DescentParams(Params):
@@ -205,6 +213,7 @@ class PopulationParams(Params):
         for low, high in (("size", "first"), ("judged_every", "generations"), ("judged", "size"),
                           ("polished", "judged")):
             at_most(self, low, high)
+        _within_reach(self, "sizes", "descent")
         return self
 
 
@@ -260,6 +269,9 @@ class BirthParams(Params):
     def _in_order(self) -> Self:
         for count in ("count", "detail_count"):
             at_most(self, "kept", count)
+        for sizes in ("large", "medium", "small"):
+            for kind in ("coarse", "fine"):
+                _within_reach(self, sizes, kind)
         return self
 
 

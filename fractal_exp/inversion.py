@@ -63,8 +63,8 @@ class Likeness:
     def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", camera: Mapping[str, Any] | None = None,
            found: Mapping[str, str | float] | None = None, seed: int = 0) -> Likeness:
         """The likeness of a contractive code to an image (R,R) in [0,1]. levels: what its grey levels mean, "density",
-        "linear", "dots", "coverage", "binary" or "auto"; camera: known values of `CameraParams`; found: the camera that
-        a method found, or None to estimate it here if necessary."""
+        "linear", "dots", "tonemapped", "coverage", "binary" or "auto"; camera: known values of `CameraParams`; found:
+        the camera that a method found, or None to estimate it here if necessary."""
         params = CollageParams().updated(camera=dict(camera or {}), levels=levels)
         taken = levels_of(image, levels, params.camera)
         if not taken.is_exact:

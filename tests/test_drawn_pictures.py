@@ -22,7 +22,7 @@ from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents
 from fractal_exp.methods.collage.image.pruning import Price, without_doubles
 from fractal_exp.methods.collage.measure.bins import attractor_points
-from fractal_exp.methods.collage.measure.pens import Dots, Drawn
+from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
 from fractal_exp.methods.collage.measure.tiles import tiled, words
 from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
@@ -108,6 +108,42 @@ def test_the_dots_of_a_scatter_plot_are_found():
     name, gain, sigma = estimated(image, levels_of(image, "auto", CAMERA), code, PARAMS, 0)
     assert name == "dots"
     assert gain == pytest.approx(0.16, rel=0.5) and sigma == pytest.approx(0.5 * PIXEL, abs=0.3 * PIXEL)
+
+
+def histogram(code, points=400_000):
+    """Counts (side, side) of a chaos game, by NumPy alone."""
+    generator, thrown = np.random.default_rng(5), np.zeros((2000, 2))
+    linear, offset, shares = (part.double().numpy() for part in (code.linear, code.offset, code.probabilities))
+    counts = np.zeros((SIDE, SIDE))
+    for step in range(30 + points // len(thrown)):
+        chosen = generator.choice(len(code), len(thrown), p=shares / shares.sum())
+        thrown = np.einsum("pij,pj->pi", linear[chosen], thrown) + offset[chosen]
+        if step >= 30:
+            column, row = ((thrown * [1, -1] + 1) * SIDE / 2).astype(int).T
+            np.add.at(counts, (row, column), 1)
+    return counts
+
+
+TONES = {"gamma 2.2": (lambda counts: counts ** (1 / 2.2), (1.5, 3)), "logarithm": (np.log1p, (1.5, 6))}
+
+
+@pytest.mark.parametrize("name", TONES)
+def test_a_density_behind_a_tone_curve_is_told_from_dots_and_lines(name):
+    code, (curve, gammas) = attractor.normalize(codes.known("fern")), TONES[name]
+    counts = curve(histogram(code))
+    image = torch.from_numpy(np.rint(255 * counts / np.quantile(counts[counts > 0], 0.999)).clip(0, 255) / 255).float()
+    kind, _, gamma, _ = estimated(image, levels_of(image, "auto", CAMERA), code, PARAMS, 0)
+    assert kind == "tonemapped" and gammas[0] <= gamma <= gammas[1]
+
+
+def test_a_tone_curve_is_undone_by_the_measure_that_is_searched():
+    """Which is that of dots, up to a factor."""
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.1, 0.5 * PIXEL)).render(GASKET, SIDE, 1)
+    curved = image ** (1 / 3)
+    levels = ToneMapped(CAMERA, curved, (0.1, 3.0, 0.5 * PIXEL))
+    torch.testing.assert_close(levels.measure(curved), Dots(CAMERA, image).measure(image), rtol=1e-3, atol=1e-5)
+    torch.testing.assert_close(levels.render(GASKET, SIDE, 1), curved, rtol=1e-3, atol=1e-4)
+    torch.testing.assert_close(levels.shrunk(curved, 32), Dots(CAMERA, image).shrunk(image, 32) ** (1 / 3), rtol=1e-3, atol=1e-4)
 
 
 def test_a_camera_that_is_given_is_not_estimated():

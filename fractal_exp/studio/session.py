@@ -25,7 +25,7 @@ from .tasks import Best, Done, Find, Judge, Told
 from .worker import Ready, Word, Worker
 
 MOST_SECONDS = 24 * 3600
-LEVELS = ("auto", "density", "linear", "dots", "coverage", "binary")
+LEVELS = ("auto", "density", "linear", "dots", "tonemapped", "coverage", "binary")
 WORK, CHECKPOINT = "session", "search.safetensors"   # in the output folder, while the studio runs
 
 Hear = Callable[[dict[str, Any]], None]

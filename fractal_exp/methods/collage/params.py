@@ -101,10 +101,11 @@ class CollageParams(Params):
     """Maximum size of the code, bytes: 12 for each map (six numbers of 16 bits); null: no limit."""
     rounds: Positive | None = None
     """Maximum number of rounds; null: `stages` says, depending on what grey levels mean."""
-    levels: Literal["auto", "density", "linear", "dots", "coverage", "binary"] = "auto"
+    levels: Literal["auto", "density", "linear", "dots", "tonemapped", "coverage", "binary"] = "auto"
     """What grey levels mean: the share of subpixels that the chaos game hits, the number of its points in a pixel
-    up to a factor, the ink of as many dots, the covered share of a pixel, or nothing (black and white). `auto`
-    takes images that our renderer did not draw as coverage, or as dots if those explain them better in the end."""
+    up to a factor, the ink of as many dots, such a number through a tone curve (gamma or logarithm), the covered share
+    of a pixel, or nothing (black and white). `auto` takes images that our renderer did not draw as coverage, or as
+    dots or a tone-mapped density if those explain them better in the end."""
     search: SearchParams = SearchParams()
     population: PopulationParams = PopulationParams()
     births: BirthParams = BirthParams()

@@ -87,5 +87,6 @@ class SearchProblem:
         seed = derive(self.seed, *path)
         camera = self.camera(code, seed) if camera is None else camera
         objective = self.objective(len(self.image), code, seed, camera=camera)
-        masses = self.levels.measure(objective.image) if self.is_reduced else self.masses
+        seen = objective.levels
+        masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses
         return ImageSearch(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)

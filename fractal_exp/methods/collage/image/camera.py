@@ -15,21 +15,27 @@ from .gauss_newton import polished
 from .jacobian import FromRenderings
 from .objective import ImageObjective, Rendered
 
-DRAWN = "coverage", "dots"   # levels that a picture that others drew may have, the likelier first
-
 
 def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> Camera:
     """The camera with which the rendering of a code comes closest to the image (R,R); empty if the levels are exact or
     `CameraParams.estimate` is off.
 
     All values that the parameters list are tried. Dots are chosen only if they explain the image much better than a
-    pen."""
+    pen, and a tone curve only if it explains it much better than both."""
     if levels.is_exact or not levels.camera.estimate:
         return ()
-    found = [nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0]
-             for name in (DRAWN if params.levels == "auto" else (params.levels,))]
-    (likely, camera), *others = found
-    return next((other for angle, other in others if angle < levels.camera.dotted * likely), camera)
+
+    def best(name: str) -> tuple[float, Camera]:
+        return nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0]
+
+    if params.levels != "auto":
+        return best(params.levels)[1]
+    limits, pen, dots = levels.camera, best("coverage"), best("dots")
+    likely = dots if dots[0] < limits.dotted * pen[0] else pen
+    if dots[0] <= limits.curved_from * pen[0]:
+        curve = best("tonemapped")
+        likely = curve if curve[0] < limits.dotted * likely[0] else likely
+    return likely[1]
 
 
 def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> list[tuple[float, Camera]]:

@@ -93,7 +93,8 @@ class CameraParams(Params):
     recursion_contraction: SingularValue = 0.75
     """Limit on smaller singular values in such a search. A mirrored copy of the whole tree would replace a branch."""
     dotted: Share = 0.75
-    """Dots are taken if their angle of error is below this factor times the pen's."""
+    """Dots are taken if their angle of error is below this factor times the pen's, and a tone curve if its angle is
+    below this factor times that of the better of both."""
     turns: Positive = 3
     """Maximum number of times that a code is polished by its renderings and its camera is estimated again."""
     sharpened_steps: Positive = 8
@@ -104,6 +105,18 @@ class CameraParams(Params):
     """Maximum side, pixels, of an image whose code is polished like this."""
     gain: Factor | None = None
     """How fast ink covers the paper, per dot density relative to a uniform one on the canvas; null: estimated."""
+    curved_from: Factor = 2.0
+    """A tone curve is tried if the angle of error of dots is at most this factor times the pen's."""
+    gamma: Factor | None = None
+    """Gamma of the tone curve of a density (`levels=tonemapped`); null: estimated."""
+    usual_gamma: Factor = 2.2
+    """Gamma with which such an image is searched before the estimate, as of sRGB."""
+    gammas: Annotated[tuple[Factor, ...], Some] = (1.5, 2.2, 3.0, 4.0, 6.0)
+    """Gammas that are tried."""
+    histogram_levels: Annotated[int, Field(ge=16)] = 4096
+    """Grey levels by which the histograms of image and rendering are compared."""
+    curved_blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.35, 0.7)
+    """Blurs that are tried under a tone curve."""
     pens_px: Annotated[tuple[Amount, ...], Some] = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
     """Pen radii that are tried."""
     blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0)
@@ -121,7 +134,7 @@ class CameraParams(Params):
         if self.warmup >= self.trajectory:
             raise ParamError("warmup", f"{NAME} must be below trajectory, which is {self.trajectory}; "
                                        f"got {self.warmup}")
-        for name in ("pen_px", "gain"):
+        for name in ("pen_px", "gain", "gamma"):
             if not self.estimate and getattr(self, name) is not None:
                 raise ParamError(name, f"{NAME} must be null if estimate is false, got {getattr(self, name)}")
         return self

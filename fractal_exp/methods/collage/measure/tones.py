@@ -9,11 +9,11 @@ from torch import Tensor
 from .camera_params import CameraParams
 from .levels import Binary, Density, Levels
 from .linear import Linear
-from .pens import Dots, Drawn
+from .pens import Dots, Drawn, ToneMapped
 from .strokes import Strokes
 
-LEVELS: dict[str, type[Levels]] = {"density": Density, "linear": Linear, "dots": Dots, "coverage": Drawn,
-                                 "strokes": Strokes, "binary": Binary}
+LEVELS: dict[str, type[Levels]] = {"density": Density, "linear": Linear, "dots": Dots, "tonemapped": ToneMapped,
+                                   "coverage": Drawn, "strokes": Strokes, "binary": Binary}
 Camera = tuple[str | float, ...]   # the name of the levels and their values; empty: nothing was estimated
 
 

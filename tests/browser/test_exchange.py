@@ -5,7 +5,7 @@ import json
 import pytest
 import torch
 from browser_helpers import pages
-from editing_helpers import PANEL, SIDE, close, code_of, dialog, exported, likeness, same, with_maps
+from editing_helpers import COARSE, WINDOW, close, code_of, dialog, exported, likeness, same, with_maps
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
@@ -28,7 +28,7 @@ HOSTILE = [
 def shared(fern, browser):
     """One such page for all tests that leave its code as it was: to open one takes seconds."""
     with pages(browser) as open_page:
-        yield with_maps(open_page((SIDE + PANEL, SIDE)).go(f"file://{fern[1]}"))
+        yield with_maps(open_page(WINDOW, **COARSE).go(f"file://{fern[1]}"))
 
 
 def test_what_is_not_edited_is_exported_to_the_last_bit(fern, editing):

@@ -7,8 +7,8 @@ import shutil
 from collections.abc import Callable, Iterator
 
 import pytest
-from browser_helpers import CHROMIUM, SOFTWARE, Opened, pages
-from editing_helpers import COARSE, WINDOW, with_maps
+from browser_helpers import CHROMIUM, COARSE, SOFTWARE, Opened, pages
+from editing_helpers import WINDOW, with_maps
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor

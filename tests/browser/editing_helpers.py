@@ -14,7 +14,6 @@ VIEW = View()
 SIDE, PANEL = 600, 388  # pixels of the picture, and of what lies beside it
 UNIT = SIDE / 2         # pixels to a unit of the canvas
 WINDOW = SIDE + PANEL, SIDE
-COARSE = {"device_scale_factor": 0.5}  # a quarter of the points: most tests look at the maps, not at the picture
 
 
 def with_maps(opened: Opened) -> Opened:

@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 import torch
-from editing_helpers import COARSE, UNIT, WINDOW, code_of, drag, likeness, middle, outwards, same, select, typed
+from browser_helpers import COARSE
+from editing_helpers import UNIT, WINDOW, code_of, drag, likeness, middle, outwards, same, select, typed
 
 from fractal_exp import IFS, View
 from fractal_exp.ifs import attractor

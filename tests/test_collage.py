@@ -289,7 +289,7 @@ def test_each_stage_tells_its_code_and_the_last_is_returned(whole):
     assert [p.step for p in told] == sorted(p.step for p in told)
 
 
-@pytest.mark.parametrize("kind", ["grey", "binary"])
+@pytest.mark.parametrize("kind", ["grey", pytest.param("binary", marks=pytest.mark.slow)])
 def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     code = attractor.normalize(codes.known("sierpinski_triangle"))
     image = suite.target(code, 600, kind)

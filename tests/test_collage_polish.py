@@ -42,6 +42,7 @@ def test_both_jacobians_lead_to_the_true_code(triangle, jacobian):
     assert jacobian(picture, start, [1], 0).square.shape == (6, 6)
 
 
+@pytest.mark.slow
 def test_renderings_lead_nearer_than_bins_where_images_end_at_the_edge_of_a_pixel(triangle):
     code, image = triangle
     before = after = 0.0

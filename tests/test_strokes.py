@@ -160,6 +160,7 @@ def test_a_tree_is_like_its_drawing_though_its_attractor_goes_on():
     assert likeness_of(bare, strokes) < 0.5
 
 
+@pytest.mark.slow
 def test_a_tree_of_few_levels_is_found_as_few_maps():
     """To the measure it is a lattice of lines. The stage is handed a wrong code, as the search before it would."""
     image = drawing(4)

@@ -105,7 +105,7 @@ def test_the_gpu_throws_the_same_picture_as_the_processor(fern, open_page):
 def test_no_view_on_the_attractor_is_black_down_to_a_billion(name, tmp_path, open_page):
     code = named(name)
     path = code.save_html(tmp_path / "page.html")
-    for seed, zoom in enumerate((1e3, 1e5, 1e7, 1e9)):
+    for seed, zoom in enumerate((1e5, 1e7, 1e9)):
         picture = open_page(64).go(address(path, View(attractor.random_point(code, seed), zoom))).picture()
         assert (picture > 0).mean() > 0.01
 

@@ -54,6 +54,7 @@ def until(page, name: str, pattern: str) -> str:
     raise AssertionError(f"{name} never had {pattern}, but {text!r}")
 
 
+@pytest.mark.slow
 def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     address, output = studio
     triangle = attractor.normalize(codes.known("sierpinski_triangle"))

@@ -211,8 +211,8 @@ class Inversion:
     def load(cls, path: str | Path) -> Inversion:
         """Load what `save` wrote to a folder. path: the folder, or inversion.json in it.
 
-        The target has 16 bits. The source is the path of the picture, or else the target. Raises `InputError` if a file
-        is missing or damaged.
+        The target has 16 bits. The source is the path of the picture, or else the target. The curve is empty, because
+        its codes were not written. Raises `InputError` if a file is missing or damaged.
         """
         path = Path(path).absolute()
         folder = path.parent if path.name == INVERSION else path

@@ -44,12 +44,12 @@ def test_hydra_has_every_parameter_with_its_docstring():
         assert name in settings, name
 
 
-def test_what_a_scale_may_set_is_by_default_what_the_parameters_say():
-    given, default = composed()["method"], CollageParams()
-    search, moves = default.search, default.moves
-    assert (given["rounds"], given["moves"]["count"]) == (default.rounds, moves.count)
-    assert [given["search"][name] for name in ("restarts", "moves", "detail_moves")] == [
-        search.restarts, search.moves, search.detail_moves]
+def test_a_scale_sets_the_sizes_of_collage_search_wherever_it_searches():
+    size = {"rounds": 1, "search.restarts": 1, "search.moves": 8, "search.detail_moves": 2, "moves.count": 2}
+    assert leaves(composed("scale=smoke")["method"]).items() >= size.items()
+    begun = composed("scale=smoke", "method=chaotic", "init=collage")["method"]["init"]
+    assert leaves(begun).items() >= size.items()
+    assert composed("scale=smoke", "method.search.moves=3", "without=rounds")["method"]["search"]["moves"] == 3
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -165,7 +165,7 @@ def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
 @pytest.mark.parametrize(("words", "message"), [
     (["method.moves.reorient=-1"], "method.moves.reorient must be at least 0, got -1"),
     (["method.search.slack=x"], "method.search.slack must be a number, got 'x'"),
-    (["restarts=0"], "method.search.restarts must be at least 1 and at most 1000, got 0"),
+    (["method.search.restarts=0"], "method.search.restarts must be at least 1 and at most 1000, got 0"),
     (["method.maps=3", "method.at_most=4"], "not two"),
 ])
 def test_hydra_says_it_with_the_same_words(words, message):

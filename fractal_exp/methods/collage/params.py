@@ -142,8 +142,6 @@ class CollageParams(Params):
 
 def hydra_config() -> str:
     """conf/method/collage.yaml: `python -m fractal_exp.methods.collage.params > conf/method/collage.yaml`."""
-    elsewhere = {"rounds": "${rounds}", "search.restarts": "${restarts}", "search.moves": "${moves}",
-                 "search.detail_moves": "${detail_moves}", "moves.count": "${image_moves}"}
     return f"""# Collage search finds the maps of a code one by one, from the measure that the image shows.
 # This file is generated from the params.py files in fractal_exp/methods/collage. Do not edit it.
 _target_: fractal_exp.methods.collage.method.Collage
@@ -152,7 +150,7 @@ seconds: ${{seconds}}
 seed: ${{seed}}
 device: ${{device}}
 previews: 10
-{as_yaml(CollageParams(), elsewhere)}
+{as_yaml(CollageParams(), {})}
 """
 
 

@@ -120,7 +120,7 @@ def test_tied_probabilities_stay_tied(image):
 def test_a_code_is_found_from_its_density_alone(image):
     density = image.double().numpy() * 1e-3  # of any scale
     found = invert(density, levels="linear", maps=3, frame="keep", resolution=SIDE, camera=CAMERA,
-                   population={"first": 200, "size": 24}, moves={"polish_ends": 4})
+                   population={"first": 200, "size": 24}, moves={"polish_ends": 4, "polish_starts": 2})
     points = torch.from_numpy(played(CODE, 3, 2000)).float()
     sent = [points @ each.linear.mT + each.offset[:, None] for each in (CODE, found.code)]
     away = (sent[0][:, None] - sent[1][None]).square().sum(-1).mean(-1).sqrt() * SIDE / 2

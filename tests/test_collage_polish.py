@@ -98,7 +98,7 @@ def test_a_line_is_reoriented_by_its_rendering(fern, monkeypatch):
     thin = [affine.thinness(each, measure) for each in maps]
     assert thin[stem] < PARAMS.moves.thin < min(thin[:stem] + thin[stem + 1:])
     wrong = maps.clone()
-    one = PARAMS.updated(moves={"candidates": 1}).moves
+    one = PARAMS.updated(moves={"candidates": 1, "kept": 1, "rendered": 1}).moves
     wrong[stem] = reoriented(maps[stem], measure, one, torch.Generator().manual_seed(4))[0]
     search = image_search(image)
     shown = search.objective.judge(wrong)

@@ -27,7 +27,7 @@ from fractal_exp.methods.collage.measure.tiles import tiled, words
 from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.methods.collage.state import Candidate, Key, State
 from fractal_exp.rendering.still import render_with_info
 
 PARAMS, SIDE = CollageParams(), 128
@@ -177,7 +177,7 @@ def test_a_map_must_lower_the_error_by_its_price():
 
 def test_a_checkpoint_keeps_the_camera():
     maps = affine.from_code(GASKET)
-    state = State(done=(0, 4, 0), best=Candidate(maps, None, 1.0, 2.0, ("dots", 0.25, 0.01)))
+    state = State(done=Key(0, "image"), best=Candidate(maps, None, 1.0, 2.0, ("dots", 0.25, 0.01)))
     again = State.of(state.snapshot(), "cpu")
     assert again.best.camera == ("dots", 0.25, 0.01)
 

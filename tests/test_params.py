@@ -44,12 +44,12 @@ def test_hydra_has_every_parameter_with_its_docstring():
         assert name in settings, name
 
 
-def test_what_a_scale_may_set_is_by_default_what_the_parameters_say():
-    given, default = composed()["method"], CollageParams()
-    search, moves = default.search, default.moves
-    assert (given["rounds"], given["moves"]["count"]) == (default.rounds, moves.count)
-    assert [given["search"][name] for name in ("restarts", "moves", "detail_moves")] == [
-        search.restarts, search.moves, search.detail_moves]
+def test_a_scale_sets_the_sizes_of_collage_search_wherever_it_searches():
+    size = {"rounds": 1, "search.restarts": 1, "search.moves": 8, "search.detail_moves": 2, "moves.count": 2}
+    assert leaves(composed("scale=smoke")["method"]).items() >= size.items()
+    begun = composed("scale=smoke", "method=chaotic", "init=collage")["method"]["init"]
+    assert leaves(begun).items() >= size.items()
+    assert composed("scale=smoke", "method.search.moves=3", "without=rounds")["method"]["search"]["moves"] == 3
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -80,11 +80,12 @@ AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
             "moves": {"count": 0}, "refine": {"steps": 0}, "image": {"finest": 8, "grids": 1}},
     "coarse": {"search": {"grid": 16, "detail_grid": 16, "same_affinity": 1.0}, "descent": {"grids": 1},
                "births": {"blob_grid": 16, "blobs": 1.0}, "moves": {"grid": 16, "recent": 0, "widths": [0.5],
-               "visible_shares": [1.0], "root_orders": [2], "candidates": 1, "kept": 9, "rendered": 9},
+               "visible_shares": [1.0], "root_orders": [2], "candidates": 1, "kept": 1, "rendered": 1},
                "gauss_newton": {"strides": [1.0], "tries": 1, "damping": 0}, "camera": {"supersample": 1}},
     "fine": {"search": {"grid": 1024, "detail_grid": 1024, "moves": 1, "detail_moves": 1, "start_sets": 2},
              "descent": {"grids": 4, "cells_per_pixel": 2}, "refine": {"finest": 2048, "grids": 8, "steps": 3},
-             "moves": {"grid": 1024, "polish_ends": 1}, "saturation": {"window": 1}, "gauss_newton": {"window": 5},
+             "moves": {"grid": 1024, "polish_ends": 1, "polish_starts": 0}, "saturation": {"window": 1},
+             "gauss_newton": {"window": 5},
              "canonical": {"nudges": [0.0], "line_shifts": 1, "denominators": [1], "ratios": [], "degrees": [90]}},
 }
 
@@ -145,6 +146,16 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"camera": {"points_per_pixel": float("inf")}}, "camera.points_per_pixel must be a finite number, got inf"),
     ({"stages": {"detail_share": 0.4}}, "stages.detail_share must be at least mixture_share, which is 0.45; got 0.4"),
     ({"stages": {"largest_side": 2048}}, "stages.full_side must be at least largest_side, which is 2048; got 1024"),
+    ({"stages": {"drawn_hopeless": 0.99}}, "stages.unlike must be at least drawn_hopeless, which is 0.99; got 0.95"),
+    ({"stages": {"isometry": 0.8}}, "stages.isometry must be at least contraction, which is 0.9; got 0.8"),
+    ({"refine": {"coarsest": 512}}, "refine.finest must be at least coarsest, which is 512; got 256"),
+    ({"frame": {"shortest": 1.5}}, "frame.longest must be at least shortest, which is 1.5; got 1.17"),
+    ({"growth": {"most_points": 100}}, "growth.most_points must be at least least_points, which is 300; got 100"),
+    ({"growth": {"counts": [4, 8, 8]}}, "growth.counts must ascend, got 8 after 8"),
+    ({"moves": {"candidates": 4}}, "moves.candidates must be at least kept, which is 6; got 4"),
+    ({"moves": {"rendered": 7}}, "moves.kept must be at least rendered, which is 7; got 6"),
+    ({"gauss_newton": {"rendered_below": 1}},
+     "gauss_newton.rendered_below must be at least rendered_above, which is 1.1; got 1"),
 ])
 def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
     with pytest.raises(InputError, match="^" + re.escape(message)):
@@ -154,7 +165,7 @@ def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
 @pytest.mark.parametrize(("words", "message"), [
     (["method.moves.reorient=-1"], "method.moves.reorient must be at least 0, got -1"),
     (["method.search.slack=x"], "method.search.slack must be a number, got 'x'"),
-    (["restarts=0"], "method.search.restarts must be at least 1 and at most 1000, got 0"),
+    (["method.search.restarts=0"], "method.search.restarts must be at least 1 and at most 1000, got 0"),
     (["method.maps=3", "method.at_most=4"], "not two"),
 ])
 def test_hydra_says_it_with_the_same_words(words, message):

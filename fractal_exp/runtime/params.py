@@ -95,6 +95,14 @@ class ParamError(InputError):
         self.name, self.told = name, told
 
 
+def check_order(params: Params, *pairs: tuple[str, str]) -> None:
+    """Raise `ParamError`, with both names, if the first parameter of a pair is above the second."""
+    for first, second in pairs:
+        low, high = getattr(params, first), getattr(params, second)
+        if low > high:
+            raise ParamError(second, f"{NAME} must be at least {first}, which is {low}; got {high}")
+
+
 def _explained(kind: type[Params], error: ValidationError) -> ParamError:
     """The first thing that is wrong."""
     first = error.errors(include_url=False)[0]

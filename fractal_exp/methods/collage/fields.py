@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from ...ops.collage.reference import MAX_STEPS
+from ...ops.collage.reference import MAX_STEPS, Descent
 from ...runtime.params import NAME, Amount, Interval, ParamError, Params
 
 
@@ -46,10 +46,10 @@ class DescentSteps(Params):
     """Adam steps."""
     rate: Amount
     """Learning rate of the maps at the first step, canvas units."""
-    largest: SingularValue = 0.995
+    largest: SingularValue = Descent.largest
     """Largest singular value that a map may have."""
 
 
-def descent(steps: int, rate: float, largest: float = 0.995) -> DescentSteps:
+def descent(steps: int, rate: float, largest: float = Descent.largest) -> DescentSteps:
     """Shorthand for `DescentSteps`, for defaults."""
     return DescentSteps(steps=steps, rate=rate, largest=largest)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from ....ops.collage.reference import LEAST_RADIUS, Descent
 from ....runtime.params import Amount, Count, Params, Positive, Share
 from ..fields import DescentSteps, Factor, Grid, PositiveShare, SingularValue, Sizes, Some, ascending, descent, odd
 
@@ -19,13 +20,13 @@ class DescentParams(Params):
     """Maximum number of cells per pixel along a side of the finest grid. A grid has a power of two within this
     limit."""
 
-    weight_rate: Amount = 0.05
+    weight_rate: Amount = Descent.weight_rate
     """Learning rate of the log-weights at the first step."""
-    decay: Share = 0.05
+    decay: Share = Descent.decay
     """Factor to which both rates fall, exponentially, by the last step."""
-    identity_radius: Annotated[float, Field(ge=1e-6)] = 0.1
+    identity_radius: Annotated[float, Field(ge=LEAST_RADIUS)] = Descent.identity_radius
     """A map that displaces the measure by less (rms, canvas units) is pushed off the identity."""
-    identity_weight: Amount = 0.3
+    identity_weight: Amount = Descent.identity_weight
     """Strength of that push. It also counts in the score of stages 1 and 2."""
 
 
@@ -33,7 +34,7 @@ class SearchParams(Params):
     """Large neighbourhood search (Shaw 1998) on the image's measure: stages 1 and 2."""
 
     restarts: Annotated[int, Field(ge=1, le=1000)] = 5
-    """Searches from random maps in the first round. Later rounds have half as many, rounded up."""
+    """Searches from random maps in the first round. Later rounds have fewer (`stages.later_restarts`)."""
     mixture: bool = True
     """Whether non-negative least squares mix the maps of all restarts, and the search goes on from the mixture."""
     moves: Count = 50
@@ -97,8 +98,9 @@ class SearchParams(Params):
     """Probability that the first birth after a removal is sought among large maps."""
     best_birth: Share = 0.7
     """Probability that a birth takes the best of the kept candidates, instead of any of them."""
-    prune_tried: Positive = 3
-    """Maps whose removal is tried at a time: those whose absence raises the error least."""
+    prune_tried: Count = 3
+    """Maps whose removal is tried at a time: those whose absence raises the error least; 0: no map is removed that
+    `maps` and `at_most` allow."""
     prune_share: Amount = 0.3
     """A removal is tried if it raises the error by at most this share, or by `prices` times the price of a map."""
     prices: Amount = 8.0
@@ -257,6 +259,9 @@ class CameraParams(Params):
     """Standard deviation of the blur, pixels of the image; null: estimated, or no blur for a linear image."""
     tiles_px: tuple[Factor, ...] = (32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
     """Sizes, pixels, that are tried for the smallest parts of a construction (tiles); empty: only the attractor."""
+    beside_px: Amount = 1.5
+    """Distance between the centres of two pixels, pixels, below which an attractor's pixel counts as beside one of the
+    shape. All eight neighbours are nearer."""
     small_tile_px: Amount = 8.0
     """Tile size, pixels, up to which an attractor may lie off the shape by half a tile. For larger tiles, the limit
     is half of this size."""

@@ -238,7 +238,7 @@ class MeasureSearch:
             without = without * (weights.sum() / without.sum(1, keepdim=True))
             bins = pushforward(maps.expand(n, n, 6), without, self.measure.samples, self.measure.size) + self.slack
             errors = collage_error(bins, self.measure)
-            tried = errors.argsort()[:search.prune_tried]
+            tried = errors.argsort()[:max(search.prune_tried, int(too_many))]
             if not too_many:
                 rise = max(search.prices * self.regime.price, search.prune_share * error)
                 tried = tried[errors[tried] <= error + rise]

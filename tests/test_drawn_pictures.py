@@ -73,7 +73,7 @@ def test_dots_follow_the_density_of_points():
 
 
 def test_words_are_as_small_as_asked_for_and_their_first_letters_are_not():
-    found = words(affine.from_code(GASKET), 1.5 / 8)
+    found = words(affine.from_code(GASKET), 1.5 / 8, 6000)
     assert len(found) == 27
     assert bool((1.5 * affine.largest_singular(found) <= 1.5 / 8 + 1e-6).all())
 

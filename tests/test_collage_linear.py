@@ -140,7 +140,8 @@ def test_a_likeness_is_that_under_the_camera_of_the_image(image):
 def test_a_resumed_population_goes_on_as_if_it_had_never_stopped(image):
     picture = judge(image)
     given = picture.params.updated(maps=3, population={"first": 20, "size": 6, "judged": 6, "generations": 4,
-                                                       "judged_every": 2, "polished": 1, "polish_first": 1, "polish": 1})
+                                                       "judged_every": 2, "polished": 1, "polish_first": 1,
+                                                       "polish": 1})
     masses = picture.levels.measure(image)
     search = Crossing(masses, picture, given)
     now, kept = search.start(), []

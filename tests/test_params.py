@@ -171,7 +171,7 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"levels": "dots", "camera": {"pen_px": 1.5}}, "camera.pen_px must be null if levels is dots, got 1.5"),
     ({"levels": "coverage", "camera": {"gain": 1.0}}, "camera.gain must be null if levels is coverage, got 1.0"),
     ({"levels": "density", "camera": {"blur_px": 1.0}}, "camera.blur_px must be null if levels is density, got 1.0"),
-    ({"saturation": {"length": 30}}, "saturation.length must be above camera.warmup, which is 30; got 30"),
+    ({"saturation": {"length": 30}}, "saturation.warmup must be below length, which is 30; got 30"),
     ({"likeness": 0.9, "growth": {"enabled": False}},
      "likeness is reached by growth, but growth.enabled is false; got 0.9"),
 ])

@@ -94,6 +94,13 @@ def at_most(params: Params, name: str, limit: str) -> None:
         raise ParamError(name, f"{NAME} must be at most {limit}, which is {most}; got {value}")
 
 
+def below(params: Params, name: str, limit: str) -> None:
+    """Raise `ParamError`, which names both, unless the parameter `name` is below the parameter `limit`."""
+    value, most = getattr(params, name), getattr(params, limit)
+    if value >= most:
+        raise ParamError(name, f"{NAME} must be below {limit}, which is {most}; got {value}")
+
+
 class ParamError(InputError):
     """What is wrong with one parameter: its full name stands where `told` has the mark `NAME`."""
 

@@ -132,11 +132,8 @@ class CollageParams(Params):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        camera, growth = self.camera, self.growth
-        if self.saturation.length <= camera.warmup:
-            raise ParamError("saturation.length", f"{NAME} must be above camera.warmup, which is {camera.warmup}; "
-                                                  f"got {self.saturation.length}")
-        if self.likeness is not None and not growth.enabled:
+        camera = self.camera
+        if self.likeness is not None and not self.growth.enabled:
             raise ParamError("likeness", f"{NAME} is reached by growth, but growth.enabled is false; "
                                          f"got {self.likeness}")
         for name, levels in CAMERAS.items():

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ....ops.collage import BinnedMeasure, Descent
 from ....ops.collage.reference import LEAST, LEAST_RADIUS
-from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, at_most
+from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, at_most, below
 from ..fields import DescentSteps, Factor, Grid, Sizes, descent, odd
 
 Beta = Annotated[float, Field(ge=0, lt=1)]
@@ -285,9 +285,16 @@ class SaturationParams(Params):
     trajectories: Positive = 4000
     """Trajectories of the chaos game that estimate the code's own measure."""
     length: Annotated[int, Field(ge=2)] = 530
-    """Points of each trajectory, including `camera.warmup`."""
+    """Points of each trajectory, including those of the warm-up."""
+    warmup: Count = 30
+    """Points at the start of each trajectory that are dropped; fewer than `length`."""
     weak: Amount = 1e-3
     """Mass added to both sides of the ratio of masses in a pixel (-log(1 - I) of a density, I of other images),
     because faint pixels tell little."""
     window: Annotated[int, Field(ge=1), AfterValidator(odd)] = 3
     """Pixels per side of the window over which all masses are averaged first."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        below(self, "warmup", "length")
+        return self

@@ -24,7 +24,7 @@ def assert_close(got: Tensor, expected: Tensor, name: str, factor: float = 1.0) 
     assert error <= factor * TOLERANCE[got.dtype], f"{name}: relative error {error:.2e}"
 
 
-def tiling_problem(size: int = 32, levels: int = 3, maps: int = 3, samples: int = 500
+def tiling_problem(size: int = 32, grids: int = 3, maps: int = 3, samples: int = 500, floor: float = 1e-5
                    ) -> tuple[BinnedMeasure, Tensor, Tensor]:
     """A measure of samples, and maps (4,maps,6) and weights (4,maps) to tile it with; the second set has one less."""
     g = torch.Generator().manual_seed(0)
@@ -35,7 +35,7 @@ def tiling_problem(size: int = 32, levels: int = 3, maps: int = 3, samples: int 
     sets, weights = torch.randn(4, maps, 6, generator=g) * 0.3, torch.rand(4, maps, generator=g)
     if maps > 1:
         weights[1, -1] = 0
-    return BinnedMeasure(thrown, bins, levels), sets, weights / weights.sum(1, keepdim=True)
+    return BinnedMeasure(thrown, bins, grids, floor), sets, weights / weights.sum(1, keepdim=True)
 
 
 def check_pushforward(backend: str, device: str = "cpu", **problem: int) -> None:
@@ -47,12 +47,12 @@ def check_pushforward(backend: str, device: str = "cpu", **problem: int) -> None
     torch.testing.assert_close(ours.sum((1, 2)).cpu(), torch.ones(4))
 
 
-def check_descent(backend: str, how: Descent, device: str = "cpu", astray: float = 0, **problem: int) -> None:
+def check_descent(backend: str, how: Descent, device: str = "cpu", astray: float = 0, **problem: float) -> None:
     """Beside the twin; a map that is absent does not move. astray: the part of all numbers that may differ, since Adam
     makes a whole step of a slope that is next to nothing."""
     measure, maps, weights = tiling_problem(**problem)
     backgrounds, chosen = torch.stack([0.5 * measure.bins, 0 * measure.bins]), torch.tensor([0, 1, 1, 0])
-    measure = BinnedMeasure(measure.samples.to(device), measure.bins.to(device), measure.levels)
+    measure = BinnedMeasure(measure.samples.to(device), measure.bins.to(device), measure.grids, measure.floor)
     ours, twin = (descend(maps.to(device), weights.to(device), measure, how, backgrounds=backgrounds.to(device),
                           chosen=chosen.to(device), backend=b) for b in (backend, "torch"))
     for a, b in zip(ours[:2], twin[:2], strict=True):

@@ -143,11 +143,11 @@ def test_measures_are_pushed_forward_as_the_twin_does(maps):
     check_pushforward("cuda", maps=maps)
 
 
-@pytest.mark.parametrize(("maps", "levels", "options"), [
+@pytest.mark.parametrize(("maps", "grids", "options"), [
     (3, 3, {"tied": True}), (1, 1, {"smaller": 0.1}), pytest.param(3, 3, {}, marks=pytest.mark.slow),
     pytest.param(9, 2, {"tied": True, "largest": 0.4}, marks=pytest.mark.slow)])
-def test_descents_go_as_the_twins_do(maps, levels, options):
-    check_descent("cuda", Descent(2, rate=0.02, **options), size=16, maps=maps, levels=levels, samples=130)
+def test_descents_go_as_the_twins_do(maps, grids, options):
+    check_descent("cuda", Descent(2, rate=0.02, **options), size=16, maps=maps, grids=grids, samples=130)
 
 
 def test_a_map_of_nan_leaves_the_canvas_nowhere():

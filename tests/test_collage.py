@@ -34,10 +34,18 @@ def test_a_map_of_nan_leaves_the_canvas_nowhere():
     torch.testing.assert_close(pushed.sum((1, 2)), torch.ones(4))
 
 
-@pytest.mark.parametrize("options", [{}, {"tied": True}, {"smaller": 0.2}, {"largest": 0.4, "smaller": 0.3}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"tied": True}, {"smaller": 0.2}, {"largest": 0.4, "smaller": 0.3},
+                                     {"beta_1": 0.5, "beta_2": 0.9, "epsilon": 1e-3}], ids=str)
 @pytest.mark.parametrize("steps", [0, 1, 10])
 def test_the_kernel_descends_as_its_twin_does(steps, options):
     check_descent("cpu", Descent(steps, rate=0.02, **options))
+
+
+def test_the_kernel_and_its_twin_add_the_same_floor_to_masses():
+    check_descent("cpu", Descent(3, rate=0.02), floor=1e-2)
+    errors = [float(descend(maps, weights, measure, Descent(0))[2][0])
+              for measure, maps, weights in (tiling_problem(floor=floor) for floor in (1e-5, 1e-2))]
+    assert errors[1] < 0.5 * errors[0]
 
 
 def test_the_smaller_singular_value_has_a_limit_of_its_own():
@@ -56,7 +64,7 @@ def test_descent_keeps_maps_contractive_and_off_the_identity():
 def test_a_true_code_has_no_collage_error_and_maps_near_it_find_back(triangle):
     code, image = triangle
     masses = DENSITY.measure(image)
-    measure = binned(masses, 64)
+    measure = binned(masses, 64, PARAMS.descent)
     maps = affine.from_code(code)[None]
     weights = torch.full((1, 3), 1 / 3)
     _, _, error = descend(maps, weights, measure, Descent(0))
@@ -72,7 +80,7 @@ def test_the_correction_brings_the_measure_of_a_saturated_image_back():
     masses = DENSITY.measure(suite.target(code, 256))
     maps, weights = affine.from_code(code)[None], affine.volumes(affine.from_code(code))
     weights = (weights / weights.sum())[None]
-    before, after = (float(descend(maps, weights, binned(m, 64), Descent(0))[2])
+    before, after = (float(descend(maps, weights, binned(m, 64, PARAMS.descent), Descent(0))[2])
                      for m in (masses, saturation_corrected(masses, code, DENSITY, PARAMS.saturation, 3)))
     assert after < 0.5 * before
 
@@ -298,7 +306,8 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
     stage, state = last_stages(given)[0], State(best=tied(maps))
     stage.open(state)
-    away = affine.distances(stage.begin(state).maps, affine.from_code(code), binned(given.masses, 64))
+    measure = binned(given.masses, 64, PARAMS.descent)
+    away = affine.distances(stage.begin(state).maps, affine.from_code(code), measure)
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
     whole = problem(given.image)
     names = [each.name for each in (*stages_of(whole, 0), *last_stages(whole))]

@@ -30,7 +30,7 @@ def far_from_the_middle():
     moved = torch.tensor([[0.6, 0.1, 0, 0.5, 0.3, -0.2]])
     samples = torch.cat([applied(moved, measure.samples)[0], measure.samples[:, 2:]], 1)
     bins = pushforward(IDENTITY.view(1, 1, 6), torch.ones(1, 1), samples, measure.size)[0]
-    return BinnedMeasure(samples, bins, measure.levels)
+    return BinnedMeasure(samples, bins, measure.grids)
 
 
 def test_maps_are_only_merged_with_those_whose_images_are_alike(triangle):

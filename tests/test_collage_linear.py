@@ -60,7 +60,8 @@ def judge(image: torch.Tensor, **options) -> ImageObjective:
 def test_a_linear_image_is_a_histogram_under_a_blur(blur_px):
     code = CODE.similar(1, (0.5, 0.3))  # a part of it beyond the canvas
     levels = Linear(CameraParams(blur_px=blur_px, linear_points=5.0, points_per_pixel=1.0), 0.2, SIDE)
-    points = attractor_points(affine.from_code(code), code.sampling_probabilities(), 5 * SIDE**2, 7).double().numpy()
+    points = attractor_points(affine.from_code(code), code.sampling_probabilities(), 5 * SIDE**2, 7, levels.camera)
+    points = points.double().numpy()
     assert (np.abs(points) > 1).any()
     expected = counted(points, blur_px=blur_px)
     torch.testing.assert_close(levels.render(code, SIDE, 7).double().numpy(), 0.2 * expected / expected.mean(),
@@ -138,8 +139,9 @@ def test_a_likeness_is_that_under_the_camera_of_the_image(image):
 
 def test_a_resumed_population_goes_on_as_if_it_had_never_stopped(image):
     picture = judge(image)
-    given = picture.params.updated(maps=3, population={"first": 20, "size": 6, "generations": 4, "judged_every": 2,
-                                                       "polished": 1, "polish_first": 1, "polish": 1})
+    given = picture.params.updated(maps=3, population={"first": 20, "size": 6, "judged": 6, "generations": 4,
+                                                       "judged_every": 2, "polished": 1, "polish_first": 1,
+                                                       "polish": 1})
     masses = picture.levels.measure(image)
     search = Crossing(masses, picture, given)
     now, kept = search.start(), []
@@ -171,7 +173,7 @@ def test_populations_are_for_linear_images_of_a_given_number_of_maps(image):
         return SearchProblem(image, Linear.of(image, given.camera), given).is_crossed
 
     assert crossed(image, maps=3)
-    assert not crossed(image) and not crossed(image, maps=9) and not crossed(image, maps=3, population={"largest": 0})
+    assert not crossed(image) and not crossed(image, maps=9) and not crossed(image, maps=3, population={"most_maps": 0})
 
 
 @pytest.mark.parametrize(("camera", "message"), [

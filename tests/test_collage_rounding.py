@@ -11,11 +11,13 @@ from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.canonical.rounding import Rounding
-from fractal_exp.methods.collage.canonical.simple_maps import EDGE, Spread, mirrored_offsets, simple_matrices
+from fractal_exp.methods.collage.canonical.simple_maps import Spread, mirrored_offsets, simple_matrices
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.stages import ImageMoves, last_stages
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
+
+EDGE = PARAMS.canonical.off_middle
 
 
 def pictured(code, side=128):
@@ -186,7 +188,7 @@ def test_offsets_become_symmetric_only_where_all_nearly_are():
     near, far = torch.zeros(4, 6), torch.zeros(4, 6)
     near[:, 4], near[:, 5] = torch.tensor([0.3, -0.3004, 1e-4, -2e-5]), torch.tensor([0.2, 0.2001, -0.5, 0.1])
     far[:, 4] = torch.tensor([0.3, -0.3004, 0.2, -2e-5])
-    found = mirrored_offsets(near, 0.1 * 2 / 128)
+    found = mirrored_offsets(near, 0.1 * 2 / 128, EDGE)
     assert torch.allclose(found[:, 4], torch.tensor([0.3002, -0.3002, EDGE, -EDGE]), atol=1e-7)
     assert torch.equal(found[:, 5], near[:, 5])
-    assert torch.equal(mirrored_offsets(far, 0.1 * 2 / 128), far)
+    assert torch.equal(mirrored_offsets(far, 0.1 * 2 / 128, EDGE), far)

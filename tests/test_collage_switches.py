@@ -33,8 +33,8 @@ def test_maps_that_are_not_worth_their_price_stay_without_pruning(doubled, pruni
     assert len(pruned(picture, picture.judge(maps), Price(10.0), least=3).maps) == left
 
 
-@pytest.mark.parametrize(("options", "left"), [({}, 3), ({"search": {"prune_tried": 0}}, 4),
-                                               ({"search": {"prune_tried": 0}, "at_most": 3}, 3)])
+@pytest.mark.parametrize(("options", "left"), [({}, 3), ({"search": {"pruning": False}}, 4),
+                                               ({"search": {"pruning": False}, "at_most": 3}, 3)])
 def test_a_set_on_the_measure_is_pruned_unless_that_is_off_and_its_number_of_maps_is_allowed(doubled, options, left):
     maps, image = doubled
     search = measure_search(DENSITY.measure(image), 32, **options)

@@ -84,7 +84,7 @@ def test_measures_are_pushed_forward_as_the_twin_does(maps, size):
 
 
 @pytest.mark.parametrize("tied", [False, True])
-@pytest.mark.parametrize("problem", [{"maps": 1, "levels": 1, "size": 16}, {"maps": 3}, {"maps": 9, "size": 128},
+@pytest.mark.parametrize("problem", [{"maps": 1, "grids": 1, "size": 16}, {"maps": 3}, {"maps": 9, "size": 128},
                                      {"maps": 64}, {"maps": 300, "size": 128}], ids=str)
 def test_descents_go_as_the_twins_do(tied, problem):
     check_descent("cuda", Descent(10, rate=0.01, tied=tied), "cuda", astray=0.1, **problem)

@@ -52,15 +52,21 @@ def test_bins_of_an_error_have_the_measures_shape():
         collage_error(torch.zeros(2, 16, 16), MEASURE)
 
 
-@pytest.mark.parametrize("bins, levels", [(torch.zeros(1, 1), 1), (torch.zeros(8, 8), 10**9), (torch.zeros(8), 1)])
-def test_a_measure_has_a_grid_that_can_be_halved(bins, levels):
+@pytest.mark.parametrize("bins, grids", [(torch.zeros(1, 1), 1), (torch.zeros(8, 8), 10**9), (torch.zeros(8), 1)])
+def test_a_measure_has_a_grid_that_can_be_halved(bins, grids):
     with pytest.raises(InputError, match="bins must be square|size must be an integer"):
-        BinnedMeasure(MEASURE.samples, bins, levels)
+        BinnedMeasure(MEASURE.samples, bins, grids)
+
+
+@pytest.mark.parametrize("floor", [0, -1, float("nan"), "1"])
+def test_the_floor_of_a_measure_is_a_positive_number(floor):
+    with pytest.raises(InputError, match="floor must be a finite number from 1e-12 on, got"):
+        BinnedMeasure(MEASURE.samples, MEASURE.bins, floor=floor)
 
 
 @pytest.mark.parametrize("change", [dict(steps=-1), dict(tied=-10**30), dict(steps=True), dict(steps=10**9),
                                     dict(rate=float("nan")), dict(identity_radius=0), dict(largest=-1),
-                                    dict(decay="1")])
+                                    dict(decay="1"), dict(beta_1=1), dict(beta_2=-0.1), dict(epsilon=0)])
 def test_a_descent_is_described_by_finite_numbers(change):
     with pytest.raises(InputError):
         Descent(**{"steps": 1} | change)
@@ -69,5 +75,5 @@ def test_a_descent_is_described_by_finite_numbers(change):
 def test_kernels_get_numbers_of_one_type_whichever_a_user_gives():
     """Or they would be compiled anew for each."""
     given = Settings(**vars(Descent(np.int32(3), rate=1, decay=0, identity_radius=1, prior=np.float32(0.5))))
-    assert [type(number) for number in given] == [int, *[float] * 8, bool]
-    assert given == (3, 1, 0.05, 0, 0.995, 1, 0.5, 1, 0.3, False)
+    assert [type(number) for number in given] == [int, *[float] * 8, bool, *[float] * 3]
+    assert given == (3, 1, 0.05, 0, 0.995, 1, 0.5, 1, 0.3, False, 0.9, 0.98, 1e-7)

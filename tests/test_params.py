@@ -73,17 +73,19 @@ def test_a_search_without_a_part_ends_with_a_code(part, triangle):
 
 
 AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
-    "few": {"search": {"restarts": 1, "proposals": 1, "mixture": False, "moves": 3, "detail_moves": 0, "start_sets": 1,
-                       "best_birth": 0.0, "remove_most": 1, "add_most": 1, "prune_tried": 1, "agreement": 0,
-                       "slack": 0},
-            "births": {"kept": 9, "count": 2, "detail_count": 1, "blobs": 0.0, "least_ratio": 1.0},
+    "few": {"search": {"restarts": 1, "proposals": 1, "mixture": False, "merging": False, "pruning": False, "moves": 3,
+                       "detail_moves": 0, "start_sets": 1, "best_birth": 0.0, "remove_most": 1, "add_most": 1,
+                       "prune_tried": 1, "agreement": 0, "slack": 0},
+            "births": {"kept": 1, "count": 2, "detail_count": 1, "blobs": 0.0, "least_ratio": 1.0},
             "moves": {"count": 0}, "refine": {"steps": 0}, "image": {"finest": 8, "grids": 1}},
     "coarse": {"search": {"grid": 16, "detail_grid": 16, "same_affinity": 1.0}, "descent": {"grids": 1},
                "births": {"blob_grid": 16, "blobs": 1.0}, "moves": {"grid": 16, "recent": 0, "widths": [0.5],
                "visible_shares": [1.0], "root_orders": [2], "candidates": 1, "kept": 1, "rendered": 1},
                "gauss_newton": {"strides": [1.0], "tries": 1, "damping": 0}, "camera": {"supersample": 1}},
-    "fine": {"search": {"grid": 1024, "detail_grid": 1024, "moves": 1, "detail_moves": 1, "start_sets": 2},
-             "descent": {"grids": 4, "cells_per_pixel": 2}, "refine": {"finest": 2048, "grids": 8, "steps": 3},
+    "fine": {"search": {"grid": 1024, "detail_grid": 1024, "moves": 1, "detail_moves": 1, "start_sets": 2,
+                        "coarser": 1},
+             "descent": {"grids": 4, "cells_per_pixel": 2, "pixel_parts": 16, "beta_1": 0, "beta_2": 0, "floor": 1e-12},
+             "refine": {"finest": 2048, "grids": 8, "steps": 3},
              "moves": {"grid": 1024, "polish_ends": 1, "polish_starts": 0}, "saturation": {"window": 1},
              "gauss_newton": {"window": 5},
              "canonical": {"nudges": [0.0], "line_shifts": 1, "denominators": [1], "ratios": [], "degrees": [90]}},
@@ -113,7 +115,9 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"search": {"slack": 1.0}}, "search.slack must be at least 0 and below 1, got 1.0"),
     ({"search": {"restarts": 2.5}}, "search.restarts must be a whole number, got 2.5"),
     ({"search": {"mix": {"largest": 1.2}}}, "search.mix.largest must be above 0 and below 1, got 1.2"),
-    ({"births": {"large": [0.1]}}, "births.large.1 is needed"),
+    ({"births": {"large": [0.1]}}, "births.large must be a list of 2 values, got [0.1]"),
+    ({"births": {"large": [0.1, 0.2, 0.3]}}, "births.large must be a list of 2 values, got [0.1, 0.2, 0.3]"),
+    ({"camera": {"twigs_px": []}}, "camera.twigs_px must be a list of 2 values, got []"),
     ({"frame": {"enabled": "yes"}}, "frame.enabled must be true or false, got 'yes'"),
     ({"levels": "colour"}, "levels must be 'auto', 'density', 'linear', 'dots', 'coverage' or 'binary', got 'colour'"),
     ({"saturation": 3}, "saturation must be a mapping of settings, got 3"),
@@ -124,17 +128,17 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"likeness": 1.5}, "likeness must be at most 1, got 1.5"),
     ({"likeness": 0.0}, "likeness must be above 0, got 0.0"),
     ({"bytes": 12}, "bytes must be at least 24, got 12"),
-    ({"growth": {"counts": []}}, "growth.counts must be a list of at least 1 values, got ()"),
+    ({"growth": {"counts": []}}, "growth.counts must be a list of at least 1 values, got []"),
     ({"births": {"large": [0.9, 0.4]}}, "births.large must be a lower and an upper end, got [0.9, 0.4]"),
     ({"births": {"small": [0, 0.4]}}, "births.small.0 must be above 0, got 0"),
     ({"births": {"blob_steps": 0}}, "births.blob_steps must be at least 1, got 0"),
     ({"moves": {"sizes": [0.1, 1.0]}}, "moves.sizes.1 must be below 1, got 1.0"),
-    ({"moves": {"widths": []}}, "moves.widths must be a list of at least 1 values, got ()"),
-    ({"moves": {"visible_shares": []}}, "moves.visible_shares must be a list of at least 1 values, got ()"),
+    ({"moves": {"widths": []}}, "moves.widths must be a list of at least 1 values, got []"),
+    ({"moves": {"visible_shares": []}}, "moves.visible_shares must be a list of at least 1 values, got []"),
     ({"moves": {"visible_shares": [0.5, 0]}}, "moves.visible_shares.1 must be above 0, got 0"),
-    ({"moves": {"root_orders": []}}, "moves.root_orders must be a list of at least 1 values, got ()"),
-    ({"gauss_newton": {"strides": []}}, "gauss_newton.strides must be a list of at least 1 values, got ()"),
-    ({"canonical": {"nudges": []}}, "canonical.nudges must be a list of at least 1 values, got ()"),
+    ({"moves": {"root_orders": []}}, "moves.root_orders must be a list of at least 1 values, got []"),
+    ({"gauss_newton": {"strides": []}}, "gauss_newton.strides must be a list of at least 1 values, got []"),
+    ({"canonical": {"nudges": []}}, "canonical.nudges must be a list of at least 1 values, got []"),
     ({"search": {"grid": 48}}, "search.grid must be a power of two, got 48"),
     ({"moves": {"grid": 2048}}, "moves.grid must be at least 16 and at most 1024, got 2048"),
     ({"births": {"blob_grid": 40}}, "births.blob_grid must be a power of two, got 40"),
@@ -156,10 +160,41 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"moves": {"rendered": 7}}, "moves.kept must be at least rendered, which is 7; got 6"),
     ({"gauss_newton": {"rendered_below": 1}},
      "gauss_newton.rendered_below must be at least rendered_above, which is 1.1; got 1"),
+    ({"search": {"grid": 256}}, "search.detail_grid must be at least grid, which is 256; got 128"),
+    ({"births": {"count": 3}}, "births.count must be at least kept, which is 4; got 3"),
+    ({"births": {"kept": 30}}, "births.detail_count must be at least kept, which is 30; got 24"),
+    ({"births": {"coarse": {"largest": 0.3}}},
+     "births.large must begin at coarse.largest or below, which is 0.3; got [0.4, 0.97]"),
+    ({"population": {"descent": {"largest": 0.1}}},
+     "population.sizes must begin at descent.largest or below, which is 0.1; got [0.15, 0.85]"),
+    ({"population": {"judged": 50}}, "population.size must be at least judged, which is 50; got 48"),
+    ({"population": {"polished": 9}}, "population.judged must be at least polished, which is 9; got 8"),
+    ({"population": {"first": 20}}, "population.first must be at least size, which is 48; got 20"),
+    ({"population": {"generations": 5}}, "population.generations must be at least judged_every, which is 10; got 5"),
+    ({"camera": {"warmup": 430}}, "camera.warmup must be below trajectory, which is 430; got 430"),
+    ({"camera": {"tile_words": 100}}, "camera.tile_words must be at least tile_words_seen, which is 800; got 100"),
+    ({"camera": {"tile_cells": [20, 10]}}, "camera.tile_cells must be a lower and an upper end, got [20, 10]"),
+    ({"camera": {"estimate": False, "pen_px": 1.5}}, "camera.pen_px must be null if estimate is false, got 1.5"),
+    ({"camera": {"estimate": False, "blur_px": 0.5}},
+     "camera.blur_px must be null if camera.estimate is false and levels is not linear, got 0.5"),
+    ({"levels": "dots", "camera": {"pen_px": 1.5}}, "camera.pen_px must be null if levels is dots, got 1.5"),
+    ({"levels": "coverage", "camera": {"gain": 1.0}}, "camera.gain must be null if levels is coverage, got 1.0"),
+    ({"levels": "density", "camera": {"blur_px": 1.0}}, "camera.blur_px must be null if levels is density, got 1.0"),
+    ({"saturation": {"length": 30}}, "saturation.warmup must be below length, which is 30; got 30"),
+    ({"likeness": 0.9, "growth": {"enabled": False}},
+     "likeness is reached by growth, but growth.enabled is false; got 0.9"),
 ])
 def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
     with pytest.raises(InputError, match="^" + re.escape(message)):
         CollageParams().updated(**options)
+
+
+@pytest.mark.parametrize("options", [
+    {"levels": "linear", "camera": {"blur_px": 2.0, "estimate": False}}, {"camera": {"pen_px": 1.5, "blur_px": 0.5}},
+    {"levels": "dots", "camera": {"gain": 0.5, "blur_px": 0.5}}, {"likeness": 0.9}, {"bytes": 96, "growth": {
+        "enabled": False}}, {"search": {"grid": 128}}, {"births": {"kept": 24}}], ids=str)
+def test_parameters_that_agree_are_taken(options):
+    assert CollageParams().updated(**options) != CollageParams()
 
 
 @pytest.mark.parametrize(("words", "message"), [

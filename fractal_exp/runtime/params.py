@@ -6,7 +6,7 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -87,6 +87,13 @@ def _merged(params: Params, values: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
+def below(params: Params, name: str, limit: str) -> None:
+    """Raise `ParamError`, which names both, unless the parameter `name` is below the parameter `limit`."""
+    value, most = getattr(params, name), getattr(params, limit)
+    if value >= most:
+        raise ParamError(name, f"{NAME} must be below {limit}, which is {most}; got {value}")
+
+
 class ParamError(InputError):
     """What is wrong with one parameter: its full name stands where `told` has the mark `NAME`."""
 
@@ -108,6 +115,7 @@ def _explained(kind: type[Params], error: ValidationError) -> ParamError:
     first = error.errors(include_url=False)[0]
     cause = first.get("ctx", {}).get("error")
     name = ".".join(str(part) for part in first["loc"])
+    got = list(first["input"]) if isinstance(first["input"], tuple) else first["input"]
     if isinstance(cause, ParamError):  # of a component
         return ParamError(".".join(part for part in (name, cause.name) if part), cause.told)
     if cause is not None:
@@ -115,6 +123,9 @@ def _explained(kind: type[Params], error: ValidationError) -> ParamError:
     if first["type"] == "extra_forbidden":
         near = did_you_mean(name, kind.model_fields) or f"; choose one of {', '.join(kind.model_fields)}"
         return ParamError(name, f"there is no parameter {NAME}{near}")
+    length = _length(kind.model_fields.get(str(first["loc"][0]))) if first["loc"] else 0
+    if length and first["type"] in ("missing", "too_long"):
+        return ParamError(str(first["loc"][0]), f"{NAME} must be a list of {length} values, got {got!r}")
     if first["type"] == "missing":
         return ParamError(name, f"{NAME} is needed, and was not given")
     told, near = EXPECTED.get(first["type"]), ""
@@ -123,7 +134,13 @@ def _explained(kind: type[Params], error: ValidationError) -> ParamError:
         expected = _range(kind.model_fields[name]) or expected
     if first["type"] == "literal_error":
         near = did_you_mean(str(first["input"]), re.findall(r"'([^']*)'", expected), most=1)
-    return ParamError(name, f"{NAME} must be {expected}, got {first['input']!r}{near}")
+    return ParamError(name, f"{NAME} must be {expected}, got {got!r}{near}")
+
+
+def _length(info: FieldInfo | None) -> int:
+    """The number of values of a field that takes a list of so many; 0 for any other field."""
+    values = get_args(info.annotation) if info and get_origin(info.annotation) is tuple else ()
+    return 0 if Ellipsis in values else len(values)
 
 
 def _range(info: FieldInfo) -> str:

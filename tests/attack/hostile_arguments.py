@@ -34,7 +34,7 @@ SPOILERS: list[Callable[[torch.Tensor], object]] = [
     lambda t: t.numpy(), lambda t: None, lambda t: "tensor", lambda t: t.to(torch.uint8),
 ]
 BACKENDS = ["auto", "cpu", "torch", "cuda", "gpu", "", None, 3, ["cpu"]]
-LEVELS = [0, 1, 2, 3, 4, 5, -1, True, 10**9, 2.0, None]
+GRIDS = [0, 1, 2, 3, 4, 5, -1, True, 10**9, 2.0, None]
 
 
 def spoilt(value: object, chance: random.Random) -> object:
@@ -58,17 +58,17 @@ def good(generator: torch.Generator) -> dict[str, tuple[Callable[..., object], d
                                                           "seed": torch.tensor([1, 2])}),
         "splat": (ops.splat, {"points": rand(2, 30, 2), "resolution": 6, "sigma_px": 1.5, "supersample": 2,
                               "backend": "auto"}),
-        "measure": (BinnedMeasure, {"samples": samples, "bins": bins, "levels": 2}),
+        "measure": (BinnedMeasure, {"samples": samples, "bins": bins, "grids": 2}),
         "pushforward": (pushforward, {"maps": rand(2, 3, 6), "weights": rand(2, 3), "samples": samples, "size": G,
                                       "backend": "auto"}),
         "orbit_bins": (orbit_bins, {"maps": rand(2, 3, 6) - 0.5, "probabilities": torch.full((3,), 1 / 3), "size": G,
                                     "trajectories": 3, "length": 20, "warmup": 5, "seed": 1, "backend": "auto"}),
-        "error": (lambda given, samples, measure, levels: collage_error(given, BinnedMeasure(samples, measure, levels)),
-                  {"given": rand(2, G, G), "samples": samples, "measure": bins, "levels": 2}),
-        "descend": (lambda samples, bins, levels, steps, rate, identity_radius, largest, tied, **others: descend(
-            measure=BinnedMeasure(samples, bins, levels), how=Descent(
+        "error": (lambda given, samples, measure, grids: collage_error(given, BinnedMeasure(samples, measure, grids)),
+                  {"given": rand(2, G, G), "samples": samples, "measure": bins, "grids": 2}),
+        "descend": (lambda samples, bins, grids, steps, rate, identity_radius, largest, tied, **others: descend(
+            measure=BinnedMeasure(samples, bins, grids), how=Descent(
                 steps, rate=rate, identity_radius=identity_radius, largest=largest, tied=tied), **others),
-                    {"maps": rand(2, 3, 6), "weights": rand(2, 3), "samples": samples, "bins": bins, "levels": 2,
+                    {"maps": rand(2, 3, 6), "weights": rand(2, 3), "samples": samples, "bins": bins, "grids": 2,
                      "steps": 2, "rate": 0.01, "identity_radius": 0.1, "largest": 0.99, "tied": False,
                      "backgrounds": rand(2, G, G), "chosen": torch.tensor([0, 1]), "backend": "auto"}),
         "code": (IFS, {"linear": rand(3, 2, 2) - 0.5, "offset": rand(3, 2), "probabilities": torch.full((3,), 1 / 3)}),
@@ -98,7 +98,7 @@ def main(calls: int, seed: int) -> None:
         call, arguments = operators[name]
         for key in chance.sample(sorted(arguments), min(len(arguments), chance.choice([1, 1, 1, 2, 3]))):
             try:
-                arguments[key] = (chance.choice(LEVELS) if key == "levels" else spoilt(arguments[key], chance))
+                arguments[key] = (chance.choice(GRIDS) if key == "grids" else spoilt(arguments[key], chance))
             except (RuntimeError, IndexError):  # torch itself cannot make that tensor
                 continue
         wrong = attempt(call, arguments)

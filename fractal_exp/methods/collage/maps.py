@@ -12,7 +12,10 @@ from torch import Tensor
 from ...ifs.code import IFS, PROBABILITY_FLOOR
 from ...ops.collage import BinnedMeasure
 
-SINGULAR = 1e-6  # a determinant below this counts as zero
+# Tolerances of rounding.
+SINGULAR = 1e-6    # a determinant below this counts as zero: the inverse would be noise
+IMAGINARY = 1e-6   # imaginary parts of a matrix up to this count as zero
+ALREADY = 1e-5     # weights whose sum is this near to 1 count as normalised
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ def to_code(maps: Tensor, weights: Tensor | None = None) -> IFS:
 def normalized(weights: Tensor) -> Tensor:
     """Weights (N,) over their sum. Weights that are already normalised stay bit for bit the same."""
     total = weights.sum()
-    return weights if abs(float(total) - 1) < 1e-5 else weights / total
+    return weights if abs(float(total) - 1) < ALREADY else weights / total
 
 
 def volumes(maps: Tensor) -> Tensor:
@@ -70,19 +73,21 @@ def smaller_singular(maps: Tensor) -> Tensor:
     return (torch.hypot((a + d) / 2, (c - b) / 2) - torch.hypot((a - d) / 2, (c + b) / 2)).abs()
 
 
-def rotations(count: int, generator: torch.Generator) -> Tensor:
-    """Orthogonal matrices (count,2,2): uniform angles, half of them reflections."""
+def rotations(count: int, generator: torch.Generator, *, reflections: bool = True) -> Tensor:
+    """Orthogonal matrices (count,2,2), uniform: half of them are reflections, or none unless `reflections`."""
     angle = torch.rand(count, generator=generator) * 2 * math.pi
-    flip = (torch.rand(count, generator=generator) < 0.5) * -2.0 + 1
+    flip = (torch.rand(count, generator=generator) < (0.5 if reflections else 0)) * -2.0 + 1
     cos, sin = angle.cos(), angle.sin()
     return torch.stack([cos, -sin * flip, sin, cos * flip], -1).view(-1, 2, 2)
 
 
-def random_matrices(count: int, smallest: float, largest: float, ratio: float, generator: torch.Generator) -> Tensor:
+def random_matrices(count: int, smallest: float, largest: float, ratio: float, generator: torch.Generator, *,
+                    reflections: bool = True) -> Tensor:
     """Matrices (count,2,2) = U diag(s1, s2) V: s1 log-uniform in [smallest, largest], s2/s1 uniform in [ratio, 1]."""
     s1 = (torch.rand(count, generator=generator) * math.log(largest / smallest)).exp() * smallest
     s2 = s1 * (ratio + (1 - ratio) * torch.rand(count, generator=generator))
-    return (rotations(count, generator) * torch.stack([s1, s2], -1)[:, None]) @ rotations(count, generator)
+    first = rotations(count, generator, reflections=reflections) * torch.stack([s1, s2], -1)[:, None]
+    return first @ rotations(count, generator, reflections=reflections)
 
 
 def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
@@ -98,7 +103,7 @@ def root(one: Tensor, order: int) -> Tensor | None:
     matrix = torch.eye(3, dtype=torch.float64)
     matrix[:2, :2], matrix[:2, 2] = one[:4].view(2, 2).cpu(), one[4:].cpu()
     found = torch.from_numpy(np.asarray(fractional_matrix_power(matrix.numpy(), 1 / order), dtype=np.complex128))
-    if not bool(found.isfinite().all()) or float(found.imag.abs().max()) > 1e-6:
+    if not bool(found.isfinite().all()) or float(found.imag.abs().max()) > IMAGINARY:
         return None
     real = torch.cat([found.real[:2, :2].flatten(), found.real[:2, 2]]).to(one)
     return real if float(largest_singular(real)) < 1 else None
@@ -113,6 +118,13 @@ def preceded(one: Tensor, others: Tensor) -> Tensor:
     offset = (others[:, 4:].double() - one[4:].double()) @ inverse.T
     found = torch.cat([linear.flatten(1), offset], 1).to(others)
     return found[largest_singular(found) < 1]
+
+
+def compositions(first: Tensor, then: Tensor) -> Tensor:
+    """All compositions (nm,6) of maps (n,6) after maps (m,6)."""
+    a, b = first[:, None, :4].unflatten(-1, (2, 2)), then[None, :, :4].unflatten(-1, (2, 2))
+    offset = (a @ then[None, :, 4:, None])[..., 0] + first[:, None, 4:]
+    return torch.cat([(a @ b).flatten(-2), offset], -1).flatten(0, 1)
 
 
 def composed(one: Tensor, inner: Tensor) -> Tensor:

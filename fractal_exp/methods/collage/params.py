@@ -1,8 +1,8 @@
 """The parameters of collage search, one class per component. docs/collage.md explains where the method uses each.
 
-The class of a component is in the `params.py` of its folder. Where a docstring names no source, the value was found by
-trial on tuning suites (docs/lab_notes.md). Each part has a setting that switches it off: `enabled=false`, a count of 0,
-odds of 0.
+The class of a component is in the `params.py` of its folder, the camera's in `measure/camera_params.py`. Where a
+docstring names no source, the value was found by trial on tuning suites (docs/lab_notes.md). Each part has a setting
+that switches it off: `enabled=false` or another switch, a count of 0, odds of 0.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ...runtime.params import Amount, Count, Params, Positive, Share, as_yaml, check_order
+from ...runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, as_yaml, check_order
 from .canonical.params import CanonicalParams
 from .fields import PositiveShare, SingularValue
 from .growth.params import GrowthParams
 from .image.params import FrameParams, GaussNewtonParams, ImageParams, LineParams, MoveParams, RefineParams
-from .measure.params import BirthParams, CameraParams, DescentParams, PopulationParams, SaturationParams, SearchParams
+from .measure.camera_params import CameraParams
+from .measure.params import BirthParams, DescentParams, PopulationParams, SaturationParams, SearchParams
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
+CAMERAS = {"pen_px": ("coverage",), "gain": ("dots",), "blur_px": ("coverage", "dots", "linear")}   # levels they are of
 
 
 class StageParams(Params):
@@ -128,6 +130,21 @@ class CollageParams(Params):
                              f"likeness to be reached, not two; got {' and '.join(given)}")
         return self
 
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        camera = self.camera
+        if self.likeness is not None and not self.growth.enabled:
+            raise ParamError("likeness", f"{NAME} is reached by growth, but growth.enabled is false; "
+                                         f"got {self.likeness}")
+        for name, levels in CAMERAS.items():
+            value = getattr(camera, name)
+            if value is not None and self.levels not in ("auto", *levels):
+                raise ParamError(f"camera.{name}", f"{NAME} must be null if levels is {self.levels}, got {value}")
+        if camera.blur_px is not None and not camera.estimate and self.levels != "linear":
+            raise ParamError("camera.blur_px", f"{NAME} must be null if camera.estimate is false and levels is not "
+                                               f"linear, got {camera.blur_px}")
+        return self
+
     @property
     def most_maps(self) -> int | None:
         """The maximum number of maps, or None."""
@@ -143,7 +160,7 @@ class CollageParams(Params):
 def hydra_config() -> str:
     """conf/method/collage.yaml: `python -m fractal_exp.methods.collage.params > conf/method/collage.yaml`."""
     return f"""# Collage search finds the maps of a code one by one, from the measure that the image shows.
-# This file is generated from the params.py files in fractal_exp/methods/collage. Do not edit it.
+# This file is generated from the parameter classes in fractal_exp/methods/collage. Do not edit it.
 _target_: fractal_exp.methods.collage.method.Collage
 _convert_: all
 seconds: ${{seconds}}

@@ -51,12 +51,12 @@ class SearchProblem:
     @property
     def is_crossed(self) -> bool:
         """Whether populations of sets replace stages 1 and 2."""
-        return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.largest
+        return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.most_maps
 
     def masses_of(self, number: int) -> Tensor:
         """The masses (R,R) on which a round searches."""
         sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
-        return blurred(self.masses, sigma)
+        return blurred(self.masses, sigma, self.params.camera)
 
     def restarts(self, number: int) -> int:
         """Number of restarts in a round."""

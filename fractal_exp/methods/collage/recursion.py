@@ -34,7 +34,9 @@ class Recursion(Stage):
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image may show strokes: lines and areas that others drew, not too many pixels of them."""
-        return isinstance(problem.levels, Drawn) and not problem.is_reduced and not problem.params.maps
+        camera = problem.params.camera
+        sought = camera.estimate and camera.strokes and isinstance(problem.levels, Drawn)
+        return sought and not problem.is_reduced and not problem.params.maps
 
     @property
     def expected_moves(self) -> int:

@@ -220,7 +220,8 @@ class DrawnMoves(ImageMoves):
         """The code without maps that only make lines thicker, if at least two others stay."""
         if self.params.maps:
             return found
-        points = attractor_points(found.maps, found.probabilities, self.params.moves.parent_points, self.problem.seed)
+        points = attractor_points(found.maps, found.probabilities, self.params.moves.parent_points, self.problem.seed,
+                                  self.params.camera)
         near = 2 / len(self.problem.image) * self.params.moves.double_px
         maps, weights = without_doubles(found.maps, found.probabilities, points, near)
         if len(maps) < 2 or len(maps) == len(found.maps):
@@ -268,7 +269,7 @@ class DrawnLastDigits(LastDigits):
         parents in the place of maps, and by maps that nobody sees."""
         objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
         found = without_unseen(objective, found, self.params.maps or 0, deadline)
-        maps = simplest(found.maps, symmetries(objective.image.cpu(), params))
+        maps = simplest(found.maps, symmetries(objective.image.cpu(), params), params)
         other = polished(objective, objective.judge(maps, found.weights), params.polish, deadline=deadline)
         if not self.params.maps:
             price = Price(0.0, self.params.moves.worth)

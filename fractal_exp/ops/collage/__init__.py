@@ -14,7 +14,7 @@ from torch import Tensor
 
 from ... import ops
 from ...errors import InputError
-from ...runtime.checks import check_alike, check_count, check_dense, check_memory, check_tensor, shown
+from ...runtime.checks import check_alike, check_count, check_dense, check_memory, check_number, check_tensor, shown
 from .. import backends
 from ..chaos import cumulative_thresholds
 from . import reference
@@ -31,13 +31,15 @@ class BinnedMeasure:
     """A measure of mass 1 on the canvas [-1,1]², as an argument of the collage operations.
 
     samples (K,3): x, y, mass; bins (G,G): the same masses, shared bilinearly on a grid of G cells per side, row 0 at
-    the top; levels: how many grids with sides G, G/2, G/4 … are compared. float32, on one device. Raises `InputError`
-    on other shapes, tensors that differ in dtype or device, or a side that cannot be halved often enough.
+    the top; grids: how many grids with sides G, G/2, G/4 … are compared; floor: added to a bin's mass under the square
+    root of the collage error, so that fainter masses hardly count. float32, on one device. Raises `InputError` on other
+    shapes, tensors that differ in dtype or device, a side that cannot be halved often enough, or a floor below 1e-12.
     """
 
     samples: Tensor
     bins: Tensor
-    levels: int = 3
+    grids: int = 3
+    floor: float = reference.FLOOR
     mean: Tensor = field(init=False)        # (2,)
     covariance: Tensor = field(init=False)  # (2,2)
     roots: Tensor = field(init=False)       # of all grids, one after another
@@ -46,11 +48,12 @@ class BinnedMeasure:
         check_tensor("samples", self.samples)
         check_tensor("bins", self.bins)
         check_alike("bins", self.bins, "samples", self.samples)
-        check_count("levels", self.levels)
+        check_count("grids", self.grids)
+        check_number("floor", self.floor, f"a finite number from {reference.LEAST} on", reference.LEAST)
         _check_samples(self.samples)
         size = self.size
-        if self.bins.shape != (size, size) or self.levels > size.bit_length() or size % 2 ** (self.levels - 1):
-            raise InputError(f"the bins must be square with a side that can be halved {shown(self.levels - 1)} times, "
+        if self.bins.shape != (size, size) or self.grids > size.bit_length() or size % 2 ** (self.grids - 1):
+            raise InputError(f"the bins must be square with a side that can be halved {shown(self.grids - 1)} times, "
                              f"got {tuple(self.bins.shape)}")
         _check_size(size)
         points, mass = self.samples[:, :2], self.samples[:, 2:]
@@ -58,10 +61,10 @@ class BinnedMeasure:
         off = points - mean
         object.__setattr__(self, "mean", mean)
         object.__setattr__(self, "covariance", (off * mass).T @ off)
-        grids = [self.bins]
-        for _ in range(self.levels - 1):
-            grids.append(torch.nn.functional.avg_pool2d(grids[-1][None, None], 2)[0, 0] * 4)
-        roots = torch.cat([(grid + reference.FLOOR).sqrt().flatten() for grid in grids])
+        halved = [self.bins]
+        for _ in range(self.grids - 1):
+            halved.append(torch.nn.functional.avg_pool2d(halved[-1][None, None], 2)[0, 0] * 4)
+        roots = torch.cat([(grid + self.floor).sqrt().flatten() for grid in halved])
         object.__setattr__(self, "roots", roots)
 
     @property
@@ -130,7 +133,7 @@ def collage_error(bins: Tensor, measure: BinnedMeasure) -> Tensor:
     if bins.ndim != 3 or bins.shape[1:] != measure.bins.shape:
         raise InputError(f"bins must have shape (B, {measure.size}, {measure.size}), got {tuple(bins.shape)}")
     check_alike("bins", bins, "measure.bins", measure.bins)
-    return reference.collage_error(bins, measure.roots, measure.levels)
+    return reference.collage_error(bins, measure.roots, measure.grids, measure.floor)
 
 
 def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent, *, backgrounds: Tensor | None = None,
@@ -159,7 +162,7 @@ def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent,
                          f"got {tuple(backgrounds.shape)} and {tuple(chosen.shape)}")
     _check_chosen(chosen, len(backgrounds), maps)
     target = Target(measure.samples, measure.roots, measure.mean, measure.covariance, measure.size,
-                    int(measure.levels))
+                    int(measure.grids), float(measure.floor))
     return _backend(backend, maps).descend(maps, weights, target, backgrounds.flatten(1), chosen, how)
 
 

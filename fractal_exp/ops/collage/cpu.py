@@ -12,9 +12,10 @@ from torch import Tensor
 from ...ifs.code import PROBABILITY_FLOOR
 from ...runtime.jit import FUSED, kernel
 from ..chaos.cpu_kernels import GUIDE_BITS, guide_of, hold, next_state, start
-from .reference import BETA_1, BETA_2, FLOOR, Descent, Settings, Target
+from .reference import EDGE as EDGE_CELLS
+from .reference import Descent, Settings, Target
 
-EDGE = float32(1.001)
+EDGE = float32(EDGE_CELLS)
 
 # A division that may raise, as Python's does, keeps LLVM from taking several cells at once.
 vectorized = njit(fastmath=FUSED, error_model="numpy")
@@ -169,7 +170,7 @@ def _hand_down(coarse, fine):
 
 @njit
 def _grid(flat, size, level):
-    """The cells of a level, of `size` >> level a side, among those of all levels, the finest first."""
+    """The cells of a level, of `size` >> level a side, among those of all grids, the finest first."""
     start, side = 0, size
     for _ in range(level):
         start, side = start + side * side, side // 2
@@ -177,37 +178,37 @@ def _grid(flat, size, level):
 
 
 @njit
-def _tile(maps, weights, samples, background, size, levels, bins, corner, right, down):
-    """The measure that the maps make up on all levels; corner, right and down are (N,K), see `_locate`."""
+def _tile(maps, weights, samples, background, size, grids, bins, corner, right, down):
+    """The measure that the maps make up on all grids; corner, right and down are (N,K), see `_locate`."""
     for i in range(size * size):  # a slice takes two seconds longer to compile, for the message of an error
         bins[i] = background[i]
     for n in range(maps.shape[0]):
         if weights[n] > 0:
             _locate(maps[n], samples, size, corner[n], right[n], down[n])
             _add(weights[n], samples[2], corner[n], right[n], down[n], size, bins)
-    for level in range(1, levels):
+    for level in range(1, grids):
         _halve(_grid(bins, size, level - 1), _grid(bins, size, level))
 
 
 @vectorized
-def _slopes(bins, roots, size, levels, slope):
+def _slopes(bins, roots, size, grids, floor, slope):
     """The derivative of the collage error by each finest bin, in slope[:size²]."""
-    share = float32(1 / levels)
+    share = float32(1 / grids)
     for i in range(roots.shape[0]):
-        root = np.sqrt(bins[i] + float32(FLOOR))
+        root = np.sqrt(bins[i] + floor)
         slope[i] = share * (root - roots[i]) / root
-    for level in range(levels - 1, 0, -1):
+    for level in range(grids - 1, 0, -1):
         _hand_down(_grid(slope, size, level), _grid(slope, size, level - 1))
 
 
 @vectorized
-def _error(bins, roots, levels):
+def _error(bins, roots, grids, floor):
     """The collage error."""
     total = float32(0)
     for i in range(roots.shape[0]):
-        difference = np.sqrt(bins[i] + float32(FLOOR)) - roots[i]
+        difference = np.sqrt(bins[i] + floor) - roots[i]
         total += difference * difference
-    return total * float32(1 / levels)
+    return total * float32(1 / grids)
 
 
 @njit(inline="always")
@@ -279,19 +280,20 @@ def _pass_on(m, g, by_volume):
 
 
 @njit(fastmath=FUSED)
-def _adam(g, first, second, k):
+def _adam(g, first, second, k, how):
     """The moments after step k, and what Adam makes of the gradient, which it replaces."""
     for j in range(7):
-        first[j] = BETA_1 * first[j] + (1 - BETA_1) * g[j]
-        second[j] = BETA_2 * second[j] + (1 - BETA_2) * g[j] * g[j]
-        g[j] = first[j] / (1 - BETA_1**k) / (math.sqrt(second[j] / (1 - BETA_2**k)) + 1e-7)
+        first[j] = how.beta_1 * first[j] + (1 - how.beta_1) * g[j]
+        second[j] = how.beta_2 * second[j] + (1 - how.beta_2) * g[j] * g[j]
+        g[j] = first[j] / (1 - how.beta_1**k) / (math.sqrt(second[j] / (1 - how.beta_2**k)) + how.epsilon)
 
 
 @kernel(parallel=True, fastmath=FUSED, error_model="numpy")  # weights that sum to 0 spoil their own code alone
 def _descend(maps, weights, target, backgrounds, chosen, how, errors):
     """The target's samples are (3,K) here, `how` is `Settings`."""
     count = maps.shape[1]
-    samples, roots, size, levels = target.samples, target.roots, target.size, target.levels
+    samples, roots, size, grids = target.samples, target.roots, target.size, target.grids
+    floor = float32(target.floor)
     for b in prange(maps.shape[0]):
         m, w, background = maps[b], weights[b], backgrounds[chosen[b]]
         bins, slope = np.empty_like(roots), np.empty_like(roots)
@@ -304,8 +306,8 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
             if how.tied:
                 _tie(m, w, total)
             volume = _total_volume(m, w)
-            _tile(m, w, samples, background, size, levels, bins, corner, right, down)
-            _slopes(bins, roots, size, levels, slope)
+            _tile(m, w, samples, background, size, grids, bins, corner, right, down)
+            _slopes(bins, roots, size, grids, floor, slope)
             pull = 0.0
             for n in range(count):
                 if w[n] > 0:
@@ -323,7 +325,7 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
                     g[6] += how.prior * w[n] * math.log(w[n] * volume / (total * _volume(m[n])))
                 _push_off_identity(m[n], w[n], target.mean, target.covariance, how.identity_radius,
                                    how.identity_weight, g)
-                _adam(g, first[n], second[n], k)
+                _adam(g, first[n], second[n], k, how)
                 for j in range(6):
                     m[n, j] -= how.rate * falling * g[j]
                 if not how.tied:
@@ -331,5 +333,5 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
                 _contract(m[n], how.largest, how.smaller)
         if how.tied:
             _tie(m, w, total)
-        _tile(m, w, samples, background, size, levels, bins, corner, right, down)
-        errors[b] = _error(bins, roots, levels)
+        _tile(m, w, samples, background, size, grids, bins, corner, right, down)
+        errors[b] = _error(bins, roots, grids, floor)

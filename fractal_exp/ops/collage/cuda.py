@@ -18,7 +18,7 @@ from ...ifs.code import PROBABILITY_FLOOR
 from ..cuda_launch import blocks_of, launch
 from . import cpu as cpu_collage
 from .cpu import EDGE
-from .reference import FLOOR, Descent, Settings, Target
+from .reference import Descent, Settings, Target
 
 THREADS, WARP = 256, 32
 WARPS = THREADS // WARP
@@ -32,7 +32,7 @@ _adam, _contract, _pass_on, _push_off_identity = (inlined(function.py_func) for 
 
 class Workspace(NamedTuple):
     """What a descent of B codes of N maps writes down: Adam's moments (B,N,2,7), masses (B,G²) in UNITS, the bins of
-    all levels in a row for each code, the error's slopes by the finest (B,G²), and gradients (B,N,7)."""
+    all grids in a row for each code, the error's slopes by the finest (B,G²), and gradients (B,N,7)."""
 
     moments: Tensor
     masses: Tensor
@@ -111,8 +111,8 @@ def _pushforward(maps, weights, samples, size, shares, masses):
 
 
 @inlined
-def _tile(maps, weights, b, samples, backgrounds, behind, size, levels, masses, bins):
-    """The measure that the maps make up on all levels, by all threads of the block."""
+def _tile(maps, weights, b, samples, backgrounds, behind, size, grids, masses, bins):
+    """The measure that the maps make up on all grids, by all threads of the block."""
     thread, count = cuda.threadIdx.x, samples.shape[0]
     for i in range(thread, size * size, THREADS):
         masses[b, i] = 0
@@ -125,7 +125,7 @@ def _tile(maps, weights, b, samples, backgrounds, behind, size, levels, masses, 
     for i in range(thread, size * size, THREADS):
         bins[b, i] = backgrounds[behind, i] + float32(masses[b, i] / UNITS)
     fine, side = 0, size
-    for _ in range(1, levels):
+    for _ in range(1, grids):
         cuda.syncthreads()
         coarse, half = fine + side * side, side // 2
         for i in range(thread, half * half, THREADS):
@@ -138,16 +138,16 @@ def _tile(maps, weights, b, samples, backgrounds, behind, size, levels, masses, 
 
 
 @inlined
-def _slope(bins, b, roots, size, levels, slopes):
+def _slope(bins, b, roots, size, grids, floor, slopes):
     """The derivative of the collage error by each finest bin, by all threads of the block."""
-    share = float32(1 / levels)
+    share = float32(1 / grids)
     for i in range(cuda.threadIdx.x, size * size, THREADS):
         total, start, side = float32(0), 0, size
         row = i // size
         column = i - row * size
-        for _ in range(levels):
+        for _ in range(grids):
             cell = start + row * side + column
-            root = math.sqrt(bins[b, cell] + float32(FLOOR))
+            root = math.sqrt(bins[b, cell] + floor)
             total += share * (root - roots[cell]) / root
             start, side, row, column = start + side * side, side // 2, row // 2, column // 2
         slopes[b, i] = total
@@ -234,7 +234,7 @@ def _advance(maps, weights, b, n, k, by_weight, by_volume, target, how, work):
     else:
         g[6] = g[6] * weights[b, n] + by_weight
     _push_off_identity(m, weights[b, n], center, spread, how.identity_radius, how.identity_weight, g)
-    _adam(g, first, second, k)
+    _adam(g, first, second, k, how)
     for j in range(6):
         m[j] -= how.rate * falling * g[j]
     if not how.tied:
@@ -248,7 +248,8 @@ def _advance(maps, weights, b, n, k, by_weight, by_volume, target, how, work):
 
 @cuda.jit
 def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
-    samples, roots, size, levels = target.samples, target.roots, target.size, target.levels
+    samples, roots, size, grids = target.samples, target.roots, target.size, target.grids
+    floor = float32(target.floor)
     masses, bins, slopes, gradients = work.masses, work.bins, work.slopes, work.gradients
     b, thread, count = cuda.blockIdx.x, cuda.threadIdx.x, maps.shape[1]
     lanes = cuda.shared.array((THREADS, SUMS), float32)
@@ -259,8 +260,8 @@ def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
     for k in range(1, how.steps + 1):
         if how.tied:
             _tie(maps, weights, b, total)
-        _tile(maps, weights, b, samples, backgrounds, chosen[b], size, levels, masses, bins)
-        _slope(bins, b, roots, size, levels, slopes)
+        _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, masses, bins)
+        _slope(bins, b, roots, size, grids, floor, slopes)
         for n in range(0, count, WARPS):
             _pull(maps, weights, b, n, samples, slopes, size, lanes, gradients)
         volume, pull = _total_volume(maps, weights, b), 0.0
@@ -277,10 +278,10 @@ def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
         cuda.syncthreads()
     if how.tied:
         _tie(maps, weights, b, total)
-    _tile(maps, weights, b, samples, backgrounds, chosen[b], size, levels, masses, bins)
+    _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, masses, bins)
     error = float32(0)
     for i in range(thread, roots.shape[0], THREADS):
-        difference = math.sqrt(bins[b, i] + float32(FLOOR)) - roots[i]
+        difference = math.sqrt(bins[b, i] + floor) - roots[i]
         error += difference * difference
     lanes[thread, 0] = error
     cuda.syncthreads()
@@ -288,4 +289,4 @@ def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
         error = float32(0)
         for i in range(THREADS):
             error += lanes[i, 0]
-        errors[b] = error / levels
+        errors[b] = error / grids

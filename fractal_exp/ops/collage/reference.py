@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -13,11 +14,14 @@ from ...errors import InputError
 from ...ifs.code import PROBABILITY_FLOOR
 from ...runtime.checks import check_count, check_number, shown
 
-FLOOR = 1e-5                # added to a bin's mass under the square root, so that fainter masses hardly count
-BETA_1, BETA_2 = 0.9, 0.98  # of Adam
-EDGE = 1.001
+FLOOR = 1e-5                # default of `BinnedMeasure.floor`
+BETA_1, BETA_2 = 0.9, 0.98  # defaults of Adam's `Descent.beta_1` and `Descent.beta_2`
+EPSILON = 1e-7              # default of Adam's `Descent.epsilon`
+EDGE = 1.001                # cells that stay free at a grid's far edge: one for a sample's neighbour, and rounding
 MAX_STEPS = 1_000_000       # of a descent; more would take hours in one call that cannot be interrupted
 LEAST_RADIUS = 1e-6         # canvas units; the code divides by the radius
+LEAST = 1e-12               # of a floor and of Adam's epsilon; the code divides by both
+BELOW_ONE = math.nextafter(1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -26,8 +30,9 @@ class Descent:
     `weight_rate` of the log-weights, which both fall by the factor `decay`; the upper limits of the `largest` and the
     `smaller` singular value of each map; the strength of the `prior` that pulls weights towards |det| + 0.01; maps that
     displace the measure by less than `identity_radius` (rms, canvas units) are pushed off with `identity_weight`;
-    `tied` weights follow |det| + 0.01 exactly. Raises `InputError` unless steps is an integer from 0 to 1 000 000, the
-    radius is at least 1e-6, and the others are finite and at least 0."""
+    `tied` weights follow |det| + 0.01 exactly; `beta_1`, `beta_2` and `epsilon` are Adam's (Kingma and Ba 2015). Raises
+    `InputError` unless steps is an integer from 0 to 1 000 000, the radius is at least 1e-6, epsilon at least 1e-12,
+    both betas are below 1, and the others are finite and at least 0."""
 
     steps: int
     rate: float = 0.01
@@ -39,10 +44,16 @@ class Descent:
     identity_radius: float = 0.1
     identity_weight: float = 0.3
     tied: bool = False
+    beta_1: float = BETA_1
+    beta_2: float = BETA_2
+    epsilon: float = EPSILON
 
     def __post_init__(self) -> None:
         check_count("steps", self.steps, 0, MAX_STEPS)
         check_number("identity_radius", self.identity_radius, f"a finite number from {LEAST_RADIUS} on", LEAST_RADIUS)
+        check_number("epsilon", self.epsilon, f"a finite number from {LEAST} on", LEAST)
+        for name in ("beta_1", "beta_2"):
+            check_number(name, getattr(self, name), "at least 0 and below 1", 0, BELOW_ONE)
         for name in ("rate", "weight_rate", "decay", "largest", "smaller", "prior", "identity_weight"):
             check_number(name, getattr(self, name), "a finite number of at least 0", 0)
         if not isinstance(self.tied, bool):
@@ -56,15 +67,16 @@ Settings = namedtuple("Settings", [field.name for field in fields(Descent)])  # 
 
 
 class Target(NamedTuple):
-    """The measure that a descent aims at: samples (K,3) of x, y, mass; the square roots of its bins and FLOOR, all
-    `levels` grids in a row, the finest of `size` cells a side; its mean (2,) and covariance (2,2)."""
+    """The measure that a descent aims at: samples (K,3) of x, y, mass; the square roots of its bins plus `floor`, all
+    `grids` grids in a row, the finest of `size` cells a side; its mean (2,) and covariance (2,2)."""
 
     samples: Tensor
     roots: Tensor
     mean: Tensor
     covariance: Tensor
     size: int
-    levels: int
+    grids: int
+    floor: float
 
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
@@ -75,14 +87,14 @@ def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Te
     return bins.scatter_add(1, corners.flatten(1), mass.flatten(1)).view(-1, size, size)
 
 
-def collage_error(bins: Tensor, roots: Tensor, levels: int) -> Tensor:
-    """The squared Hellinger distance (B,) of bins (B,G,G) from a measure, averaged over `levels` grids, each with half
-    the side of the one before; roots: the square roots of the measure's bins plus FLOOR, all grids in a row."""
-    grids = [bins]
-    for _ in range(levels - 1):
-        grids.append(torch.nn.functional.avg_pool2d(grids[-1][:, None], 2)[:, 0] * 4)
-    flat = torch.cat([grid.flatten(1) for grid in grids], 1)
-    return ((flat + FLOOR).sqrt() - roots).square().sum(1) / levels
+def collage_error(bins: Tensor, roots: Tensor, grids: int, floor: float) -> Tensor:
+    """The squared Hellinger distance (B,) of bins (B,G,G) from a measure, averaged over `grids` grids, each with half
+    the side of the one before; roots: the square roots of the measure's bins plus `floor`, all grids in a row."""
+    halved = [bins]
+    for _ in range(grids - 1):
+        halved.append(torch.nn.functional.avg_pool2d(halved[-1][:, None], 2)[:, 0] * 4)
+    flat = torch.cat([grid.flatten(1) for grid in halved], 1)
+    return ((flat + floor).sqrt() - roots).square().sum(1) / grids
 
 
 def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, chosen: Tensor, how: Descent
@@ -105,7 +117,7 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
 
     def errors(m: Tensor, w: Tensor) -> Tensor:
         bins = background + pushforward(m, w, target.samples, target.size)
-        return collage_error(bins, target.roots, target.levels)
+        return collage_error(bins, target.roots, target.grids, target.floor)
 
     for k in range(1, how.steps + 1):
         with torch.enable_grad():
@@ -118,8 +130,8 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
             pull = torch.where(present, (w.clamp_min(1e-30) / (total * shares(maps).detach())).log(), 0)
             by_log = by_log + how.prior * w * pull
         falling = how.decay ** (k / how.steps)
-        maps = (maps - how.rate * falling * _adam(moments[0], moments[1], by_map, k)).detach()
-        logs = (logs - how.weight_rate * falling * _adam(moments[2], moments[3], by_log, k)).detach()
+        maps = (maps - how.rate * falling * _adam(moments[0], moments[1], by_map, k, how)).detach()
+        logs = (logs - how.weight_rate * falling * _adam(moments[2], moments[3], by_log, k, how)).detach()
         maps = torch.where(present[..., None], contract(maps, how.largest, how.smaller), maps)
     weights = weigh(maps, logs)
     return maps, weights, errors(maps, weights)
@@ -167,7 +179,7 @@ def displacement_squared(maps: Tensor, mean: Tensor, covariance: Tensor) -> Tens
     return ((linear @ covariance) * linear).sum((-2, -1)) + shift.square().sum(-1)
 
 
-def _adam(first: Tensor, second: Tensor, gradient: Tensor, step: int) -> Tensor:
-    first.mul_(BETA_1).add_(gradient, alpha=1 - BETA_1)
-    second.mul_(BETA_2).addcmul_(gradient, gradient, value=1 - BETA_2)
-    return first / (1 - BETA_1**step) / ((second / (1 - BETA_2**step)).sqrt() + 1e-7)
+def _adam(first: Tensor, second: Tensor, gradient: Tensor, step: int, how: Descent) -> Tensor:
+    first.mul_(how.beta_1).add_(gradient, alpha=1 - how.beta_1)
+    second.mul_(how.beta_2).addcmul_(gradient, gradient, value=1 - how.beta_2)
+    return first / (1 - how.beta_1**step) / ((second / (1 - how.beta_2**step)).sqrt() + how.epsilon)

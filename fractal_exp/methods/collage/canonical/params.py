@@ -21,6 +21,10 @@ class CanonicalParams(Params):
     """Error up to which this stage runs even if the noise ratio is above `frame.far`."""
     fill: bool = True
     """Whether the frame is filled exactly."""
+    matrices: bool = True
+    """Whether matrices near simple ones are rounded to them."""
+    axis_lines: bool = True
+    """Whether maps that nearly are lines along an axis become such lines."""
     symmetric: bool = True
     """Whether nearly mirror-symmetric offsets are made exactly so."""
     worse: Amount = 1.02
@@ -40,6 +44,15 @@ class CanonicalParams(Params):
     """Further simple ratios: the squared inverse of the golden ratio."""
     degrees: Annotated[tuple[Positive, ...], Some] = (15, 18)
     """A simple similarity rotates by a multiple of one of these angles, degrees."""
+    symmetries: bool = True
+    """Whether maps may be preceded by a symmetry of the shape, in a picture that others drew."""
+    symmetry_orders: tuple[Annotated[int, Field(ge=2)], ...] = tuple(range(2, 9))
+    """Orders of the rotations that are tried as symmetries of the shape."""
+    symmetry_axes_degrees: Annotated[float, Field(gt=0, le=180)] = 7.5
+    """Angle between the axes of the reflections that are tried as symmetries of the shape."""
+    turn_tolerance: Factor = 1e-3
+    """Angle, radians, within which two maps count as rotating by the same angle. A simple code has maps that rotate
+    little."""
     symmetric_level: Share = 0.25
     """Grey level above which a pixel belongs to the shape whose symmetries are sought."""
     symmetric_likeness: Share = 0.93
@@ -65,11 +78,16 @@ class CanonicalParams(Params):
     line_scales: Positive = 3
     """Number of simple scales of a line that are tried."""
     line_shifts: Positive = 9
-    """Number of places, within a pixel to either side, in which each scale is tried."""
+    """Number of places along the line in which each scale is tried."""
+    line_shift_px: Amount = 1.0
+    """Maximum distance of these places from the line's own, pixels."""
     polish: Count = 8
     """Gauss-Newton steps of the entries that are not fixed."""
     symmetric_px: Amount = 0.1
     """Difference, pixels, up to which offsets are made the same."""
+    off_middle: Annotated[float, Field(gt=0, lt=0.01)] = 1e-6
+    """Distance from the middle of the canvas, canvas units, of offsets that would be zero. It chooses a side of the
+    edge between two pixels."""
     framed_px: Amount = 0.5
     """Misfit, pixels, up to which a frame is meant to be filled."""
     exact_px: Factor = 0.002

@@ -18,7 +18,7 @@ from ..image.gauss_newton import fitted_into_frame, polished
 from ..image.jacobian import FromPoints, FromRenderings, Jacobian
 from ..image.objective import ImageObjective, Rendered
 from .params import CanonicalParams
-from .simple_maps import EDGE, Line, Spread, mirrored_offsets
+from .simple_maps import Line, Spread, mirrored_offsets
 
 Fixed = frozenset[tuple[int, int]]   # entries (map, column) that are simple
 
@@ -69,7 +69,8 @@ class Rounding:
             return now
         exact = replace(now.frame, sigma_px=self.params.exact_px)
         within = self.objective.within(exact)
-        fixed |= {(i, 4 + axis) for i, axis in _in_the_middle(best.maps) if {(i, 2 * axis), (i, 2 * axis + 1)} <= fixed}
+        fixed |= {(i, 4 + axis) for i, axis in _in_the_middle(best.maps, self.params.off_middle)
+                  if {(i, 2 * axis), (i, 2 * axis + 1)} <= fixed}
         filled = polished(within, within.judge(best.maps, best.weights), self.params.polish,
                           patience=self.objective.params.gauss_newton.last_patience, deadline=self.deadline,
                           fixed=fixed)
@@ -83,14 +84,15 @@ class Rounding:
         in the middle of the canvas go to the better side of it. If the frame is meant to be filled, all offsets are
         scaled to fill it."""
         best, frame = now.code, now.frame
-        maps = mirrored_offsets(best.maps, 2 / self.objective.side * self.params.symmetric_px)
+        edge = self.params.off_middle
+        maps = mirrored_offsets(best.maps, 2 / self.objective.side * self.params.symmetric_px, edge)
         if not self.params.symmetric or self.deadline.passed or bool((maps == best.maps).all()):
             return now
         within = self.objective.within(frame)
         found = within.judge(maps, best.weights)
-        for i, axis in _in_the_middle(maps):
+        for i, axis in _in_the_middle(maps, edge):
             other = found.maps.clone()
-            other[i, 4 + axis] = EDGE if other[i, 4 + axis] <= 0 else -EDGE
+            other[i, 4 + axis] = edge if other[i, 4 + axis] <= 0 else -edge
             found = min(found, within.judge(other, best.weights), key=lambda found: found.error)
         if self._is_meant(found, frame):
             linear, offset = found.maps[:, :4], found.maps[:, 4:] * frame.growth(found.maps, found.probabilities)
@@ -107,7 +109,7 @@ class Rounding:
 
     def _matrices(self, now: _Standing) -> _Standing:
         """Round matrices near simple ones. Repeat while this brings further matrices near simple ones."""
-        while not self.deadline.passed:
+        while self.params.matrices and not self.deadline.passed:
             spread, maps, fixed = Spread.of(now.code, self.objective, self.params), now.code.maps.clone(), now.fixed
             for i, one in enumerate(now.code.maps):
                 simple = None if _matrix(i) <= fixed else spread.rounded(one)
@@ -122,7 +124,7 @@ class Rounding:
     def _line(self, now: _Standing, i: int) -> _Standing:
         """Make one map a line along an axis, if it nearly is one."""
         best, fixed = now.code, now.fixed
-        if self.deadline.passed or _matrix(i) <= fixed:
+        if not self.params.axis_lines or self.deadline.passed or _matrix(i) <= fixed:
             return now
         spread, hasty = Spread.of(best, self.objective, self.params), self.objective.hasty()
         likely = [(self._polished(hasty, found, line, fixed, i), line)
@@ -170,9 +172,9 @@ def _likeliest(objective: ImageObjective, best: Rendered, i: int, lines: Iterabl
     return sorted(tried, key=_error)[:count]
 
 
-def _in_the_middle(maps: Tensor) -> list[list[int]]:
-    """The pairs [map, axis] of offsets that are zero up to about `EDGE`."""
-    return (maps[:, 4:].abs() < 2 * EDGE).nonzero().tolist()
+def _in_the_middle(maps: Tensor, edge: float) -> list[list[int]]:
+    """The pairs [map, axis] of offsets that are zero up to about `edge`, where they were put."""
+    return (maps[:, 4:].abs() < 2 * edge).nonzero().tolist()
 
 
 def _matrix(i: int) -> Fixed:

@@ -19,8 +19,6 @@ from ..image.objective import ImageObjective, Rendered
 from ..measure.bins import attractor_points
 from .params import CanonicalParams
 
-EDGE = 1e-6                # distance from the middle, canvas units, that selects a side of the pixel edge there
-
 
 class _Simple(NamedTuple):
     """Simple matrix entries, and simple ratios and angles (radians) of similarities, each (n,) float64, ascending."""
@@ -66,9 +64,9 @@ def _nearest(value: Tensor, to: Tensor) -> Tensor:
     return to[(value[..., None] - to).abs().argmin(-1)]
 
 
-def mirrored_offsets(maps: Tensor, near: float) -> Tensor:
+def mirrored_offsets(maps: Tensor, near: float, off_middle: float) -> Tensor:
     """Maps (N,6) with exactly mirror-symmetric offsets along each canvas axis along which they are symmetric to within
-    `near`, canvas units."""
+    `near`, canvas units. Offsets near the middle come to lie at most `off_middle` from it."""
     maps = maps.clone()
     for column in (4, 5):
         signs, sizes = maps[:, column].sign(), maps[:, column].abs()
@@ -78,7 +76,7 @@ def mirrored_offsets(maps: Tensor, near: float) -> Tensor:
         same = group[:, None] == group
         mean, paired = (same * sizes).sum(1) / same.sum(1), (same * signs).sum(1) == 0
         if bool(((mean < near) | paired).all()) and bool(((sizes - mean).abs() < near).all()):
-            maps[:, column] = signs * torch.where(mean < near, mean.clamp_max(EDGE), mean)
+            maps[:, column] = signs * torch.where(mean < near, mean.clamp_max(off_middle), mean)
     return maps
 
 
@@ -114,7 +112,7 @@ class Spread:
         """The spread of a code's attractor, with the objective's pixels."""
         params = objective.params
         points = attractor_points(found.maps, found.probabilities, canonical.points,
-                                  derive(objective.seed, "rounding")).double()
+                                  derive(objective.seed, "rounding"), params.camera).double()
         return cls(points.mean(0), points.T.cov(), 2 / objective.side, canonical, params.gauss_newton.largest)
 
     def rounded(self, one: Tensor) -> Tensor | None:
@@ -143,7 +141,7 @@ class Spread:
             line = Line(self._with(one, matrix), scale, frozenset(range(4)) - {scale})
             yield line
             if abs(float(line.one[4 + across])) < self.params.line_px * self.pixel:
-                for side in (-EDGE, EDGE):
+                for side in (-self.params.off_middle, self.params.off_middle):
                     yield replace(line.moved(4 + across, side), fixed=line.fixed | {4 + across})
 
     def rescaled(self, line: Line) -> Iterator[Line]:
@@ -154,7 +152,7 @@ class Spread:
         for value in entries[(entries - float(matrix[line.scale])).abs().argsort()[:self.params.line_scales]]:
             matrix[line.scale] = value
             sent = self._with(line.one, matrix.view(2, 2))
-            for shift in _shifts(self.params.line_shifts):
+            for shift in _shifts(self.params.line_shifts, self.params.line_shift_px):
                 moved = replace(line, one=sent, fixed=line.fixed | {line.scale})
                 yield moved.moved(along, float(sent[along]) + shift * self.pixel)
 
@@ -164,6 +162,6 @@ class Spread:
         return affine.sending(matrix, self.mean, image).to(one)
 
 
-def _shifts(count: int) -> list[float]:
-    """`count` equally spaced shifts within a pixel to either side."""
-    return torch.linspace(-1, 1, count, dtype=torch.float64).tolist() if count > 1 else [0.0]
+def _shifts(count: int, farthest: float) -> list[float]:
+    """`count` equally spaced shifts, of up to `farthest` to either side."""
+    return torch.linspace(-farthest, farthest, count, dtype=torch.float64).tolist() if count > 1 else [0.0]

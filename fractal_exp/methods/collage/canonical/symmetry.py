@@ -15,34 +15,35 @@ from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 from .. import maps as affine
 from .params import CanonicalParams
 
-ORDERS = range(2, 9)   # orders of the rotations that are tried
-AXES_DEGREES = 7.5     # angle between the reflection axes that are tried
-
 
 def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
     """The symmetries (6,) of the shape in an image (R,R) about its centroid, the identity first. A map counts as a
-    symmetry if the F1 within a pixel between shape and mapped shape is at least `params.symmetric_likeness`."""
+    symmetry if the F1 within a pixel between shape and mapped shape is at least `params.symmetric_likeness`. Without
+    `params.symmetries`, the identity alone."""
     mask = (image > params.symmetric_level).float()
     side = len(image)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
     centre = torch.stack([(image.sum(0) * axis).sum(), -(image.sum(1) * axis).sum()]) / image.sum()
-    about = [_about(matrix, centre) for matrix in _tried()]
+    about = [_about(matrix, centre) for matrix in _tried(params)]
     return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= params.symmetric_likeness)]
 
 
-def simplest(maps: Tensor, group: list[Tensor]) -> Tensor:
+def simplest(maps: Tensor, group: list[Tensor], params: CanonicalParams) -> Tensor:
     """The maps (N,6), each preceded by the symmetry of the group with which it rotates least. A reflection counts as
     more than any rotation."""
     found = []
     for one in maps:
         options = [affine.composed(one, symmetry.to(one)) for symmetry in group]
-        found.append(min(options, key=_turn))
+        found.append(min(options, key=lambda each: _turn(each, params.turn_tolerance)))
     return torch.stack(found)
 
 
-def _tried() -> list[Tensor]:
-    turns = sorted({round(math.tau * k / n, 9) for n in ORDERS for k in range(n)})
-    mirrors = torch.arange(0, 180, AXES_DEGREES).deg2rad().mul(2).tolist()
+def _tried(params: CanonicalParams) -> list[Tensor]:
+    """Rotations and reflections (2,2), the identity first."""
+    if not params.symmetries:
+        return [_rotation(0.0, 1.0)]
+    turns = sorted({0.0, *(round(math.tau * k / n, 9) for n in params.symmetry_orders for k in range(n))})
+    mirrors = torch.arange(0, 180, params.symmetry_axes_degrees).deg2rad().mul(2).tolist()
     return [*(_rotation(angle, 1.0) for angle in turns), *(_rotation(angle, -1.0) for angle in mirrors)]
 
 
@@ -55,11 +56,13 @@ def _about(matrix: Tensor, centre: Tensor) -> Tensor:
     return torch.cat([matrix.flatten(), centre - matrix @ centre])
 
 
-def _turn(one: Tensor) -> float:
+def _turn(one: Tensor, tolerance: float) -> tuple[bool, int]:
+    """Sort key: whether a map (6,) mirrors, and by how much it rotates, in units of the tolerance (radians). To the
+    left counts as less than to the right."""
     a, b, c, d = one[:4].tolist()
     mirrored = a * d - b * c < 0
     turn = math.atan2(c + b, a - d) if mirrored else math.atan2(c - b, a + d)  # of the nearest orthogonal matrix
-    return round(abs(turn), 3) + 10 * mirrored + (0.001 if turn < 0 else 0)
+    return mirrored, round(abs(turn) / tolerance) + (turn < 0)
 
 
 def _likeness(mask: Tensor, symmetry: Tensor) -> float:

@@ -19,11 +19,12 @@ DRAWN = "coverage", "dots"   # levels that a picture that others drew may have, 
 
 
 def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> Camera:
-    """The camera with which the rendering of a code comes closest to the image (R,R); empty if the levels are exact.
+    """The camera with which the rendering of a code comes closest to the image (R,R); empty if the levels are exact or
+    `CameraParams.estimate` is off.
 
     All values that the parameters list are tried. Dots are chosen only if they explain the image much better than a
     pen."""
-    if levels.is_exact:
+    if levels.is_exact or not levels.camera.estimate:
         return ()
     found = [nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0]
              for name in (DRAWN if params.levels == "auto" else (params.levels,))]

@@ -34,7 +34,9 @@ class Jacobian(ABC):
         self.maps, self.side = rendered.maps, objective.side
         self.seed = derive(objective.seed, "jacobian", number)
         self.count = int(self.params.points_per_cell * self.side**2)
-        self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed)
+        self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed,
+                                       objective.params.camera)
+        self.game = trajectories(self.count, objective.params.camera)
         self.mean = self.points.mean(0).tolist()
         spread = self.points.std(0).clamp_min(self.params.least_spread).tolist()
         pixel = 2 / objective.side
@@ -120,7 +122,7 @@ class FromPoints(Jacobian):
         kappa = torch.where(known > 0, kappa, 0)
         slope = objective.levels.unlit(greys[0], smooth) * kappa
         moved = torch.stack([self.nudged(k, step) for k in range(len(self.units))])
-        columns = orbit_bins(moved, rendered.probabilities, self.side, seed=self.seed, **trajectories(self.count))
+        columns = orbit_bins(moved, rendered.probabilities, self.side, seed=self.seed, **self.game)
         columns.sub_(known).div_(step).mul_(slope)
         for k, grey in enumerate(greys):
             if k:
@@ -155,7 +157,7 @@ class FromCounts(Jacobian):
         scale = rendered.maps.new_tensor([1, 1, 1, 1, side / size, side / size])
         entries = [k for k, (_, j, _) in enumerate(self.units) if j != WEIGHT]
         moved = torch.stack([rendered.maps, *(self.nudged(k, step) for k in entries)]) * scale
-        bins = orbit_bins(moved, rendered.probabilities, size, seed=self.seed, **trajectories(self.count))
+        bins = orbit_bins(moved, rendered.probabilities, size, seed=self.seed, **self.game)
         known, columns = bins[0], list((bins[1:] - bins[0]) / step)
         for i, j, unit in self.units:
             if j == WEIGHT:
@@ -164,7 +166,7 @@ class FromCounts(Jacobian):
                                                                            self.params.letters))
         canvas = slice(margin, margin + side)
         sigma = max(0.0, levels.blur_px(side) ** 2 - BILINEAR) ** 0.5
-        bins = blurred(torch.stack([known, *columns]), sigma)[:, canvas, canvas]
+        bins = blurred(torch.stack([known, *columns]), sigma, levels.camera)[:, canvas, canvas]
         shown, total = bins[0], bins[0].sum().clamp_min(1e-12)
         columns = (bins[1:] - shown * (bins[1:].sum((1, 2), keepdim=True) / total)) * levels.exposure(shown)
         for k, grey in enumerate(objective.grids(rendered.image)):

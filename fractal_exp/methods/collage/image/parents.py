@@ -61,7 +61,7 @@ def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
 def _points(objective: ImageObjective, shown: Rendered) -> Tensor:
     """Points (P,2) of the attractor."""
     return attractor_points(shown.maps, shown.probabilities, objective.params.moves.parent_points,
-                            derive(objective.seed, "parents")).cpu()
+                            derive(objective.seed, "parents"), objective.params.camera).cpu()
 
 
 def _undone(maps: Tensor, group: list[Tensor], largest: float) -> Tensor:

@@ -28,7 +28,8 @@ def refined(objective: ImageObjective, masses: Tensor, maps: Tensor, weights: Te
                          tied=weights is None)
         corrected = saturation_corrected(masses, now.code, objective.levels, params.saturation,
                                          derive(seed, "refine", size))
-        moved, shares, _ = descend(now.maps[None], now.probabilities[None], binned(corrected, size, refine.grids), how)
+        measure = binned(corrected, size, params.descent, refine.grids)
+        moved, shares, _ = descend(now.maps[None], now.probabilities[None], measure, how)
         now = objective.judge(moved[0], None if weights is None else shares[0] / shares[0].sum())
         best = min(best, now, key=lambda rendered: rendered.error)
         size, rate = 2 * size, rate / 2

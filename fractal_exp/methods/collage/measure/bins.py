@@ -8,9 +8,9 @@ from torch.nn.functional import avg_pool2d
 
 from .... import ops
 from ....ops.collage import BinnedMeasure, orbit_bins, pushforward
+from ....ops.collage.reference import EDGE
+from .camera_params import CameraParams
 from .params import DescentParams
-
-TRAJECTORY, WARMUP = 430, 30   # points of a chaos game trajectory, and how many of them are dropped
 
 
 def grid_for(resolution: int, wanted: int, params: DescentParams) -> int:
@@ -18,9 +18,9 @@ def grid_for(resolution: int, wanted: int, params: DescentParams) -> int:
     return min(wanted, 2 ** (int(params.cells_per_pixel * resolution).bit_length() - 1))
 
 
-def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
+def binned(masses: Tensor, size: int, params: DescentParams, grids: int | None = None) -> BinnedMeasure:
     """The measure of an image's masses (R,R) on a grid of `size` cells per side. Its samples are the centroids of lit
-    cells of the same grid, or the pixels if those are larger."""
+    cells of the same grid, or the pixels if those are larger. grids: how many are compared; None: `params.grids`."""
     resolution = masses.shape[0]
     masses = (masses / masses.sum()).float()
     row = torch.arange(resolution, device=masses.device)
@@ -32,19 +32,20 @@ def binned(masses: Tensor, size: int, levels: int = 3) -> BinnedMeasure:
                       for values in (masses, masses * x, -masses * x.T))
     lit = weight > 0
     samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
-    hats = _hats(resolution, size).to(masses.device)
-    return BinnedMeasure(samples, hats.T @ masses @ hats, levels)
+    hats = _hats(resolution, size, params.pixel_parts).to(masses.device)
+    return BinnedMeasure(samples, hats.T @ masses @ hats, params.grids if grids is None else grids, params.floor)
 
 
-def _hats(resolution: int, size: int) -> Tensor:
-    """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass spread over the pixel."""
+def _hats(resolution: int, size: int, parts: int) -> Tensor:
+    """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass in the middles of `parts` equal
+    parts of the pixel."""
     shares = torch.zeros(resolution, size)
     row = torch.arange(resolution)
-    for shift in (-0.25, 0.25):
-        u = ((row + 0.5 + shift) * size / resolution - 0.5).clamp(0, size - 1.001)
+    for part in range(parts):
+        u = ((row + (2 * part + 1) / (2 * parts)) * size / resolution - 0.5).clamp(0, size - EDGE)
         low = u.floor().long()
-        shares[row, low] += (1 - (u - low)) / 2
-        shares[row, low + 1] += (u - low) / 2
+        shares[row, low] += (1 - (u - low)) / parts
+        shares[row, low + 1] += (u - low) / parts
     return shares
 
 
@@ -54,10 +55,12 @@ def halve(bins: Tensor, size: int) -> Tensor:
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
 
 
-def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
+def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int, camera: CameraParams
+                   ) -> Tensor:
     """The measure (G,G) of the attractor of maps (N,6) with probabilities proportional to weights (N,)."""
-    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, length=TRAJECTORY, warmup=WARMUP,
-                      trajectories=max(1, points // (TRAJECTORY - WARMUP)))[0]
+    count = max(1, points // (camera.trajectory - camera.warmup))
+    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, trajectories=count,
+                      length=camera.trajectory, warmup=camera.warmup)[0]
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:
@@ -67,12 +70,13 @@ def point_bins(points: Tensor, size: int) -> Tensor:
     return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
 
 
-def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int) -> Tensor:
+def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int, camera: CameraParams) -> Tensor:
     """About `count` points (P,2) of the chaos game with maps (N,6) and probabilities (N,)."""
     return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], seed=seed, probabilities=probabilities,
-                          **trajectories(count))
+                          **trajectories(count, camera))
 
 
-def trajectories(count: int) -> dict[str, int]:
+def trajectories(count: int, camera: CameraParams) -> dict[str, int]:
     """Settings of the chaos game for about `count` points."""
-    return {"trajectories": count // (TRAJECTORY - WARMUP) + 1, "length": TRAJECTORY, "warmup": WARMUP}
+    length, warmup = camera.trajectory, camera.warmup
+    return {"trajectories": count // (length - warmup) + 1, "length": length, "warmup": warmup}

@@ -8,12 +8,13 @@ import torch
 from torch import Tensor
 
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
-from ....ops.collage.reference import FLOOR
 from ....runtime.params import Interval
 from .. import maps as affine
 from ..image.params import MoveParams
 from .bins import halve
 from .params import BirthParams
+
+REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
 
 
 @dataclass(frozen=True)
@@ -37,15 +38,16 @@ class Birthplace:
         background), or gives the image of the measure the mean and covariance of the missing blob around the cell. Each
         map descends alone on the coarse grid, and the best also on the fine one. total: sum of all maps' weights.
         """
-        fine, coarse, count, kept = self.measure, self.coarse, self.count, min(self.params.kept, self.count)
+        fine, coarse, count, kept = self.measure, self.coarse, self.count, self.params.kept
         sets, device = len(backgrounds), backgrounds.device
         lacking = (fine.bins - backgrounds).clamp_min(0)
-        wanted = [_wanted(each, fine) if self.params.residual else fine.bins for each in lacking]
+        wanted = [_wanted(each, fine, self.params.by_cost) if self.params.residual else fine.bins for each in lacking]
         born = torch.stack([candidates(wanted[p], lacking[p], fine, sizes[p], count,
                                        round(count * self.params.blobs), self.params, generator)
                             for p in range(sets)])
         scale = total / self.params.volume
-        weights = torch.minimum(scale * affine.volumes(born), lacking.sum((1, 2))[:, None]).clamp_min(1e-6)
+        weights = torch.minimum(scale * affine.volumes(born), lacking.sum((1, 2))[:, None])
+        weights = weights.clamp_min(self.params.least_weight)
         owner = torch.arange(sets, device=device).repeat_interleave(count)
         moved, masses, errors = descend(born.flatten(0, 1)[:, None], weights.flatten()[:, None], coarse, self.on_coarse,
                                         backgrounds=halve(backgrounds, coarse.size), chosen=owner)
@@ -58,11 +60,11 @@ class Birthplace:
         return moved.view(sets, kept, 6)[rows, order], masses.view(sets, kept)[rows, order]
 
 
-def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:
-    """Where maps are wanted, (G,G): half by missing mass, half by its cost, because thin tips weigh little but are
-    seen well."""
-    cost = ((measure.bins + FLOOR).sqrt() - (measure.bins - lacking + FLOOR).clamp_min(0).sqrt()).square()
-    return lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
+def _wanted(lacking: Tensor, measure: BinnedMeasure, by_cost: float) -> Tensor:
+    """Where maps are wanted, (G,G): by missing mass, and `by_cost` times as much by what the mass costs."""
+    floor = measure.floor
+    cost = ((measure.bins + floor).sqrt() - (measure.bins - lacking + floor).clamp_min(0).sqrt()).square()
+    return lacking / lacking.sum().clamp_min(1e-12) + by_cost * cost / cost.sum().clamp_min(1e-12) + 1e-12
 
 
 def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: Interval, count: int, blobs: int,
@@ -73,7 +75,7 @@ def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: I
     cell = torch.multinomial(wanted.flatten().cpu(), count, replacement=True, generator=generator)
     jitter = torch.rand(2, count, generator=generator)
     place = torch.stack([2 * (cell % size + jitter[0]) / size - 1, 1 - 2 * (cell // size + jitter[1]) / size], 1)
-    matrices = affine.random_matrices(count, *sizes, params.least_ratio, generator)
+    matrices = affine.random_matrices(count, *sizes, params.least_ratio, generator, reflections=params.reflections)
     anchor = measure.mean.cpu().expand(count, 2).clone()
     elsewhere = torch.multinomial(measure.samples[:, 2].cpu(), count, replacement=True, generator=generator)
     swap = torch.rand(count, generator=generator) < params.anchored
@@ -83,16 +85,18 @@ def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: I
     return random.to(device)
 
 
-def reoriented(old: Tensor, measure: BinnedMeasure, params: MoveParams, generator: torch.Generator) -> Tensor:
+def reoriented(old: Tensor, measure: BinnedMeasure, params: MoveParams, generator: torch.Generator, *,
+               reflections: bool = True) -> Tensor:
     """As many maps (n,6) as a move has candidates. They give the measure the same mean and covariance as the map `old`
-    (6,), rotated and mirrored at random. A search at low resolution cannot tell these maps apart."""
+    (6,), rotated and, if wanted, mirrored at random. A search at low resolution cannot tell these maps apart."""
     count = params.candidates
     linear, covariance = old[:4].view(2, 2).cpu().double(), measure.covariance.cpu().double()
     image = linear @ covariance @ linear.T + params.least_width**2 * torch.eye(2)
     center = measure.mean.cpu().double()
     mean = linear @ center + old[4:].cpu().double()
-    source = torch.linalg.cholesky(covariance + 1e-8 * torch.eye(2))
-    matrices = torch.linalg.cholesky(image) @ affine.rotations(count, generator).double() @ torch.linalg.inv(source)
+    source = torch.linalg.cholesky(covariance + REGULAR * torch.eye(2))
+    turn = affine.rotations(count, generator, reflections=reflections).double()
+    matrices = torch.linalg.cholesky(image) @ turn @ torch.linalg.inv(source)
     matrices = matrices * (params.largest / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
     return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
 
@@ -111,7 +115,7 @@ def mirrored(old: Tensor, measure: BinnedMeasure) -> Tensor:
 def _reshaped(maps: Tensor, measure: BinnedMeasure, factors: Tensor) -> Tensor:
     """Maps (n,6), followed by a scaling of their images of the measure along the longer and the shorter axis."""
     linear, center = maps[:, :4].unflatten(1, (2, 2)).double(), measure.mean.double()
-    source = torch.linalg.cholesky(measure.covariance.double() + 1e-8 * torch.eye(2).to(linear))
+    source = torch.linalg.cholesky(measure.covariance.double() + REGULAR * torch.eye(2).to(linear))
     u, s, v = torch.linalg.svd(linear @ source)
     matrices = (u * (s * factors.to(s))[:, None]) @ v @ torch.linalg.inv(source)
     mean = (linear @ center) + maps[:, 4:]
@@ -150,7 +154,7 @@ def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: Interv
     off = points - mean[:, None]
     least = torch.eye(2, dtype=torch.float64) * (params.blob_least_width * cell) ** 2
     covariance = (off * window[..., None]).transpose(1, 2) @ off + least
-    source = torch.linalg.cholesky(measure.covariance.cpu().double() + 1e-8 * torch.eye(2, dtype=torch.float64))
-    turn = affine.rotations(count, generator).double()
+    source = torch.linalg.cholesky(measure.covariance.cpu().double() + REGULAR * torch.eye(2, dtype=torch.float64))
+    turn = affine.rotations(count, generator, reflections=params.reflections).double()
     matrices = torch.linalg.cholesky(covariance) @ turn @ torch.linalg.inv(source)
     return affine.sending(matrices, measure.mean.cpu().double(), mean).float()

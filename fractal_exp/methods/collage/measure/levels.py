@@ -10,7 +10,9 @@ from torch.nn.functional import adaptive_avg_pool2d
 
 from ....ifs.code import IFS
 from ....ops import cuda_launch
-from .params import CameraParams
+from .camera_params import CameraParams
+
+ANSCOMBE = 3 / 8   # added to a count before its square root, so that the variance is the same everywhere (1948)
 
 
 class Levels(ABC):
@@ -97,7 +99,8 @@ class Levels(ABC):
 
     def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
         """The derivative of `stabilized`."""
-        return stabilizing_slope(image, subpixels)
+        share = anscombe(image, subpixels)
+        return 0.5 * (share * (1 - share)).clamp_min(self.camera.least_variance).rsqrt()
 
 
 class Density(Levels):
@@ -107,7 +110,7 @@ class Density(Levels):
 
     def measure(self, image: Tensor) -> Tensor:
         """-log(1 - I): the expected number of points in a subpixel that is hit with probability I."""
-        return -(1 - image.clamp(max=1 - 0.5 / self.supersample**2)).log()
+        return -(1 - image.clamp(max=1 - self.camera.unlit / self.supersample**2)).log()
 
     def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
         return 1 - grey
@@ -161,10 +164,9 @@ def mean_of(image: Tensor, size: int) -> Tensor:
 
 def stabilize(image: Tensor, subpixels: float) -> Tensor:
     """arcsin sqrt of grey levels that are shares of this many subpixels (Anscombe 1948)."""
-    return ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1).sqrt().asin()
+    return anscombe(image, subpixels).sqrt().asin()
 
 
-def stabilizing_slope(image: Tensor, subpixels: float) -> Tensor:
-    """The derivative of `stabilize`."""
-    share = ((image * subpixels + 0.375) / (subpixels + 0.75)).clamp(0, 1)
-    return 0.5 * (share * (1 - share)).clamp_min(1e-4).rsqrt()
+def anscombe(image: Tensor, subpixels: float) -> Tensor:
+    """Grey levels that are shares of this many subpixels, as shares that are never 0 or 1 (Anscombe 1948)."""
+    return ((image * subpixels + ANSCOMBE) / (subpixels + 2 * ANSCOMBE)).clamp(0, 1)

@@ -11,9 +11,9 @@ from torch import Tensor
 from ....ifs.code import IFS
 from .. import maps as affine
 from .bins import attractor_points
-from .blur import NARROW_PX, blurred, deblurred
-from .levels import Levels, mean_of
-from .params import CameraParams
+from .blur import blurred, deblurred
+from .camera_params import CameraParams
+from .levels import ANSCOMBE, Levels, mean_of
 
 BOX = 1 / 12     # variance, pixels², of a point's position within its pixel
 
@@ -29,7 +29,7 @@ class Linear(Levels):
     is_density = True
     is_linear = True
 
-    def __init__(self, camera: CameraParams, brightness: float = 0.1, side: int | None = None):
+    def __init__(self, camera: CameraParams, brightness: float, side: int | None = None):
         super().__init__(camera)
         self.brightness, self.side = brightness, side
 
@@ -47,7 +47,7 @@ class Linear(Levels):
 
     def measure(self, image: Tensor) -> Tensor:
         """The image itself, sharpened."""
-        return deblurred(image, self.blur_px(image.shape[0]), self.camera.deblur_steps)
+        return deblurred(image, self.blur_px(image.shape[0]), self.camera)
 
     def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
         return torch.ones_like(grey)
@@ -71,28 +71,28 @@ class Linear(Levels):
 
     def stabilized(self, image: Tensor, subpixels: float) -> Tensor:
         """The square root (Anscombe 1948). Its variance is 1 / 4n if white stands for n points."""
-        return (image + 0.375 / subpixels).clamp_min(0).sqrt()
+        return (image + ANSCOMBE / subpixels).clamp_min(0).sqrt()
 
     def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
-        return 0.5 * (image + 0.375 / subpixels).rsqrt()
+        return 0.5 * (image + ANSCOMBE / subpixels).rsqrt()
 
     def exposure(self, counts: Tensor) -> Tensor:
         """The factor that gives blurred counts (R,R) the brightness of the image."""
         return self.brightness / counts.mean().clamp_min(1e-12)
 
     def _drawn(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
-        """The image of a code from `count` points. If the blur is narrower than a pixel, the image is drawn with
-        smaller pixels and then averaged, like an image that was shrunk."""
-        blur_px, side = self.blur_px(resolution), resolution
-        if NARROW_PX < blur_px < 1:
-            side *= math.ceil(1 / blur_px)
-        counts = blurred(self._counted(code, side, seed, count), self.blur_px(resolution) * side / resolution)
+        """The image of a code from `count` points. If the blur is narrow, the image is drawn with smaller pixels and
+        then averaged, like an image that was shrunk."""
+        camera, blur_px, side = self.camera, self.blur_px(resolution), resolution
+        if camera.least_blur_px < blur_px < camera.coarse_blur_px:
+            side *= math.ceil(camera.coarse_blur_px / blur_px)
+        counts = blurred(self._counted(code, side, seed, count), self.blur_px(resolution) * side / resolution, camera)
         counts = counts if side == resolution else mean_of(counts, resolution)
         return counts * self.exposure(counts)
 
-    @staticmethod
-    def _counted(code: IFS, resolution: int, seed: int, count: float) -> Tensor:
-        points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed)
+    def _counted(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
+        points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed,
+                                  self.camera)
         column, row = ((points * points.new_tensor([1, -1]) + 1) * (resolution / 2)).floor().long().unbind(1)
         inside = (column >= 0) & (column < resolution) & (row >= 0) & (row < resolution)
         counts = torch.bincount((row * resolution + column)[inside], minlength=resolution**2)

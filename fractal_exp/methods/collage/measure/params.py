@@ -1,25 +1,47 @@
-"""The parameters of the search on the image's measure, and of the camera."""
+"""The parameters of the search on the image's measure. Those of the camera are in `camera_params`."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
-from ....ops.collage.reference import LEAST_RADIUS, Descent
-from ....runtime.params import Amount, Count, Params, Positive, Share
-from ..fields import DescentSteps, Factor, Grid, PositiveShare, SingularValue, Sizes, Some, ascending, descent, odd
+from ....ops.collage import BinnedMeasure, Descent
+from ....ops.collage.reference import LEAST, LEAST_RADIUS
+from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, below, check_order
+from ..fields import DescentSteps, Factor, Grid, Sizes, descent, odd
+
+Beta = Annotated[float, Field(ge=0, lt=1)]
+Divisor = Annotated[float, Field(ge=LEAST, allow_inf_nan=False)]
+
+
+def _within_reach(params: Params, sizes: str, descent: str) -> None:
+    """Raise `ParamError` if a descent makes all maps of these sizes smaller than any of them."""
+    least, limit = getattr(params, sizes)[0], getattr(params, descent).largest
+    if least > limit:
+        raise ParamError(sizes, f"{NAME} must begin at {descent}.largest or below, which is {limit}; "
+                                f"got {list(getattr(params, sizes))}")
 
 
 class DescentParams(Params):
     """What all descents on the collage error (Adam, Kingma and Ba 2015) have in common, and the error's grids."""
 
-    grids: Annotated[int, Field(ge=1, le=4)] = 3
+    grids: Annotated[int, Field(ge=1, le=4)] = BinnedMeasure.grids
     """Number of grids compared, each half as fine as the one before."""
+    floor: Divisor = BinnedMeasure.floor
+    """Mass added to each cell before the square roots of the error are taken. Masses below it hardly count."""
     cells_per_pixel: Annotated[float, Field(ge=1, le=2)] = 1.3
     """Maximum number of cells per pixel along a side of the finest grid. A grid has a power of two within this
     limit."""
+    pixel_parts: Annotated[int, Field(ge=1, le=16)] = 2
+    """Parts per side into which a pixel is divided when its mass is shared among cells."""
 
+    beta_1: Beta = Descent.beta_1
+    """Adam's decay of the mean gradient."""
+    beta_2: Beta = Descent.beta_2
+    """Adam's decay of the mean squared gradient."""
+    epsilon: Divisor = Descent.epsilon
+    """Adam's addition to the root of the mean squared gradient."""
     weight_rate: Amount = Descent.weight_rate
     """Learning rate of the log-weights at the first step."""
     decay: Share = Descent.decay
@@ -46,9 +68,11 @@ class SearchParams(Params):
     agreement: Amount = 0.02
     """Relative difference of scores below which two restarts agree; the others are then skipped."""
     grid: Grid = 64
-    """Cells per side of the grid of stage 1. Random sets and new maps first descend on half as many."""
+    """Cells per side of the grid of stage 1."""
     detail_grid: Grid = 128
-    """Cells per side of the grid of stage 2."""
+    """Cells per side of the grid of stage 2; at least `grid`."""
+    coarser: Annotated[int, Field(ge=1, le=2)] = 2
+    """How many times fewer cells per side the coarse grid has. Random sets and new maps first descend on it."""
     slack: Annotated[float, Field(ge=0, lt=1)] = 0.5
     """Share of the measure that counts as covered from the start. 0: the maps must cover all of it."""
     price: Amount = 2e-4
@@ -77,6 +101,10 @@ class SearchParams(Params):
     """Minimum weight of a map in a mixture."""
     mixture_floor: Factor = 1e-4
     """Least squares divide the residual of a cell by the square root of its mass plus this mass."""
+    limit_tolerance: Amount = 1e-4
+    """A map enters a mixture if its smaller singular value exceeds the limit by at most this, because of rounding."""
+    merging: bool = True
+    """Whether maps with nearly the same image are merged."""
     same_affinity: Share = 0.9
     """Bhattacharyya affinity of the images of two maps above which merging the maps is tried."""
     accept_error: Amount = 1.5
@@ -98,9 +126,10 @@ class SearchParams(Params):
     """Probability that the first birth after a removal is sought among large maps."""
     best_birth: Share = 0.7
     """Probability that a birth takes the best of the kept candidates, instead of any of them."""
-    prune_tried: Count = 3
-    """Maps whose removal is tried at a time: those whose absence raises the error least; 0: no map is removed that
-    `maps` and `at_most` allow."""
+    pruning: bool = True
+    """Whether maps that are not worth their price are removed; false: only while a set has more maps than asked for."""
+    prune_tried: Positive = 3
+    """Maps whose removal is tried at a time: those whose absence raises the error least."""
     prune_share: Amount = 0.3
     """A removal is tried if it raises the error by at most this share, or by `prices` times the price of a map."""
     prices: Amount = 8.0
@@ -120,25 +149,30 @@ class SearchParams(Params):
     merge: DescentSteps = descent(50, 0.006)
     """Descent of a set after two maps were merged."""
 
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        check_order(self, ("grid", "detail_grid"))
+        return self
+
 
 class PopulationParams(Params):
     """Populations of sets of maps (memetic, Moscato 1989). For linear images with given `maps`, they replace stages
     1 and 2."""
 
-    largest: Count = 8
+    most_maps: Count = 8
     """Maximum number of maps for which there is a population; 0: never."""
     first: Positive = 500
     """Random sets from which each population is first chosen."""
     size: Annotated[int, Field(ge=2)] = 48
-    """Sets in a population."""
+    """Sets in a population; at most `first`."""
     generations: Positive = 40
     """Maximum number of generations. In each, every set has a child, which replaces it if it is better."""
     judged_every: Positive = 10
-    """Generations after which the best sets are rendered."""
+    """Generations after which the best sets are rendered; at most `generations`."""
     judged: Positive = 8
-    """Number of sets that are rendered."""
+    """Number of sets that are rendered; at most `size`."""
     polished: Positive = 3
-    """Number of sets that are polished: those with the best renderings."""
+    """Number of sets that are polished: those with the best renderings; at most `judged`."""
     polish_first: Count = 3
     """Gauss-Newton steps of each polished set."""
     polish: Count = 8
@@ -165,12 +199,22 @@ class PopulationParams(Params):
     """Minimum ratio of its singular values."""
     faint: Share = 0.02
     """Mass of a cell, relative to the mean cell, up to which it is not used as a sample of the measure."""
+    anywhere: Factor = 1e-9
+    """Mass added to each cell when a map is born where mass is missing, so that it can be born if none is."""
     alike: Share = 0.002
     """Relative difference of errors below which two sets count as the same; a new random set replaces one."""
     descent: DescentSteps = descent(80, 0.03, 0.95)
     """Descent of each set."""
-    prior: Amount = 0.01
+    prior: Amount = Descent.prior
     """Strength of the prior that pulls weights towards |det| + 0.01."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for low, high in (("size", "first"), ("judged_every", "generations"), ("judged", "size"),
+                          ("polished", "judged")):
+            check_order(self, (low, high))
+        _within_reach(self, "sizes", "descent")
+        return self
 
 
 class BirthParams(Params):
@@ -178,16 +222,23 @@ class BirthParams(Params):
 
     residual: bool = True
     """Whether maps are born where mass is uncovered; false: anywhere on the measure."""
+    by_cost: Amount = 1.0
+    """How much the cost of uncovered mass in the collage error counts where places are drawn, relative to the mass
+    itself. Thin tips weigh little but are seen well."""
+    reflections: bool = True
+    """Whether half of all random rotations are reflections instead, also in a restart and in stage 3."""
     count: Positive = 48
     """Candidates per birth in stage 1."""
     detail_count: Positive = 24
     """Candidates per birth in stage 2."""
     kept: Positive = 4
-    """Candidates that also descend on the fine grid. One of them is taken."""
+    """Candidates that also descend on the fine grid. One of them is taken. At most `count` and `detail_count`."""
     blobs: Share = 1 / 3
     """Share of the candidates that take the shape of the uncovered blob; the others are random."""
     volume: Factor = 1.1
     """Sum of |det| + 0.01 that a whole set is expected to have. A new map's share of it is its first weight."""
+    least_weight: Factor = 1e-6
+    """Minimum of the first weight."""
     large: Sizes = (0.4, 0.97)
     """Range of the larger singular value of large maps at birth."""
     medium: Sizes = (0.1, 0.95)
@@ -214,6 +265,15 @@ class BirthParams(Params):
     fine: DescentSteps = descent(15, 0.01, 0.98)
     """Descent of the kept candidates on the fine grid."""
 
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for count in ("count", "detail_count"):
+            check_order(self, ("kept", count))
+        for sizes in ("large", "medium", "small"):
+            for kind in ("coarse", "fine"):
+                _within_reach(self, sizes, kind)
+        return self
+
 
 class SaturationParams(Params):
     """Correction of the image's measure for saturated grey levels."""
@@ -224,85 +284,17 @@ class SaturationParams(Params):
     """Power of the agreement between image and rendering that gives the trust in a correction."""
     trajectories: Positive = 4000
     """Trajectories of the chaos game that estimate the code's own measure."""
-    length: Annotated[int, Field(ge=31)] = 530
-    """Points of each trajectory, including 30 for warm-up."""
+    length: Annotated[int, Field(ge=2)] = 530
+    """Points of each trajectory, including those of the warm-up."""
+    warmup: Count = 30
+    """Points at the start of each trajectory that are dropped; fewer than `length`."""
     weak: Amount = 1e-3
     """Mass added to both sides of the ratio of masses in a pixel (-log(1 - I) of a density, I of other images),
     because faint pixels tell little."""
     window: Annotated[int, Field(ge=1), AfterValidator(odd)] = 3
     """Pixels per side of the window over which all masses are averaged first."""
 
-
-class CameraParams(Params):
-    """How the image is assumed to have been rendered from a code. The defaults describe the suite's targets."""
-
-    supersample: Positive = 16
-    """Subpixels per side of a pixel of a density or a binary image (Section 5 of the paper)."""
-    coverage_supersample: Positive = 4
-    """Subpixels per side of a pixel of an anti-aliased image."""
-    points_per_pixel: Annotated[float, Field(ge=0.1, allow_inf_nan=False)] = 50_000_000 / 1024**2
-    """Points of the chaos game per pixel of the canvas (Section 5 of the paper)."""
-    threshold: Annotated[float, Field(ge=0, lt=1)] = 0.25
-    """Share of lit subpixels above which a pixel of a binary image is white."""
-    reuse: Positive = 8
-    """Number of words under which a rendering that judges a code draws each point of the invariant measure."""
-    linear_points: Annotated[float, Field(ge=0.1, allow_inf_nan=False)] = 12.0
-    """Minimum number of points per pixel in a rendering that judges a code by a linear image."""
-    deblur_steps: Count = 10
-    """Steps of Richardson (1972) and Lucy (1974) that sharpen a blurred image before the search."""
-    rounding: Amount = 1e-3
-    """Maximum deviation from a whole number of subpixels for a grey level of our own renderer."""
-
-    pen_px: Amount | None = None
-    """Radius of the pen that drew lines and areas, pixels of the image; null: estimated."""
-    blur_px: Amount | None = None
-    """Standard deviation of the blur, pixels of the image; null: estimated, or no blur for a linear image."""
-    tiles_px: tuple[Factor, ...] = (32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0)
-    """Sizes, pixels, that are tried for the smallest parts of a construction (tiles); empty: only the attractor."""
-    beside_px: Amount = 1.5
-    """Distance between the centres of two pixels, pixels, below which an attractor's pixel counts as beside one of the
-    shape. All eight neighbours are nearer."""
-    small_tile_px: Amount = 8.0
-    """Tile size, pixels, up to which an attractor may lie off the shape by half a tile. For larger tiles, the limit
-    is half of this size."""
-    stroke: Amount = 0.06
-    """Maximum width, canvas units, of the image of a map that draws a stroke."""
-    twigs_px: Annotated[tuple[Factor, Factor], AfterValidator(ascending)] = (0.4, 24.0)
-    """Minimum and maximum length, pixels, of the last strokes of a recursion that are tried."""
-    deepest: Positive = 24
-    """Maximum depth that is tried: how many maps copy a stroke."""
-    stroked: PositiveShare = 0.9
-    """Strokes are taken if their error is below this factor times the error of a pen that draws the attractor."""
-    depths: Positive = 3
-    """Number of depths, the likeliest ones, at which the code is polished first."""
-    plausible: PositiveShare = 0.7
-    """Only depths whose error is at most the least error divided by this are polished further."""
-    recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (3, 4)
-    """Maximum number of maps in each search for a trunk and its branches, in a picture that the maps of stage 2 do not
-    draw; empty: no such search."""
-    recursion_gain: Share = 0.3
-    """Strokes are polished with their camera if their error is below this share of a pen's, for the same maps."""
-    recursion_contraction: SingularValue = 0.75
-    """Limit on smaller singular values in such a search. A mirrored copy of the whole tree would replace a branch."""
-    dotted: Share = 0.75
-    """Dots are taken if their angle of error is below this factor times the pen's."""
-    turns: Positive = 3
-    """Maximum number of times that a code is polished by its renderings and its camera is estimated again."""
-    sharpened_steps: Positive = 8
-    """Gauss-Newton steps each time."""
-    sharpened_maps: Count = 12
-    """Maximum number of maps of a code that is polished like this."""
-    sharpened_side: Positive = 512
-    """Maximum side, pixels, of an image whose code is polished like this."""
-    gain: Factor | None = None
-    """How fast ink covers the paper, per dot density relative to a uniform one on the canvas; null: estimated."""
-    pens_px: Annotated[tuple[Amount, ...], Some] = (0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
-    """Pen radii that are tried."""
-    blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0)
-    """Blurs that are tried."""
-    gains: Annotated[tuple[Factor, ...], Some] = tuple(0.01 * 2**(k / 2) for k in range(18))
-    """Gains that are tried."""
-    pen_supersample: Positive = 3
-    """Subpixels per side of a pixel where a pen draws."""
-    dot_supersample: Positive = 2
-    """Subpixels per side of a pixel where dots are blurred."""
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        below(self, "warmup", "length")
+        return self

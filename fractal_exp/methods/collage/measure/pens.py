@@ -37,11 +37,11 @@ class Drawn(Coverage):
             return super().render(code, resolution, seed, independent=independent)
         size, radius, sigma = self.values
         if size:
-            drawn = tiled(self.image, code, size, resolution, self.fine)
+            drawn = tiled(self.image, code, size, resolution, self.fine, camera=self.camera)
         else:
             distance = self._distance(code, resolution, seed, independent)
             drawn = inked(distance, radius * resolution / 2, self.fine)
-        return blurred(drawn, sigma * resolution / 2)
+        return blurred(drawn, sigma * resolution / 2, self.camera)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
         """Pairs of camera values and the rendering (R,R) of the code with them."""
@@ -50,10 +50,10 @@ class Drawn(Coverage):
         distance = self._distance(code, resolution, seed, False)
         for radius in given(camera.pen_px, camera.pens_px):
             drawn = inked(distance, radius, self.fine)
-            yield from (((0.0, radius * pixel, sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
+            yield from (((0.0, radius * pixel, sigma * pixel), blurred(drawn, sigma, camera)) for sigma in blurs)
         for size in camera.tiles_px if camera.pen_px is None else ():
-            drawn = tiled(self.image, code, size * pixel, resolution, self.fine)
-            yield from (((size * pixel, 0.0, sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
+            drawn = tiled(self.image, code, size * pixel, resolution, self.fine, camera=camera)
+            yield from (((size * pixel, 0.0, sigma * pixel), blurred(drawn, sigma, camera)) for sigma in blurs)
 
     @property
     def fine(self) -> int:
@@ -87,14 +87,14 @@ class Dots(Density):
             return super().render(code, resolution, seed, independent=independent)
         gain, sigma = self.values
         return self._toned(blurred(self._density(code, resolution, seed, independent),
-                                    sigma * resolution * self.fine / 2), gain)
+                                   sigma * resolution * self.fine / 2, self.camera), gain)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
         """Pairs of camera values and the rendering (R,R) of the code with them."""
         camera, pixel = self.camera, 2 / resolution
         density = self._density(code, resolution, seed, False)
         for sigma in given(camera.blur_px, camera.blurs_px):
-            spread = blurred(density, sigma * self.fine)
+            spread = blurred(density, sigma * self.fine, camera)
             for gain in given(camera.gain, camera.gains):
                 yield (gain, sigma * pixel), self._toned(spread, gain)
 

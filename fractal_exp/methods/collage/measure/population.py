@@ -17,8 +17,6 @@ from ..params import CollageParams
 from .bins import binned, grid_for
 from .search import descent_of
 
-LITTLE = 1e-9   # added to the missing mass of each cell, so that places can be drawn
-
 
 class Population:
     """Sets of `count` maps that explain the measure of masses (R,R), best first: `maps` (P,N,6), `weights` (P,N) and
@@ -26,8 +24,9 @@ class Population:
 
     def __init__(self, masses: Tensor, count: int, params: CollageParams, seed: int = 0, smaller_limit: float = 1.0):
         self.params, self.count, self.seed = params.population, count, seed
+        self.reflections = params.births.reflections
         size = grid_for(masses.shape[0], self.params.grid, params.descent)
-        self.measure = _without_faint(binned(masses, size, params.descent.grids), self.params.faint)
+        self.measure = _without_faint(binned(masses, size, params.descent), self.params.faint)
         self.how = descent_of(params, self.params.descent, prior=self.params.prior, smaller=smaller_limit)
         self.generation = 0
         first = self._descended(*self._random(self.params.first, generator(seed, "first")))
@@ -68,7 +67,7 @@ class Population:
             maps[gone], weights[gone] = self.maps[other, taken], self.weights[other, taken]
             return maps, weights
         there = pushforward(maps[None, kept], weights[None, kept], self.measure.samples, self.measure.size)[0]
-        lacking = (self.measure.bins - there).clamp_min(0) + LITTLE
+        lacking = (self.measure.bins - there).clamp_min(0) + self.params.anywhere
         maps[gone] = self._born(lacking, many, g)
         weights[gone] = affine.volumes(maps[gone])
         return maps, weights
@@ -83,7 +82,8 @@ class Population:
         size = wanted.shape[0]
         cell = torch.multinomial(wanted.flatten().cpu(), count, replacement=True, generator=g)
         place = torch.stack([(2 * (cell % size) + 1) / size - 1, 1 - (2 * (cell // size) + 1) / size], 1)
-        matrices = affine.random_matrices(count, *self.params.sizes, self.params.least_ratio, g)
+        matrices = affine.random_matrices(count, *self.params.sizes, self.params.least_ratio, g,
+                                          reflections=self.reflections)
         return affine.sending(matrices, self.measure.mean.cpu().expand(count, 2), place).to(wanted)
 
     def _descended(self, maps: Tensor, weights: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -101,4 +101,4 @@ def _without_faint(measure: BinnedMeasure, share: float) -> BinnedMeasure:
     mass = measure.samples[:, 2]
     samples = measure.samples[mass > share / measure.size**2].clone()
     samples[:, 2] /= samples[:, 2].sum()
-    return BinnedMeasure(samples, measure.bins, measure.levels)
+    return BinnedMeasure(samples, measure.bins, measure.grids, measure.floor)

@@ -8,7 +8,6 @@ from torch.nn.functional import avg_pool2d
 
 from .... import ops
 from ....ifs.code import IFS
-from .bins import WARMUP
 from .levels import Levels
 from .params import SaturationParams
 
@@ -32,7 +31,7 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
     resolution = masses.shape[0]
     bins = torch.zeros_like(masses)
     points = ops.chaos_game(code.linear, code.offset, trajectories=params.trajectories, length=params.length,
-                            warmup=WARMUP, probabilities=code.sampling_probabilities(), seed=seed)
+                            warmup=params.warmup, probabilities=code.sampling_probabilities(), seed=seed)
     inside = (points.abs() < 1).all(1)
     column, row = (((points[inside] * points.new_tensor([1, -1]) + 1) * (resolution / 2)).long().clamp(
         0, resolution - 1)).unbind(1)

@@ -22,8 +22,6 @@ from ..state import Candidate
 from .bins import attractor_bins, binned, grid_for
 from .births import Birthplace
 
-ROUNDING = 1e-4      # tolerance of a singular value
-
 
 @dataclass(frozen=True)
 class Regime:
@@ -74,7 +72,8 @@ class MeasureSearch:
                  smaller_limit: float = 1.0):
         size = grid_for(masses.shape[0], regime.grid, params.descent)
         self.params, self.regime, self.seed, self.smaller_limit = params, regime, seed, smaller_limit
-        self.measure, self.coarse = (binned(masses, cells, params.descent.grids) for cells in (size, size // 2))
+        self.measure, self.coarse = (binned(masses, cells, params.descent)
+                                     for cells in (size, size // params.search.coarser))
         self.slack = params.search.slack * self.measure.bins
 
     # -- judging ------------------------------------------------------------------------------------------------------
@@ -100,7 +99,7 @@ class MeasureSearch:
         """The candidate with its score."""
         search = self.params.search
         bins = attractor_bins(maps, weights, self.measure.size, points=search.attractor_points,
-                              seed=derive(self.seed, "a"))
+                              seed=derive(self.seed, "a"), camera=self.params.camera)
         far = float(collage_error(bins[None], self.measure)[0])
         return Candidate(maps, weights, error,
                          self.cheap_score(maps, weights, error) + search.attractor_weight * far)
@@ -122,9 +121,9 @@ class MeasureSearch:
     def start(self) -> Candidate:
         """The best mixture of random sets. Each set descends on the coarse grid. Then non-negative least squares
         weights all their maps together, and leaves most weights at zero."""
-        search, g = self.params.search, generator(self.seed, "start")
+        search, births, g = self.params.search, self.params.births, generator(self.seed, "start")
         count, slack = search.start_sets * search.start_maps, search.slack
-        matrices = affine.random_matrices(count, *self.params.births.medium, self.params.births.least_ratio, g)
+        matrices = affine.random_matrices(count, *births.medium, births.least_ratio, g, reflections=births.reflections)
         place = self.coarse.samples.cpu()[torch.multinomial(self.coarse.samples[:, 2].cpu(), count, True,
                                                             generator=g), :2]
         some = affine.sending(matrices, self.coarse.mean.cpu().expand(count, 2), place)
@@ -137,7 +136,8 @@ class MeasureSearch:
 
     def mixed(self, pool: Tensor) -> Candidate:
         """The best mixture of maps (M,6) from several searches: right maps recur, wrong ones differ."""
-        return self._mixture(pool[affine.smaller_singular(pool) < self.smaller_limit + ROUNDING], self.measure,
+        limit = self.smaller_limit + self.params.search.limit_tolerance
+        return self._mixture(pool[affine.smaller_singular(pool) < limit], self.measure,
                              self.params.search.restarts_mixture)
 
     def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Candidate:
@@ -231,14 +231,16 @@ class MeasureSearch:
     def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         """The set without maps whose removal, once the others have moved, improves the score."""
         search, score = self.params.search, self.cheap_score(maps, weights, error)
-        while len(maps) > 2:
+        while len(maps) > 2:  # one map alone has a point as its attractor
             n = len(maps)
             too_many = n > (self.params.maps or self.params.most_maps or n)
+            if not (search.pruning or too_many):
+                break
             without = weights.expand(n, n) * (1 - torch.eye(n, device=weights.device))
             without = without * (weights.sum() / without.sum(1, keepdim=True))
             bins = pushforward(maps.expand(n, n, 6), without, self.measure.samples, self.measure.size) + self.slack
             errors = collage_error(bins, self.measure)
-            tried = errors.argsort()[:max(search.prune_tried, int(too_many))]
+            tried = errors.argsort()[:search.prune_tried]
             if not too_many:
                 rise = max(search.prices * self.regime.price, search.prune_share * error)
                 tried = tried[errors[tried] <= error + rise]
@@ -260,6 +262,8 @@ class MeasureSearch:
     def merged(self, now: Candidate) -> Candidate:
         """Merge maps with nearly the same image, if that is better. Two halves of a map hold each other in place, as do
         a map and its composition with a symmetry: removing only one of them would never pay."""
+        if not self.params.search.merging:
+            return now
         one = torch.ones(len(now.maps), 1, device=now.maps.device)
         images = pushforward(now.maps[:, None].contiguous(), one, self.coarse.samples, self.coarse.size)
         roots = images.flatten(1).clamp_min(0).sqrt()
@@ -279,7 +283,8 @@ def descent_of(params: CollageParams, how: DescentSteps, *, prior: float = 0.0, 
     common = params.descent
     return Descent(how.steps, rate=how.rate, weight_rate=common.weight_rate, decay=common.decay, largest=how.largest,
                    smaller=smaller, prior=prior, identity_radius=common.identity_radius,
-                   identity_weight=common.identity_weight, tied=tied)
+                   identity_weight=common.identity_weight, tied=tied, beta_1=common.beta_1, beta_2=common.beta_2,
+                   epsilon=common.epsilon)
 
 
 def _padded(sets: list[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:

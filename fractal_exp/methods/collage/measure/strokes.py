@@ -20,10 +20,6 @@ from ....ifs.code import IFS
 from .. import maps as affine
 from .blur import blurred
 from .pens import Drawn, given, inked
-from .tiles import composed
-
-MOST_STROKES = 40_000
-MOST_PLACES = 2_000_000    # on the strokes of one level
 
 
 class Strokes(Drawn):
@@ -35,8 +31,8 @@ class Strokes(Drawn):
     numbers, lengths = ("depth", "thinning"), ("pen_px", "blur_px")
 
     def smallest_part(self, code: IFS, resolution: int) -> float:
-        levels = self._levels(code, resolution, int(self.values[0])) if self.values else []
-        return levels[-1].length if levels else 0.0
+        found = self._generations(code, resolution, int(self.values[0])) if self.values else []
+        return found[-1].length if found else 0.0
 
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The depth, and whether the pen shrinks."""
@@ -46,41 +42,42 @@ class Strokes(Drawn):
         if not self.values:
             return super().render(code, resolution, seed, independent=independent)
         depth, thinning, radius, sigma = self.values
-        levels = self._levels(code, resolution, int(depth))
-        widths = self._widths(levels, bool(thinning), radius * resolution / 2)
-        same = {}  # levels of equal width are drawn together
-        for level, width in zip(levels, widths, strict=True):
-            same.setdefault(width, []).append(level.places)
+        generations = self._generations(code, resolution, int(depth))
+        widths = self._widths(generations, bool(thinning), radius * resolution / 2)
+        same = {}  # strokes of equal width are drawn together
+        for generation, width in zip(generations, widths, strict=True):
+            same.setdefault(width, []).append(generation.places)
         lit = [(self._distance_of(torch.cat(places), resolution), width) for width, places in same.items()]
-        return blurred(self._inked(lit, resolution), sigma * resolution / 2)
+        return blurred(self._inked(lit, resolution), sigma * resolution / 2, self.camera)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
         """Pairs of camera values and the rendering (R,R) of the code with them; none for a code without strokes."""
         camera, pixel = self.camera, 2 / resolution
-        levels = self._levels(code, resolution, int(self.values[0]) if self.values else camera.deepest)
-        distances = [self._distance_of(level.places, resolution) for level in levels]
-        depths = [k for k, level in enumerate(levels) if level.length * resolution / 2 <= camera.twigs_px[1]]
+        if not camera.strokes:
+            return
+        generations = self._generations(code, resolution, int(self.values[0]) if self.values else camera.deepest)
+        distances = [self._distance_of(each.places, resolution) for each in generations]
+        depths = [k for k, each in enumerate(generations) if each.length * resolution / 2 <= camera.twigs_px[1]]
         pens = given(camera.pen_px, camera.pens_px)
         for depth in depths[-1:] if self.values else depths:  # what is drawn is known if the values are
             for thinning, radius in product((bool(self.values[1]),) if self.values else (False, True), pens):
-                widths = self._widths(levels[:depth + 1], thinning, radius)
+                widths = self._widths(generations[:depth + 1], thinning, radius)
                 drawn = self._inked(list(zip(distances, widths, strict=False)), resolution)
-                yield from (((float(depth), float(thinning), radius * pixel, sigma * pixel), blurred(drawn, sigma))
-                            for sigma in given(camera.blur_px, camera.blurs_px))
+                yield from (((float(depth), float(thinning), radius * pixel, sigma * pixel),
+                             blurred(drawn, sigma, camera)) for sigma in given(camera.blur_px, camera.blurs_px))
 
-    def _levels(self, code: IFS, resolution: int, depth: int) -> list[_Level]:
-        """The strokes of levels 0, 1, … (copied by 0, 1, … maps), down to this depth or until they are too short to
-        see."""
-        segments, copies = self._parts(code)
-        found: list[_Level] = []
+    def _generations(self, code: IFS, resolution: int, depth: int) -> list[_Generation]:
+        """The strokes that 0, 1, … maps copy, down to this depth or until they are too short to see."""
+        camera, (segments, copies) = self.camera, self._parts(code)
+        found: list[_Generation] = []
         words = copies.new_tensor([[1.0, 0, 0, 1, 0, 0]])
-        while len(segments) and len(words) * len(segments) <= MOST_STROKES:
+        while len(segments) and len(words) * len(segments) <= camera.most_strokes:
             ends = segments @ words[:, None, :4].unflatten(-1, (2, 2)).transpose(-1, -2) + words[:, None, None, 4:]
-            places, length = _along(ends.flatten(0, 1), 2 / (resolution * self.fine))
-            found.append(_Level(places, float(affine.largest_singular(words).mean()), length))
-            if len(found) > depth or not len(copies) or length * resolution / 2 < self.camera.twigs_px[0]:
+            places, length = _along(ends.flatten(0, 1), 2 / (resolution * self.fine), camera.stroke_points)
+            found.append(_Generation(places, float(affine.largest_singular(words).mean()), length))
+            if len(found) > depth or not len(copies) or length * resolution / 2 < camera.twigs_px[0]:
                 break
-            words = composed(words, copies)
+            words = affine.compositions(words, copies)
         return found
 
     def _parts(self, code: IFS) -> tuple[Tensor, Tensor]:
@@ -97,10 +94,10 @@ class Strokes(Drawn):
             segments.append(torch.stack([middle + along * size[0] * end for end in _extent(reach, first)]))
         return torch.stack(segments)[flat], maps[~torch.tensor(flat)]
 
-    def _widths(self, levels: list[_Level], thinning: bool, radius: float) -> list[float]:
-        """The pen's radius in each level, in the unit of `radius`."""
+    def _widths(self, generations: list[_Generation], thinning: bool, radius: float) -> list[float]:
+        """The pen's radius in each generation, in the unit of `radius`."""
         least = min(radius, *self.camera.pens_px)
-        return [max(least, radius * level.scale) if thinning else radius for level in levels]
+        return [max(least, radius * each.scale) if thinning else radius for each in generations]
 
     def _distance_of(self, places: Tensor, resolution: int) -> Tensor:
         """Distance (R·fine, R·fine) from each subpixel to the nearest of the points (P,2), pixels."""
@@ -118,9 +115,9 @@ class Strokes(Drawn):
         return inked(torch.stack([distance - radius for distance, radius in drawn]).amin(0), 0.0, self.fine)
 
 
-class _Level(NamedTuple):
-    """The strokes of one level: points (P,2) on them, their mean size relative to level 0, and the length of the
-    longest, canvas units."""
+class _Generation(NamedTuple):
+    """The strokes that equally many maps copy: points (P,2) on them, their mean size relative to strokes that no map
+    copies, and the length of the longest, canvas units."""
 
     places: Tensor
     scale: float
@@ -135,9 +132,10 @@ def _extent(reach: np.ndarray, direction: Tensor) -> tuple[float, float]:
     return -float(low), float(high)
 
 
-def _along(ends: Tensor, step: float) -> tuple[Tensor, float]:
-    """Points (P,2) on segments (S,2,2), at most `step` apart, and the length of the longest segment."""
+def _along(ends: Tensor, step: float, most: int) -> tuple[Tensor, float]:
+    """Points (P,2) on segments (S,2,2), at most `step` apart unless that takes more than `most` points, and the length
+    of the longest segment."""
     length = float((ends[:, 1] - ends[:, 0]).norm(dim=-1).max())
-    count = min(max(2, MOST_PLACES // len(ends)), math.ceil(length / step) + 1)
+    count = min(max(2, most // len(ends)), math.ceil(length / step) + 1)
     part = torch.linspace(0, 1, count)[None, :, None]
     return (ends[:, :1] * (1 - part) + ends[:, 1:] * part).flatten(0, 1), length

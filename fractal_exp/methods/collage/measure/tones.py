@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
+from .camera_params import CameraParams
 from .levels import Binary, Density, Levels
 from .linear import Linear
-from .params import CameraParams
 from .pens import Dots, Drawn
 from .strokes import Strokes
 

@@ -36,10 +36,10 @@ class CorrectedMeasure:
         """The corrected measure of an image's masses (R,R)."""
         params = objective.params
         factors = correction(masses, shown.code, objective.levels, params.saturation, seed)
-        corrected, grids = masses * factors, params.descent.grids
+        corrected = masses * factors
         size = grid_for(masses.shape[0], params.moves.grid, params.descent)
-        return cls(shown.maps, binned(corrected, size, grids), binned(corrected, size // 2, grids), factors,
-                   corrected.sum())
+        return cls(shown.maps, binned(corrected, size, params.descent),
+                   binned(corrected, size // 2, params.descent), factors, corrected.sum())
 
     def explained(self, rendered: Rendered, volume: Tensor, objective: ImageObjective) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile, or that their rendering shows. If a
@@ -50,7 +50,8 @@ class CorrectedMeasure:
         tiled = pushforward(rendered.maps[None], shares[None], measure.samples, measure.size)[0]
         seen = objective.levels.measure(rendered.image) * self.correction
         if bool(seen.any()):
-            tiled = torch.maximum(tiled, binned(seen, measure.size).bins * (seen.sum() / self.total))
+            shown = binned(seen, measure.size, objective.params.descent)
+            tiled = torch.maximum(tiled, shown.bins * (seen.sum() / self.total))
         return torch.minimum(tiled, measure.bins)
 
 
@@ -64,7 +65,7 @@ def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | No
     explained = corrected.explained(rest, volume, objective)
     renderings = []
     if old is not None:
-        born = reoriented(old, measure, params, g)
+        born = reoriented(old, measure, params, g, reflections=search.params.births.reflections)
         if affine.thinness(old, measure) < params.thin:  # no grid shows how a line was projected
             lines = flattened(born, measure, params.widths[-1])
             renderings += [with_map(objective, rest, each, affine.volumes(each[None])[0] / volume) for each in lines]

@@ -48,7 +48,8 @@ def _reprojected(search: ImageSearch, rest: Rendered, shown: Rendered, gone: int
     params, objective = search.params, search.objective
     volumes = affine.volumes(rest.maps).sum() + PROBABILITY_FLOOR
     share = PROBABILITY_FLOOR / volumes if rest.weights is None else shown.probabilities[gone]
-    points = attractor_points(shown.maps, shown.probabilities, params.lines.points, derive(objective.seed, "profile"))
+    points = attractor_points(shown.maps, shown.probabilities, params.lines.points, derive(objective.seed, "profile"),
+                              params.camera)
     light = Light(objective.image, rest.image, objective.levels.supersample, params.camera.points_per_pixel)
     tried = [with_map(objective, rest, each, share)
              for each in profiled(shown.maps[gone], float(share), points, light, params.lines)]

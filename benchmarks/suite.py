@@ -81,7 +81,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--only", type=int, nargs="+", help="these fractals instead")
     parser.add_argument("--classics", action="store_true", help="the classic codes instead")
-    parser.add_argument("--seed", type=int, default=suite.SUITE_SEED, help="of the suite (default: that of the project's results)")
+    parser.add_argument("--seed", type=int, default=suite.SUITE_SEED, help="of the suite (default: that of the results)")
     parser.add_argument("--kind", choices=suite.TARGET_KINDS, default="grey")
     parser.add_argument("--resolution", type=int, default=256, help="of the target and of the views")
     parser.add_argument("--options", type=json.loads, default={}, help="of the method, as JSON")

@@ -1,6 +1,6 @@
 """Fit the random suite, or the classic codes, by one method; keep every recovered code and judge it.
 
-    python -m benchmarks.suite collage                           the hundred fractals of the published suite, grey
+    python -m benchmarks.suite collage                           the hundred fractals of the random suite, grey
     python -m benchmarks.suite collage --kind binary --count 20  binary targets
     python -m benchmarks.suite collage --seed 7 --only 3 5 8     three fractals of another suite, to tune on
     python -m benchmarks.suite collage --classics                the classic codes
@@ -81,7 +81,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--only", type=int, nargs="+", help="these fractals instead")
     parser.add_argument("--classics", action="store_true", help="the classic codes instead")
-    parser.add_argument("--seed", type=int, default=suite.SUITE_SEED, help="of the suite (default: the published one)")
+    parser.add_argument("--seed", type=int, default=suite.SUITE_SEED, help="of the suite (default: 2025)")
     parser.add_argument("--kind", choices=suite.TARGET_KINDS, default="grey")
     parser.add_argument("--resolution", type=int, default=256, help="of the target and of the views")
     parser.add_argument("--options", type=json.loads, default={}, help="of the method, as JSON")

@@ -88,7 +88,7 @@ def classic(name: str) -> Recovered:
 
 
 def of_suite(index: int) -> Recovered:
-    """A fractal of the published suite and the code in the suite's results."""
+    """A fractal of the random suite and the code in the suite's results."""
     code = json.loads(SUITE.read_text().splitlines()[index])["code"]
     return Recovered(index, f"suite-{index:03d}", suite.random_suite(index + 1)[index],
                      IFS(code["linear"], code["offset"], code.get("probabilities")))

@@ -52,9 +52,9 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`; a component
     takes a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear", an array or tensor
     may hold counts or densities of any scale. For "chaotic" they are the arguments of `methods.chaotic.method.laptop`,
-    such as maps (10), starts (10) and iterations (800). The methods that the paper compares with ("evolutionary",
-    "cuckoo", "learning_fractals_32", "learning_fractals_256") and "neural_regression", whose network is trained
-    beforehand, take the fields of their own parameters (docs/comparisons.md).
+    such as maps (10), starts (10) and iterations (800). "evolutionary", "cuckoo", "learning_fractals_32" and
+    "learning_fractals_256", and the networks "neural_regression" and "amortized", which are trained beforehand, take
+    the fields of their own parameters (docs/comparisons.md).
 
     Returns an `Inversion`: the code, its likeness to the picture, a verdict, how it was found and why the method
     stopped. Raises `InputError`, before any work, if the image is unusable, the method or an option is unknown, or a

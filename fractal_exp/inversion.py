@@ -27,7 +27,7 @@ from .rendering import sheets
 from .rendering.colour import on_ground
 from .rendering.still import points_per_view, render_with_info
 from .runtime.seeds import derive
-from .verdict import Verdict
+from .verdict import THRESHOLDS, Verdict
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -36,7 +36,6 @@ VERSION = 2  # of the facts in inversion.json
 COLOUR = (255, 96, 0)
 OVERLAY_SUPERSAMPLE = 4
 INVERSION, TARGET = "inversion.json", "target.png"  # files in the folder of an inversion
-FAR = 0.8  # F1 within a pixel below which a user is warned
 OVERLAY_POINTS = points_per_view(2048)  # maximum, so that larger overlays get fainter, not slower
 
 
@@ -172,7 +171,7 @@ class Inversion:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px,
         colour}, verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error, maps}],
-        notes, warnings, curve [{maps, likeness, bytes}].
+        notes, warnings, curve [{maps, likeness, bytes, code}].
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
@@ -183,7 +182,8 @@ class Inversion:
             "camera": None if self.camera is None else dict(self.camera),
             "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
             "notes": list(self.notes), "warnings": list(self.warnings),
-            "curve": [{"maps": each.maps, "likeness": each.likeness, "bytes": each.bytes} for each in self.curve],
+            "curve": [{"maps": each.maps, "likeness": each.likeness, "bytes": each.bytes, "code": each.code.to_json()}
+                      for each in self.curve],
         }
 
     def save(self, path: str | Path) -> Path:
@@ -211,8 +211,8 @@ class Inversion:
     def load(cls, path: str | Path) -> Inversion:
         """Load what `save` wrote to a folder. path: the folder, or inversion.json in it.
 
-        The target has 16 bits. The source is the path of the picture, or else the target. Raises `InputError` if a file
-        is missing or damaged.
+        The target has 16 bits. The source is the path of the picture, or else the target. Older files hold no codes
+        of the curve, so `curve` is empty there. Raises `InputError` if a file is missing or damaged.
         """
         path = Path(path).absolute()
         folder = path.parent if path.name == INVERSION else path
@@ -239,10 +239,13 @@ class Inversion:
         source = Path(facts["source"]) if facts["source"] else image
         read = ReadImage(image, bool(facts["inverted"]), (width, height), (x0, y0, x1, y1), float(facts["scale"]),
                          notes, warnings, source=source)
+        curve = tuple(CurvePoint(each["maps"], each["likeness"], each["bytes"], IFS.from_json(each["code"]))
+                      for each in facts.get("curve", ()) if "code" in each)
         return cls(code=code, target=read, source=source, likeness=Likeness(**facts["likeness"]),
                    verdict=Verdict(**facts["verdict"]), history=tuple(StageRecord(**each) for each in facts["stages"]),
                    stopped=facts["stopped"], seconds=float(facts["seconds"]), method=facts["method"],
-                   options=facts["options"], notes=notes, warnings=warnings, camera=facts.get("camera"))
+                   options=facts["options"], notes=notes, warnings=warnings, camera=facts.get("camera"),
+                   curve=curve)
 
     def __str__(self) -> str:
         count = len(self.code)
@@ -261,7 +264,8 @@ class Inversion:
 
 def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:
     """What a user should know before trusting a code: doubts about the picture, and whether the code is far from it."""
-    far = verdict.kind == "not self-similar" or (verdict.kind == "approximation" and likeness.f1_1px < FAR)
+    unlike = likeness.f1_1px < THRESHOLDS.warned
+    far = verdict.kind == "not self-similar" or (verdict.kind == "approximation" and unlike)
     return (*target.warnings, *([f"{verdict} ({stopped})"] if far else []))
 
 

@@ -17,7 +17,7 @@ from .rendering.still import points_per_view, render
 TARGET_KINDS = ("grey", "binary")
 TARGET_SUPERSAMPLE = 16
 THRESHOLD = 0.25  # of a binary target
-SUITE_SEED = 2025  # the published suite; any other seed makes another suite of the same distribution
+SUITE_SEED = 2025  # of the project's results; any other seed makes another suite of the same distribution
 SUITE_COUNT = 100
 FIRST_TRAINING_SEED = 2**62  # seeds from here on are for the training of networks: no suite has them
 

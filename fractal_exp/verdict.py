@@ -4,28 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, Self
 
 import torch
+from pydantic import model_validator
 from torch import Tensor
 
 from .evaluation import metrics
 from .images.reading import ReadImage
 from .methods.collage.measure.tones import guess_levels
-from .methods.collage.params import CameraParams
+from .methods.collage.params import CameraParams, CollageParams
+from .runtime.params import Amount, Params, Positive, Share, check_order
 
 Kind = Literal["recovered", "approximation", "not self-similar"]
 
-WITHIN_NOISE = 1.2      # noise ratio below which a code cannot be told from the true one
-NOT_ALIKE = 0.5         # F1 within a pixel below which a code is not like the picture at all
-NOT_ALIKE_UNCLEAR = 0.9  # the same limit for a picture without a clear shape
-OVER_A_BOX = 0.02       # share of the gap to 1 by which a code's F1 must exceed a filled box's
-RECOVERED, FEW_MAPS = 0.985, 12   # F1 within a pixel at which a code of at most so many maps is no accident
-SHAPE_RIGHT = 0.95      # F1 within a pixel at which the shape is right, though grey levels may be wrong
-SMALL = 2.0             # a picture that was enlarged more is small
 TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
-MORE_TIME = 4           # factor on the time that is suggested
 OTHER_LEVELS = {"density": "coverage", "coverage": "density", "binary": "coverage"}
+SEARCH = CollageParams()      # its defaults decide in the same way whether a code is good enough
+
+
+class VerdictParams(Params):
+    """The thresholds of a verdict. They were found by trial."""
+
+    within_noise: Amount = SEARCH.stages.second_round
+    """Noise ratio below which a code cannot be told from the true one."""
+    recovered: Share = SEARCH.moves.alike
+    """F1 within a pixel at which a code of few maps is no accident."""
+    few_maps: Positive = 12
+    """Maximum number of maps of such a code."""
+    not_alike: Share = 0.5
+    """F1 within a pixel below which a code is not like the picture at all."""
+    not_alike_unclear: Share = 0.9
+    """The same limit for a picture without a clear shape."""
+    over_a_box: Share = 0.02
+    """Share of the gap to 1 by which a code's F1 must exceed that of a filled box."""
+    warned: Share = 0.8
+    """F1 within a pixel below which an approximation comes with a warning."""
+    shape_right: Share = SEARCH.stages.unlike
+    """F1 within a pixel at which the shape is right, though grey levels may be wrong."""
+    small: Amount = 2.0
+    """Factor of enlargement above which a picture is small."""
+    more_time: Amount = 4.0
+    """Factor on the time that is suggested."""
+    more_maps: Positive = 2
+    """Factor on the number of maps that is suggested."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        check_order(self, ("not_alike", "not_alike_unclear"), ("not_alike", "recovered"))
+        return self
+
+
+THRESHOLDS = VerdictParams()
 
 
 class Alike(Protocol):
@@ -55,20 +85,21 @@ class Verdict:
 
     @classmethod
     def of(cls, likeness: Alike, maps: int, image: Tensor, *, picture: ReadImage | None = None, stopped: str = "",
-           options: Mapping[str, Any] | None = None) -> Verdict:
+           options: Mapping[str, Any] | None = None, params: VerdictParams = THRESHOLDS) -> Verdict:
         """The verdict on a code with this number of maps.
 
         likeness: to the image (R,R); picture: how the image was read, or None; stopped: why the method ended; options:
-        of the method, among them maps, at_most, seconds and levels.
+        of the method, among them maps, at_most, seconds and levels; params: the thresholds.
         """
-        if likeness.noise_ratio < WITHIN_NOISE:
+        if likeness.noise_ratio < params.within_noise:
             return cls("recovered", "recovered: the picture is explained to its noise")
-        if likeness.f1_1px >= RECOVERED and maps <= FEW_MAPS and not (picture is not None and picture.unclear):
-            return cls("recovered", f"recovered: the shape is explained to within a pixel by {maps} maps")
         unclear = picture.unclear if picture is not None else ""
+        if likeness.f1_1px >= params.recovered and maps <= params.few_maps and not unclear:
+            return cls("recovered", f"recovered: the shape is explained to within a pixel by {maps} maps")
         figures = f"F1 {_short(likeness.f1_1px)} within a pixel"
-        short, remedy = next(_remedies(likeness, maps, image, picture, stopped, options or {}))
-        if _is_alike(likeness, image, bool(unclear)):
+        short, remedy = next(_remedies(likeness, maps, image, picture, stopped, options or {}, params))
+        least = params.not_alike_unclear if unclear else params.not_alike
+        if _is_alike(likeness, image, least, params.over_a_box):
             number = f"{maps} map{'s' * (maps > 1)}"
             return cls("approximation", f"approximation with {number}; {figures}; {short} would help", remedy)
         why = f" ({unclear})" if unclear else ""
@@ -78,12 +109,13 @@ class Verdict:
         return f"{self.words} ({self.remedy})" if self.remedy else self.words
 
 
-def _is_alike(likeness: Alike, image: Tensor, unclear: bool) -> bool:
-    """Whether a code is like the image, and more so than a filled box."""
+def _is_alike(likeness: Alike, image: Tensor, least: float, gain: float) -> bool:
+    """Whether a code is like the image, with an F1 within a pixel of at least `least`, and exceeds a filled box by a
+    share `gain` of the gap to 1."""
     box = _box(image)
     box_f1, box_1px = (float(metric(box[None], image[None])) for metric in (metrics.f1, metrics.f1_1px))
-    better = likeness.f1 > box_f1 + OVER_A_BOX * (1 - box_f1) or likeness.f1_1px > box_1px + OVER_A_BOX * (1 - box_1px)
-    return better and likeness.f1_1px >= (NOT_ALIKE_UNCLEAR if unclear else NOT_ALIKE)
+    better = likeness.f1 > box_f1 + gain * (1 - box_f1) or likeness.f1_1px > box_1px + gain * (1 - box_1px)
+    return better and likeness.f1_1px >= least
 
 
 def _box(image: Tensor) -> Tensor:
@@ -96,7 +128,7 @@ def _box(image: Tensor) -> Tensor:
 
 
 def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | None, stopped: str,
-              options: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+              options: Mapping[str, Any], params: VerdictParams) -> Iterator[tuple[str, str]]:
     """What may help, the likeliest first: each in a few words, and what to do."""
     if picture is not None and picture.unclear:
         yield "a clear shape", "cut one shape out of the picture, on a background of one colour"
@@ -104,15 +136,15 @@ def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | No
         other = str(not picture.inverted).lower()
         yield "the other polarity", f"invert={other}, if the shape is what was taken for the background"
     if TIME_LIMIT in stopped and options.get("seconds"):
-        yield "more time", f"more time: seconds={MORE_TIME * float(options['seconds']):g}"
-    if picture is not None and picture.scale > SMALL:
+        yield "more time", f"more time: seconds={params.more_time * float(options['seconds']):g}"
+    if picture is not None and picture.scale > params.small:
         yield "a larger picture", f"a larger picture: the shape was enlarged {picture.scale:.2g} times"
-    if likeness.f1_1px >= SHAPE_RIGHT:
+    if likeness.f1_1px >= params.shape_right:
         guessed = options.get("levels") or "auto"
         guessed = guess_levels(image, CameraParams()) if guessed == "auto" else str(guessed)
         yield "another meaning of grey levels", f"levels={OTHER_LEVELS.get(guessed, 'coverage')} instead of {guessed}"
     name = "at_most" if options.get("at_most") else "maps"
-    more = f"{name}={2 * int(options.get(name) or maps)}"
+    more = f"{name}={params.more_maps * int(options.get(name) or maps)}"
     yield "more maps", f"more maps: {more}, with more time for each"
 
 

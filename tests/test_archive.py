@@ -30,6 +30,7 @@ def test_codes_come_back_to_the_last_bit(tmp_path):
     assert archive.missing(tmp_path, range(4)) == [0, 2]
 
 
+@pytest.mark.slow
 def test_a_run_is_judged_from_its_codes_alone(tmp_path, capsys):
     archive.append(tmp_path, fit(code=attractor.normalize(CODE), stages=()))
     archive.append(tmp_path, fit(fractal=1, code=attractor.normalize(CODE), stages=()))  # not its code

@@ -297,7 +297,7 @@ def test_each_stage_tells_its_code_and_the_last_is_returned(whole):
     assert [p.step for p in told] == sorted(p.step for p in told)
 
 
-@pytest.mark.parametrize("kind", ["grey", "binary"])
+@pytest.mark.parametrize("kind", ["grey", pytest.param("binary", marks=pytest.mark.slow)])
 def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     code = attractor.normalize(codes.known("sierpinski_triangle"))
     image = suite.target(code, 600, kind)
@@ -330,9 +330,11 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     ({"search": {"moves": -1}}, "search.moves must be at least 0, got -1"), ({"maps": 1}, "maps must be at least 2"),
     ({"maps": 3, "at_most": 5}, "not two; got maps=3 and at_most=5"),
     ({"levels": "colour"}, "levels must be 'auto', 'density'"),
-    ({"seconds": 0}, "seconds must be above 0"), ({"refine": {"finest": 8}}, "refine.finest must be at least 64"),
+    ({"seconds": 0}, "seconds must be above 0"), ({"refine": {"finest": 8}}, "refine.finest must be at least 128"),
     ({"move": {}}, "there is no parameter move; did you mean 'moves'"),
-    ({"previews": -1}, "previews must be at least 0"),
+    ({"seconds": "a"}, "seconds must be above 0 .* got 'a'; give a number, such as 60"),
+    ({"seconds": float("nan")}, "seconds must be above 0"),
+    ({"previews": -1}, "previews must be an integer of at least 0"),
     ({"moves": {"reorint": 1}}, "there is no parameter moves.reorint; did you mean 'reorient'"),
     ({"search": {"start": {"steps": 1.5}}}, "search.start.steps must be a whole number, got 1.5"),
 ])

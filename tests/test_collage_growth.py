@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from collage_helpers import merged, objective, tied
+from collage_helpers import PARAMS, merged, objective, tied
 from PIL import Image, ImageDraw
 
 from fractal_exp.ifs import attractor
@@ -21,7 +21,7 @@ from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.state import State
+from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.runtime.seeds import generator
@@ -58,7 +58,7 @@ def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
     """The state after a search that ended with a blob, and the stages that came after."""
     told = []
     some = stage(image, **merged({"canonical": {"enabled": False}}, options))
-    done = State(done=(some.problem.rounds, some.order - 1, 0), best=tied(BLOB))
+    done = State(done=Key(some.problem.rounds, "last digits"), best=tied(BLOB))
     pipeline = Pipeline(some.problem, done, on_move=lambda *_: None, on_stage=lambda each, _: told.append(each.name))
     pipeline.run()
     return pipeline.state, told
@@ -84,7 +84,7 @@ def test_a_paving_covers_the_shape_the_better_the_more_maps_it_has(image):
 def test_a_shape_of_fewer_pixels_than_maps_is_paved_too():
     mask = torch.zeros(32, 32, dtype=torch.bool)
     mask[10, 10] = mask[20, 12] = mask[20, 13] = True
-    found = paving(Silhouette(mask), 5, largest=0.9)
+    found = paving(Silhouette(mask), 5, PARAMS.growth)
     assert found.shape == (5, 6) and bool(found.isfinite().all())
     assert float(affine.largest_singular(found).max()) < 1
 
@@ -93,7 +93,7 @@ def test_a_knob_at_the_end_of_a_line_is_paved_by_maps_that_contract():
     mask = torch.zeros(64, 64, dtype=torch.bool)
     mask[32, 4:60] = True
     mask[28:37, 54:63] = True                             # its shorter axis is longer than that of the whole
-    found = paving(Silhouette(mask), 3, largest=0.9)
+    found = paving(Silhouette(mask), 3, PARAMS.growth)
     assert float(affine.largest_singular(found).max()) == pytest.approx(0.9, abs=1e-5)
     assert len(grower(mask.float()).grown(3).maps) == 3
 
@@ -102,7 +102,7 @@ def test_areas_are_those_of_the_images_in_pixels():
     mask = torch.zeros(64, 64, dtype=torch.bool)
     mask[16:48, 16:48] = True                             # the square from -0.5 to 0.5
     maps = torch.tensor([[0.5, 0, 0, 0.5, 0.1, 0.2], [0.5, 0, 0, 0, 0, 0.01]])
-    square, line = areas(maps, Silhouette(mask), generator(0, "areas")).tolist()
+    square, line = areas(maps, Silhouette(mask), PARAMS.growth, generator(0, "areas")).tolist()
     assert square == pytest.approx(16 * 16) and line == pytest.approx(16 / 16, rel=0.05)
 
 

@@ -121,7 +121,7 @@ def test_tied_probabilities_stay_tied(image):
 def test_a_code_is_found_from_its_density_alone(image):
     density = image.double().numpy() * 1e-3  # of any scale
     found = invert(density, levels="linear", maps=3, frame="keep", resolution=SIDE, camera=CAMERA,
-                   population={"first": 200, "size": 24}, moves={"polish_ends": 4})
+                   population={"first": 200, "size": 24}, moves={"polish_ends": 4, "polish_starts": 2})
     points = torch.from_numpy(played(CODE, 3, 2000)).float()
     sent = [points @ each.linear.mT + each.offset[:, None] for each in (CODE, found.code)]
     away = (sent[0][:, None] - sent[1][None]).square().sum(-1).mean(-1).sqrt() * SIDE / 2
@@ -139,8 +139,9 @@ def test_a_likeness_is_that_under_the_camera_of_the_image(image):
 
 def test_a_resumed_population_goes_on_as_if_it_had_never_stopped(image):
     picture = judge(image)
-    given = picture.params.updated(maps=3, population={"first": 20, "size": 6, "generations": 4, "judged_every": 2,
-                                                       "polished": 1, "polish_first": 1, "polish": 1})
+    given = picture.params.updated(maps=3, population={"first": 20, "size": 6, "judged": 6, "generations": 4,
+                                                       "judged_every": 2, "polished": 1, "polish_first": 1,
+                                                       "polish": 1})
     masses = picture.levels.measure(image)
     search = Crossing(masses, picture, given)
     now, kept = search.start(), []
@@ -172,7 +173,7 @@ def test_populations_are_for_linear_images_of_a_given_number_of_maps(image):
         return SearchProblem(image, Linear.of(image, given.camera), given).is_crossed
 
     assert crossed(image, maps=3)
-    assert not crossed(image) and not crossed(image, maps=9) and not crossed(image, maps=3, population={"largest": 0})
+    assert not crossed(image) and not crossed(image, maps=9) and not crossed(image, maps=3, population={"most_maps": 0})
 
 
 @pytest.mark.parametrize(("camera", "message"), [

@@ -17,6 +17,8 @@ from fractal_exp.methods.collage.image.pruning import Price, pruned
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.suite import target
 
+FRAME = Frame(128, PARAMS.frame.sigma_px, PARAMS.frame.beyond_px)
+
 
 @pytest.mark.parametrize("chance", [0.05, 0.3, 0.9])
 def test_counting_errors_have_one_variance_at_every_grey_level(chance):
@@ -26,20 +28,19 @@ def test_counting_errors_have_one_variance_at_every_grey_level(chance):
 
 
 def test_the_misfit_of_a_moved_code_is_by_how_many_pixels_it_was_moved():
-    fern, frame = attractor.normalize(codes.known("fern")), Frame(128)
+    fern = attractor.normalize(codes.known("fern"))
     for pixels in ([3.0, -2.0], [-1.0, 4.0]):
         moved = affine.from_code(fern.similar(1, (pixels[0] * 2 / 128, pixels[1] * 2 / 128)))
-        misfit = frame.misfit(moved, fern.sampling_probabilities())  # the fern is higher than wide
+        misfit = FRAME.misfit(moved, fern.sampling_probabilities())  # the fern is higher than wide
         assert misfit.tolist() == pytest.approx([pixels[1], pixels[1], pixels[0]], abs=0.01)
 
 
 def test_the_weights_of_a_misfit_are_the_slope_of_its_penalty():
-    frame = Frame(128)
     misfit = torch.tensor([0.3, -1.7, 6.0], dtype=torch.float64)
-    _, weights = frame.penalty(misfit)
+    _, weights = FRAME.penalty(misfit)
     for k in range(3):
         nudge = 1e-5 * torch.eye(3, dtype=torch.float64)[k]
-        slope = (frame.penalty(misfit + nudge)[0] - frame.penalty(misfit - nudge)[0]) / 2e-5
+        slope = (FRAME.penalty(misfit + nudge)[0] - FRAME.penalty(misfit - nudge)[0]) / 2e-5
         assert slope == pytest.approx(float(2 * weights[k] ** 2 * misfit[k]), rel=1e-5)
 
 
@@ -75,6 +76,8 @@ def test_a_matrix_is_rounded_if_that_moves_the_attractor_by_a_twentieth_of_a_pix
 
 class Priced:
     """A picture whose error rises by the worth of each map that is gone."""
+
+    params = PARAMS
 
     @staticmethod
     def without(drawn, gone):

@@ -42,6 +42,7 @@ def test_both_jacobians_lead_to_the_true_code(triangle, jacobian):
     assert jacobian(picture, start, [1], 0).square.shape == (6, 6)
 
 
+@pytest.mark.slow
 def test_renderings_lead_nearer_than_bins_where_images_end_at_the_edge_of_a_pixel(triangle):
     code, image = triangle
     before = after = 0.0
@@ -97,7 +98,7 @@ def test_a_line_is_reoriented_by_its_rendering(fern, monkeypatch):
     thin = [affine.thinness(each, measure) for each in maps]
     assert thin[stem] < PARAMS.moves.thin < min(thin[:stem] + thin[stem + 1:])
     wrong = maps.clone()
-    one = PARAMS.updated(moves={"candidates": 1}).moves
+    one = PARAMS.updated(moves={"candidates": 1, "kept": 1, "rendered": 1}).moves
     wrong[stem] = reoriented(maps[stem], measure, one, torch.Generator().manual_seed(4))[0]
     search = image_search(image)
     shown = search.objective.judge(wrong)

@@ -95,7 +95,7 @@ def test_no_published_row_is_missing():
 
 @each_method
 def test_it_inverts_a_picture_in_one_call(name):
-    found = invert(TARGET, method=name, frame="keep", seed=1, maps=3, **OPTIONS[name])
+    found = invert(TARGET, method=name, frame="keep", resolution=64, seed=1, maps=3, **OPTIONS[name])
     assert len(found.code) == 3 and found.method == name and "done" in found.stopped
 
 

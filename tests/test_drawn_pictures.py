@@ -27,7 +27,7 @@ from fractal_exp.methods.collage.measure.tiles import tiled, words
 from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.methods.collage.state import Candidate, Key, State
 from fractal_exp.rendering.still import render_with_info
 
 PARAMS, SIDE = CollageParams(), 128
@@ -73,7 +73,7 @@ def test_dots_follow_the_density_of_points():
 
 
 def test_words_are_as_small_as_asked_for_and_their_first_letters_are_not():
-    found = words(affine.from_code(GASKET), 1.5 / 8)
+    found = words(affine.from_code(GASKET), 1.5 / 8, 6000)
     assert len(found) == 27
     assert bool((1.5 * affine.largest_singular(found) <= 1.5 / 8 + 1e-6).all())
 
@@ -213,7 +213,7 @@ def test_a_map_must_lower_the_error_by_its_price():
 
 def test_a_checkpoint_keeps_the_camera():
     maps = affine.from_code(GASKET)
-    state = State(done=(0, 4, 0), best=Candidate(maps, None, 1.0, 2.0, ("dots", 0.25, 0.01)))
+    state = State(done=Key(0, "image"), best=Candidate(maps, None, 1.0, 2.0, ("dots", 0.25, 0.01)))
     again = State.of(state.snapshot(), "cpu")
     assert again.best.camera == ("dots", 0.25, 0.01)
 

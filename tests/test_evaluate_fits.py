@@ -116,6 +116,7 @@ def test_unfinished_fits_are_named(folder, capsys):
     assert "not judged, since unfinished: begun, fern2; the same command with resume=true" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_fits_that_found_no_code_are_named(folder, capsys):
     file = saved(folder / "weights", "super_resolution")
     words = ["tracking=none", "target=suite", "evaluation.resolution=32", "evaluation.points_in_view=20000"]

@@ -92,6 +92,9 @@ def test_what_is_not_utf_8_is_refused(tmp_path, suffix):
         IFS.load(tmp_path / f"code{suffix}")
 
 
+SLOW_TO_WRITE = [pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".ifs", ".flame")]
+
+
 def million(suffix):
     if suffix == ".json":
         return "[" + ",".join(["[0,0,0,0,0,0]"] * 1_000_000) + "]"
@@ -100,7 +103,7 @@ def million(suffix):
     return "<flame>" + "<xform w='1'/>" * 1_000_000 + "</flame>"
 
 
-@pytest.mark.parametrize("suffix", [".json", ".ifs", ".flame"])
+@pytest.mark.parametrize("suffix", [".json", *SLOW_TO_WRITE])
 def test_a_million_maps_are_refused(tmp_path, suffix):
     path = tmp_path / f"big{suffix}"
     path.write_text(million(suffix))

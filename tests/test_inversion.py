@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from PIL import Image
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images import Placement, read_target
-from fractal_exp.methods.base import CodeReconstruction, Method, Progress, stop_reason
+from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Method, Progress, stop_reason
 
 QUICK = {"resolution": 64, "rounds": 1,
          "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1},
@@ -256,6 +257,20 @@ def test_a_saved_inversion_is_loaded(known, path, tmp_path):
         torch.testing.assert_close(loaded.target.image, found.target.image, atol=1e-5, rtol=0)
     assert np.array_equal(np.asarray(loaded.overlay()), np.asarray(found.overlay()))
     assert "inversion" not in loaded.code.meta
+
+
+def test_the_codes_of_a_curve_are_saved_and_older_files_have_none(known, path, tmp_path):
+    found = known(path)
+    points = tuple(CurvePoint(4, 0.5, 48, codes.known(name)) for name in ("koch_curve", "fern"))
+    folder = replace(found, curve=points).save(tmp_path / "grown")
+    loaded = Inversion.load(folder).curve
+    assert [(each.maps, each.likeness, each.bytes) for each in loaded] == [(4, 0.5, 48), (4, 0.5, 48)]
+    assert all(torch.equal(a.code.linear, b.code.linear) for a, b in zip(loaded, points, strict=True))
+    whole = json.loads((folder / "inversion.json").read_text())
+    for each in whole["meta"]["inversion"]["curve"]:
+        del each["code"]
+    (folder / "inversion.json").write_text(json.dumps(whole))
+    assert Inversion.load(folder).curve == ()
 
 
 def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):

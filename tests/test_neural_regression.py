@@ -147,6 +147,7 @@ def test_damaged_weights_are_refused(file, tmp_path):
             NeuralRegression(weights=str(path), side=16).check(TARGET)
 
 
+@pytest.mark.slow
 def test_the_network_in_the_package_reads_more_off_an_image_than_the_mean_code():
     """On codes of a seed that it was not trained with."""
     network, found = NeuralRegression().loaded()

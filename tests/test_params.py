@@ -44,12 +44,12 @@ def test_hydra_has_every_parameter_with_its_docstring():
         assert name in settings, name
 
 
-def test_what_a_scale_may_set_is_by_default_what_the_parameters_say():
-    given, default = composed()["method"], CollageParams()
-    search, moves = default.search, default.moves
-    assert (given["rounds"], given["moves"]["count"]) == (default.rounds, moves.count)
-    assert [given["search"][name] for name in ("restarts", "moves", "detail_moves")] == [
-        search.restarts, search.moves, search.detail_moves]
+def test_a_scale_sets_the_sizes_of_collage_search_wherever_it_searches():
+    size = {"rounds": 1, "search.restarts": 1, "search.moves": 8, "search.detail_moves": 2, "moves.count": 2}
+    assert leaves(composed("scale=smoke")["method"]).items() >= size.items()
+    begun = composed("scale=smoke", "method=chaotic", "init=collage")["method"]["init"]
+    assert leaves(begun).items() >= size.items()
+    assert composed("scale=smoke", "method.search.moves=3", "without=rounds")["method"]["search"]["moves"] == 3
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -80,13 +80,14 @@ AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
             "moves": {"count": 0}, "refine": {"steps": 0}, "image": {"finest": 8, "grids": 1}},
     "coarse": {"search": {"grid": 16, "detail_grid": 16, "same_affinity": 1.0}, "descent": {"grids": 1},
                "births": {"blob_grid": 16, "blobs": 1.0}, "moves": {"grid": 16, "recent": 0, "widths": [0.5],
-               "visible_shares": [1.0], "root_orders": [2], "candidates": 1, "kept": 9, "rendered": 9},
+               "visible_shares": [1.0], "root_orders": [2], "candidates": 1, "kept": 1, "rendered": 1},
                "gauss_newton": {"strides": [1.0], "tries": 1, "damping": 0}, "camera": {"supersample": 1}},
     "fine": {"search": {"grid": 1024, "detail_grid": 1024, "moves": 1, "detail_moves": 1, "start_sets": 2,
                         "coarser": 1},
              "descent": {"grids": 4, "cells_per_pixel": 2, "pixel_parts": 16, "beta_1": 0, "beta_2": 0, "floor": 1e-12},
              "refine": {"finest": 2048, "grids": 8, "steps": 3},
-             "moves": {"grid": 1024, "polish_ends": 1}, "saturation": {"window": 1}, "gauss_newton": {"window": 5},
+             "moves": {"grid": 1024, "polish_ends": 1, "polish_starts": 0}, "saturation": {"window": 1},
+             "gauss_newton": {"window": 5},
              "canonical": {"nudges": [0.0], "line_shifts": 1, "denominators": [1], "ratios": [], "degrees": [90]}},
 }
 
@@ -149,21 +150,29 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"camera": {"points_per_pixel": float("inf")}}, "camera.points_per_pixel must be a finite number, got inf"),
     ({"stages": {"detail_share": 0.4}}, "stages.detail_share must be at least mixture_share, which is 0.45; got 0.4"),
     ({"stages": {"largest_side": 2048}}, "stages.full_side must be at least largest_side, which is 2048; got 1024"),
-    ({"stages": {"contraction": 0.97}}, "stages.isometry must be at least contraction, which is 0.97; got 0.95"),
-    ({"stages": {"unlike": 0.6}}, "stages.unlike must be at least drawn_hopeless, which is 0.7; got 0.6"),
-    ({"search": {"grid": 256}}, "search.grid must be at most detail_grid, which is 128; got 256"),
-    ({"births": {"count": 3}}, "births.kept must be at most count, which is 3; got 4"),
-    ({"births": {"kept": 30}}, "births.kept must be at most detail_count, which is 24; got 30"),
+    ({"stages": {"drawn_hopeless": 0.99}}, "stages.unlike must be at least drawn_hopeless, which is 0.99; got 0.95"),
+    ({"stages": {"isometry": 0.8}}, "stages.isometry must be at least contraction, which is 0.9; got 0.8"),
+    ({"refine": {"coarsest": 512}}, "refine.finest must be at least coarsest, which is 512; got 256"),
+    ({"frame": {"shortest": 1.5}}, "frame.longest must be at least shortest, which is 1.5; got 1.17"),
+    ({"growth": {"most_points": 100}}, "growth.most_points must be at least least_points, which is 300; got 100"),
+    ({"growth": {"counts": [4, 8, 8]}}, "growth.counts must ascend, got 8 after 8"),
+    ({"moves": {"candidates": 4}}, "moves.candidates must be at least kept, which is 6; got 4"),
+    ({"moves": {"rendered": 7}}, "moves.kept must be at least rendered, which is 7; got 6"),
+    ({"gauss_newton": {"rendered_below": 1}},
+     "gauss_newton.rendered_below must be at least rendered_above, which is 1.1; got 1"),
+    ({"search": {"grid": 256}}, "search.detail_grid must be at least grid, which is 256; got 128"),
+    ({"births": {"count": 3}}, "births.count must be at least kept, which is 4; got 3"),
+    ({"births": {"kept": 30}}, "births.detail_count must be at least kept, which is 30; got 24"),
     ({"births": {"coarse": {"largest": 0.3}}},
      "births.large must begin at coarse.largest or below, which is 0.3; got [0.4, 0.97]"),
     ({"population": {"descent": {"largest": 0.1}}},
      "population.sizes must begin at descent.largest or below, which is 0.1; got [0.15, 0.85]"),
-    ({"population": {"judged": 50}}, "population.judged must be at most size, which is 48; got 50"),
-    ({"population": {"polished": 9}}, "population.polished must be at most judged, which is 8; got 9"),
-    ({"population": {"first": 20}}, "population.size must be at most first, which is 20; got 48"),
-    ({"population": {"generations": 5}}, "population.judged_every must be at most generations, which is 5; got 10"),
+    ({"population": {"judged": 50}}, "population.size must be at least judged, which is 50; got 48"),
+    ({"population": {"polished": 9}}, "population.judged must be at least polished, which is 9; got 8"),
+    ({"population": {"first": 20}}, "population.first must be at least size, which is 48; got 20"),
+    ({"population": {"generations": 5}}, "population.generations must be at least judged_every, which is 10; got 5"),
     ({"camera": {"warmup": 430}}, "camera.warmup must be below trajectory, which is 430; got 430"),
-    ({"camera": {"tile_words": 100}}, "camera.tile_words_seen must be at most tile_words, which is 100; got 800"),
+    ({"camera": {"tile_words": 100}}, "camera.tile_words must be at least tile_words_seen, which is 800; got 100"),
     ({"camera": {"tile_cells": [20, 10]}}, "camera.tile_cells must be a lower and an upper end, got [20, 10]"),
     ({"camera": {"estimate": False, "pen_px": 1.5}}, "camera.pen_px must be null if estimate is false, got 1.5"),
     ({"camera": {"estimate": False, "blur_px": 0.5}},
@@ -171,7 +180,7 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"levels": "dots", "camera": {"pen_px": 1.5}}, "camera.pen_px must be null if levels is dots, got 1.5"),
     ({"levels": "coverage", "camera": {"gain": 1.0}}, "camera.gain must be null if levels is coverage, got 1.0"),
     ({"levels": "density", "camera": {"blur_px": 1.0}}, "camera.blur_px must be null if levels is density, got 1.0"),
-    ({"saturation": {"length": 30}}, "saturation.length must be above camera.warmup, which is 30; got 30"),
+    ({"saturation": {"length": 30}}, "saturation.warmup must be below length, which is 30; got 30"),
     ({"likeness": 0.9, "growth": {"enabled": False}},
      "likeness is reached by growth, but growth.enabled is false; got 0.9"),
 ])
@@ -191,7 +200,7 @@ def test_parameters_that_agree_are_taken(options):
 @pytest.mark.parametrize(("words", "message"), [
     (["method.moves.reorient=-1"], "method.moves.reorient must be at least 0, got -1"),
     (["method.search.slack=x"], "method.search.slack must be a number, got 'x'"),
-    (["restarts=0"], "method.search.restarts must be at least 1 and at most 1000, got 0"),
+    (["method.search.restarts=0"], "method.search.restarts must be at least 1 and at most 1000, got 0"),
     (["method.maps=3", "method.at_most=4"], "not two"),
 ])
 def test_hydra_says_it_with_the_same_words(words, message):

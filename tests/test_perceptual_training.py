@@ -113,6 +113,7 @@ class Stop(Exception):
     pass
 
 
+@pytest.mark.slow
 def test_an_interrupted_training_gives_the_same_network(tmp_path):
     whole = train(TINY)
     checkpoint = Checkpoint(tmp_path / "checkpoint.safetensors", 2, {})

@@ -131,6 +131,7 @@ CRAFTED = (((20_001, 20_000), "1"), ((65_000, 16), "1"), ((16, 65_000), "RGBA"),
            ((17, 1_000_000), "L"), ((6000, 6000), "L"))
 
 
+@pytest.mark.slow
 def test_small_files_of_many_pixels_take_little_memory(tmp_path):
     """The most that reading them one after another adds to a process: some bands and what Pillow holds, 36 MB at most;
     the first has too many pixels, and is refused at once."""

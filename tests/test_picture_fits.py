@@ -70,6 +70,7 @@ def test_what_is_there_is_not_fitted_again(tmp_path, monkeypatch):
     assert len(fitting.read(tmp_path)) == 3 and not any("error" in each for each in fitting.read(tmp_path))
 
 
+@pytest.mark.slow
 def test_a_pool_of_processes_counts_core_time(tmp_path):
     assert fitting.run("shapes", ["asterisk"], fitting.Setting(0.2, "core", {"resolution": 64, "rounds": 1}), tmp_path,
                        1) == 1

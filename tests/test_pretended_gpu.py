@@ -54,7 +54,9 @@ def target():
 
 
 @pytest.mark.parametrize(("name", "parameterization"), [
-    *((name, SVD()) for name in OPTIMIZERS), *((name, Naive()) for name in OPTIMIZERS if name != "annealing")])
+    ("alternating", SVD()), ("gradient", Naive()),
+    *(pytest.param(name, SVD(), marks=pytest.mark.slow) for name in OPTIMIZERS if name != "alternating"),
+    *(pytest.param(name, Naive(), marks=pytest.mark.slow) for name in ("alternating", "noisy"))])
 def test_the_papers_method_goes_the_same_way_on_both(target, name, parameterization):
     def losses(device):
         told, optimizer = [], OPTIMIZERS[name]()

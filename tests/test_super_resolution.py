@@ -162,6 +162,7 @@ def test_what_the_fit_refuses(file, tmp_path):
             SuperResolution(**options)
 
 
+@pytest.mark.slow
 def test_the_network_in_the_package_is_nearer_than_bicubic_interpolation():
     """On codes of a seed that it was not trained with."""
     network, found = SuperResolution().loaded()

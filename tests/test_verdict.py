@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from fractal_exp import codes, suite
+from fractal_exp import InputError, codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Likeness
-from fractal_exp.verdict import Verdict
+from fractal_exp.verdict import Verdict, VerdictParams
 
 SHAPE = torch.zeros(64, 64)
 SHAPE[16:48, 8:56] = torch.eye(48)[:32]
@@ -45,6 +45,14 @@ def test_a_verdict_has_a_kind_words_and_a_remedy():
     assert "1 map;" in Verdict.of(likeness(0.6), 1, SHAPE).words
     assert "F1 1.00" in Verdict.of(likeness(1), 30, SHAPE).words
     assert Verdict.of(likeness(1), 9, SHAPE).words == "recovered: the shape is explained to within a pixel by 9 maps"
+
+
+def test_its_thresholds_are_parameters():
+    kinds = [Verdict.of(likeness(0.6), 4, SHAPE, params=params).kind for params in (
+        VerdictParams(), VerdictParams(recovered=0.6), VerdictParams(not_alike=0.7), VerdictParams(within_noise=10.0))]
+    assert kinds == ["approximation", "recovered", "not self-similar", "recovered"]
+    with pytest.raises(InputError, match="recovered must be at least not_alike, which is 0.5; got 0.4"):
+        VerdictParams(recovered=0.4)
 
 
 @pytest.mark.parametrize("facts, expected", [

@@ -145,7 +145,7 @@ def test_broken_and_hostile_files_are_refused_alike():
         assert answer["refused"].isprintable() and len(answer["refused"]) < 500, answer
 
 
-@pytest.mark.parametrize("suffix", [".json", ".ifs", ".flame"])
+@pytest.mark.parametrize("suffix", [".json", *test_formats.SLOW_TO_WRITE])
 def test_a_million_maps_are_refused_in_the_page(suffix):
     (answer,) = in_the_page([(f"big{suffix}", test_formats.million(suffix), 0)])
     assert f"a page shows a code of at most {MOST_MAPS} maps, got 1" in answer["refused"]

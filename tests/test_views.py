@@ -92,6 +92,7 @@ def test_attractor_views_are_centred_by_the_invariant_measure():
     assert chi_square < 24.3  # 99.9% of 7 degrees of freedom
 
 
+@pytest.mark.slow
 def test_no_attractor_view_of_the_suite_is_empty_inside_its_crop():
     for code in random_suite():
         framed = attractor.normalize(code)

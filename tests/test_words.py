@@ -42,6 +42,8 @@ def said(program, arguments: list[str], monkeypatch, capsys) -> str:
     (["optimizer.annealing.spred=3"], "did you mean optimizer.annealing.spread"),
     (["maps=3"], "there is no setting maps; did you mean"),
     (["method.maps=3"], "method.maps is a setting of method=amortized or method=collage or"),
+    (["restarts=3"], "there is no setting restarts; did you mean method.search.restarts (with method=collage)?"),
+    (["method=collage", "detail_moves=3"], "did you mean method.search.detail_moves"),
     (["metod=collage"], "there is no setting metod; did you mean method?"),
     (["foo/bar=3"], "there is no setting foo/bar"),
     (["target@foo=known"], "target"),

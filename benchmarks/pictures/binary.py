@@ -1,4 +1,4 @@
-"""The binary suite: the hundred fractals of the published suite at I > 0.25."""
+"""The binary suite: the hundred fractals of the random suite at I > 0.25."""
 
 from __future__ import annotations
 

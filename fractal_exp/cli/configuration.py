@@ -55,11 +55,6 @@ class TrainConfig:
     name: str | None = None
     resume: bool = False
     checkpoint_every: int = 250
-    rounds: int | None = None
-    restarts: int = 5
-    moves: int = 50
-    detail_moves: int = 25
-    image_moves: int = 60
     init: Any = None
     budgets: dict[str, int] = field(default_factory=dict)
     weights: dict[str, str | None] = field(default_factory=dict)

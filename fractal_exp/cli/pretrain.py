@@ -15,6 +15,7 @@ from ..methods.base import check_device
 from ..pretraining.loop import Trained, Training, train
 from ..runtime import threads, weights
 from ..runtime.checkpoint import Checkpoint
+from ..runtime.checks import check_seconds
 from . import configuration
 from .folders import FitFolder
 from .progress import Reporter
@@ -41,8 +42,7 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
         raise InputError(f"task=pretrain: the method {method} has no network to train, or not at scale="
                          f"{config.scale}; choose method=neural_regression or another of the choices of pretraining")
     check_device(config.device)
-    if config.seconds is not None and not config.seconds > 0:
-        raise InputError(f"seconds must be above 0 (or none for no limit), got {config.seconds}")
+    check_seconds(config.seconds)
     threads.use(config.threads)
     settings: dict[str, Any] = OmegaConf.to_container(config)  # pyright: ignore[reportAssignmentType]
     training: Training = configuration.build(config.pretraining)

@@ -25,7 +25,7 @@ DESCRIPTION = """Write the random suite: codes, target images and a contact shee
   FOLDER/sheet.png          all of them at a glance
   FOLDER/suite.json         how they were made
 
-The default seed is that of the published suite, so that everybody has the same hundred fractals.
+The default seed is that of the project's results, so that everybody has the same hundred fractals.
 
 examples
   fractal-suite suite                                  the suite, grey, 1024 pixels

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from ..runtime import weights as files
+from ..runtime.checks import check_seconds
 from ..runtime.params import Params
 from .base import Method, check_device, check_target
 
@@ -38,8 +39,7 @@ class Pretrained(Method):
     Params: ClassVar[type[PretrainedParams]]
 
     def __init__(self, *, seconds: float | None = None, device: str = "cpu", **options: Any):
-        if seconds is not None and not seconds > 0:
-            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        check_seconds(seconds)
         self.params = self.Params().updated(**options)
         self.seconds, self.device = seconds, check_device(device)
         self._loaded: tuple[nn.Module, files.Weights] | None = None

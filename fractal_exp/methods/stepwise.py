@@ -13,6 +13,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS
 from ..runtime.checkpoint import Checkpoint, Snapshot
+from ..runtime.checks import check_seconds
 from ..runtime.deadline import Deadline
 from ..runtime.params import Params
 from ..runtime.precision import full_precision
@@ -72,8 +73,7 @@ class Stepwise(Method):
 
     def __init__(self, *, seconds: float | None = None, seed: int = 0, previews: int = 10, device: str = "cpu",
                  **options: Any):
-        if seconds is not None and not seconds > 0:
-            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        check_seconds(seconds)
         if previews < 0:
             raise InputError(f"previews must be at least 0, got {previews}")
         self.params = self.Params().updated(**options)

@@ -59,6 +59,14 @@ def check_number(name: str, value: float, what: str, least: float = -math.inf, m
         raise InputError(f"{name} must be {what}, got {shown(value)}")
 
 
+def check_seconds(seconds: float | None) -> None:
+    """Raise `InputError` unless a limit of time is a number above 0, or None."""
+    good = isinstance(seconds, Real) and not isinstance(seconds, bool) and seconds > 0
+    if seconds is not None and not good:
+        raise InputError(f"seconds must be above 0 (or none for no limit), got {shown(seconds)}; give a number, "
+                         "such as 60 for a minute")
+
+
 def check_memory(what: str, needed: float, device: torch.device, remedy: str) -> None:
     """Raise `InputError` if `needed` bytes, for `what`, are more than nine tenths of all the memory of the device."""
     there = memory_of(device)

@@ -87,11 +87,11 @@ def _merged(params: Params, values: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def at_most(params: Params, name: str, limit: str) -> None:
-    """Raise `ParamError`, which names both, if the parameter `name` exceeds the parameter `limit`."""
+def below(params: Params, name: str, limit: str) -> None:
+    """Raise `ParamError`, which names both, unless the parameter `name` is below the parameter `limit`."""
     value, most = getattr(params, name), getattr(params, limit)
-    if value > most:
-        raise ParamError(name, f"{NAME} must be at most {limit}, which is {most}; got {value}")
+    if value >= most:
+        raise ParamError(name, f"{NAME} must be below {limit}, which is {most}; got {value}")
 
 
 class ParamError(InputError):
@@ -100,6 +100,14 @@ class ParamError(InputError):
     def __init__(self, name: str, told: str):
         super().__init__(told.replace(NAME, name))
         self.name, self.told = name, told
+
+
+def check_order(params: Params, *pairs: tuple[str, str]) -> None:
+    """Raise `ParamError`, with both names, if the first parameter of a pair is above the second."""
+    for first, second in pairs:
+        low, high = getattr(params, first), getattr(params, second)
+        if low > high:
+            raise ParamError(second, f"{NAME} must be at least {first}, which is {low}; got {high}")
 
 
 def _explained(kind: type[Params], error: ValidationError) -> ParamError:

@@ -23,7 +23,7 @@ from fractal_exp.cli.train import fit
 TINY = ["scale=smoke", "resolution=32", "evaluation.resolution=32", "evaluation.points_in_view=20000", "threads=1",
         "resume=true", "name=fit"]
 METHODS = {"chaotic": ["method=chaotic", "iterations=120", "checkpoint_every=7", "anneal_every=3"],
-           "collage": ["method=collage", "moves=12"]}
+           "collage": ["method=collage", "method.search.moves=12"]}
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGINT, signal.SIGTERM)
 MOST = 8  # kills of one fit
 

@@ -30,13 +30,13 @@ def sizes(quick: int, slow: int):
     return pytest.mark.parametrize("count", [quick, pytest.param(slow, marks=pytest.mark.slow)])
 
 
-@sizes(2, 75)
+@sizes(1, 75)
 def test_an_output_folder_works_whatever_interrupted_the_making_of_its_store(count, tmp_path):
     found = campaign("store_trials.py", "kills", tmp_path, count, SEED)
     assert found["tried"] >= count and found["failures"] == []
 
 
-@sizes(2, 20)
+@sizes(1, 20)
 def test_a_full_disk_is_one_clear_line_and_the_folder_works_once_there_is_room(count, tmp_path):
     found = campaign("store_trials.py", "disks", tmp_path, count, SEED)
     assert found["tried"] >= count and found["failures"] == []

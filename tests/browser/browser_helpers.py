@@ -16,6 +16,7 @@ QUIET = ["--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--di
          "--disable-component-update", "--disable-sync"]
 SOFTWARE = [*QUIET, "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 60_000  # ms
+COARSE = {"device_scale_factor": 0.5}  # a quarter of the points, for tests that look at what is around the picture
 
 
 @dataclass

@@ -7,8 +7,8 @@ import shutil
 from collections.abc import Callable, Iterator
 
 import pytest
-from browser_helpers import CHROMIUM, SOFTWARE, Opened, pages
-from editing_helpers import PANEL, SIDE, with_maps
+from browser_helpers import CHROMIUM, COARSE, SOFTWARE, Opened, pages
+from editing_helpers import WINDOW, with_maps
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
@@ -46,7 +46,7 @@ def fern(tmp_path_factory):
 @pytest.fixture
 def editing(fern, open_page):
     """Opens the fern's page with its maps shown."""
-    def opened(side=(SIDE + PANEL, SIDE), fragment="", **settings) -> Opened:
-        return with_maps(open_page(side, **settings).go(f"file://{fern[1]}{fragment}"))
+    def opened(side=WINDOW, fragment="", **settings) -> Opened:
+        return with_maps(open_page(side, **COARSE | settings).go(f"file://{fern[1]}{fragment}"))
 
     return opened

@@ -13,6 +13,7 @@ from fractal_exp.evaluation.metrics import f1
 VIEW = View()
 SIDE, PANEL = 600, 388  # pixels of the picture, and of what lies beside it
 UNIT = SIDE / 2         # pixels to a unit of the canvas
+WINDOW = SIDE + PANEL, SIDE
 
 
 def with_maps(opened: Opened) -> Opened:
@@ -62,7 +63,8 @@ def middle(opened: Opened, kind: str) -> tuple[float, float]:
 def likeness(opened: Opened, code: IFS, view: View = VIEW, least: float = 0.0) -> float:
     """F1 of the picture that is seen, once it is drawn, and of the code's. A page takes a while until it begins to draw
     what was changed, so `least` is waited for."""
-    truth = render(code, view, resolution=SIDE)[None]
+    seen = opened.drawn().picture()
+    truth = render(code, view, resolution=len(seen))[None]
     end = time.monotonic() + PATIENCE / 1000
     while True:
         found = float(f1(torch.tensor(opened.drawn().picture(), dtype=torch.float32)[None], truth))

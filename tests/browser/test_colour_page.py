@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser_helpers import Opened
+from browser_helpers import COARSE, Opened
 from PIL import Image
 
 from fractal_exp import IFS, Colours, View, codes, render
@@ -50,7 +50,7 @@ def test_a_code_with_colours_is_shown_in_them_at_any_depth(path, open_page, thro
 
 @pytest.mark.parametrize("thrower", ["cpu", "gpu"])
 def test_other_colours_are_chosen_by_keys_alone(path, open_page, thrower):
-    opened = open_page((900, 400)).go(f"file://{path}?thrower={thrower}")
+    opened = open_page((480, 400), device_scale_factor=0.25).go(f"file://{path}?thrower={thrower}")
     page = opened.page
     assert not page.is_visible("#colours")
     page.keyboard.press("p")
@@ -80,7 +80,7 @@ def test_other_colours_are_chosen_by_keys_alone(path, open_page, thrower):
 
 
 def test_a_ground_of_ones_own_and_a_link_that_keeps_it(path, open_page):
-    opened = open_page((900, 400)).go(f"file://{path}#x=0&y=0&zoom=1&by=map&palette=fire&ground=204060")
+    opened = open_page((480, 400), **COARSE).go(f"file://{path}#x=0&y=0&zoom=1&by=map&palette=fire&ground=204060")
     assert seen(opened)[0, 0].tolist() == [0x20, 0x40, 0x60]
     opened.page.keyboard.press("p")
     assert opened.page.input_value("#palette") == "fire" and opened.page.is_checked("#own-ground")
@@ -97,7 +97,7 @@ def test_a_light_page_lays_colours_on_white(path, open_page):
 
 def test_a_code_without_colours_offers_none_until_one_with_colours_is_imported(tmp_path, open_page):
     plain = replace(FERN, colours=None).save_html(tmp_path / "plain.html")
-    opened = open_page((900, 600)).go(f"file://{plain}")
+    opened = open_page((900, 600), **COARSE).go(f"file://{plain}")
     page = opened.page
     options = "Array.from(document.getElementById('by').options, (option) => option.value)"
     assert "own" not in page.evaluate(options) and np.ptp(seen(opened), axis=-1).max() == 0

@@ -5,14 +5,15 @@ import re
 import numpy as np
 import pytest
 import torch
-from editing_helpers import PANEL, SIDE, UNIT, code_of, drag, likeness, middle, outwards, same, select, typed
+from browser_helpers import COARSE
+from editing_helpers import UNIT, WINDOW, code_of, drag, likeness, middle, outwards, same, select, typed
 
 from fractal_exp import IFS, View
 from fractal_exp.ifs import attractor
 
 
 def test_the_page_opens_as_a_viewer_and_the_maps_come_and_go(fern, open_page):
-    opened = open_page((SIDE + PANEL, SIDE)).go(f"file://{fern[1]}")
+    opened = open_page(WINDOW, **COARSE).go(f"file://{fern[1]}")
     assert not opened.page.is_visible("#panel") and not opened.page.is_visible("#handle-move")
     opened.page.keyboard.press("e")
     opened.page.wait_for_selector("#maps .map-3 > text", state="attached")
@@ -68,7 +69,7 @@ def test_a_map_that_is_stretched_too_far_still_contracts_and_that_is_said(editin
 
 def test_by_keyboard_alone_a_map_is_selected_moved_and_put_back(fern, open_page):
     code, path = fern
-    opened = open_page((SIDE + PANEL, SIDE)).go(f"file://{path}")
+    opened = open_page(WINDOW, **COARSE).go(f"file://{path}")
     press = opened.page.keyboard.press
     for key in ("e", "m", "m", "Tab"):
         press(key)
@@ -185,7 +186,7 @@ def test_nothing_overlaps_and_all_is_in_the_window(editing, size):
 def test_a_thousand_maps_are_edited(open_page, tmp_path):
     generator = torch.Generator().manual_seed(0)
     code = IFS((torch.rand(1000, 2, 2, generator=generator) - 0.5) / 9, torch.rand(1000, 2, generator=generator))
-    opened = open_page((SIDE + PANEL, SIDE)).go(f"file://{code.save_html(tmp_path / 'many.html')}")
+    opened = open_page(WINDOW, **COARSE).go(f"file://{code.save_html(tmp_path / 'many.html')}")
     opened.page.click("#do-edit")
     select(opened, 777)
     drag(opened, "move", 30, 0)

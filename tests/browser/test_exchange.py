@@ -4,8 +4,8 @@ import json
 
 import pytest
 import torch
-from browser_helpers import pages
-from editing_helpers import PANEL, SIDE, close, code_of, dialog, exported, likeness, same, with_maps
+from browser_helpers import COARSE, pages
+from editing_helpers import WINDOW, close, code_of, dialog, exported, likeness, same, with_maps
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
@@ -28,7 +28,7 @@ HOSTILE = [
 def shared(fern, browser):
     """One such page for all tests that leave its code as it was: to open one takes seconds."""
     with pages(browser) as open_page:
-        yield with_maps(open_page((SIDE + PANEL, SIDE)).go(f"file://{fern[1]}"))
+        yield with_maps(open_page(WINDOW, **COARSE).go(f"file://{fern[1]}"))
 
 
 def test_what_is_not_edited_is_exported_to_the_last_bit(fern, editing):
@@ -113,7 +113,7 @@ def test_the_drawing_opens_in_a_browser_with_maps_over_the_shape(shared, open_pa
 def test_a_sandboxed_frame_offers_the_text_of_a_code(fern, open_page, tmp_path):
     code, _ = fern
     (tmp_path / "notebook.html").write_text(f"<!doctype html><title>n</title>{code._repr_html_()}")
-    opened = open_page((900, 520))
+    opened = open_page((900, 520), **COARSE)
     opened.page.goto(f"file://{tmp_path}/notebook.html")
     opened.page.wait_for_timeout(200)
     frame = opened.page.frames[-1]

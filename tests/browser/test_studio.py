@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from browser_helpers import COARSE
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, codes, suite
@@ -53,12 +54,13 @@ def until(page, name: str, pattern: str) -> str:
     raise AssertionError(f"{name} never had {pattern}, but {text!r}")
 
 
+@pytest.mark.slow
 def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     address, output = studio
     triangle = attractor.normalize(codes.known("sierpinski_triangle"))
     picture = np.rint(255 * suite.target(triangle, SIDE).numpy()).astype(np.uint8)
     Image.fromarray(picture).save(tmp_path / "triangle.png")
-    opened = open_page((1280, 860))
+    opened = open_page((1280, 860), **COARSE)
     page = opened.page
     page.goto(address)
     page.wait_for_selector("#drop span")
@@ -105,7 +107,7 @@ def pair_of_shapes() -> bytes:
 @pytest.fixture
 def cropping(studio, open_page):
     """A page with that picture."""
-    page = open_page((1280, 860)).page
+    page = open_page((1280, 860), **COARSE).page
     page.goto(studio[0])
     page.wait_for_selector("#file:enabled")
     page.set_input_files("#file", {"name": "pair.png", "mimeType": "image/png", "buffer": pair_of_shapes()})
@@ -203,7 +205,7 @@ def test_a_page_without_the_token_shows_nothing(studio, open_page):
 
 @pytest.mark.parametrize("size", [(390, 844), (1280, 800)])
 def test_nothing_is_wider_than_the_window_and_every_control_has_a_name(studio, open_page, size):
-    opened = open_page(size)
+    opened = open_page(size, **COARSE)
     opened.page.goto(studio[0])
     opened.page.wait_for_selector("#do-find", timeout=PATIENCE)
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= size[0]
@@ -213,7 +215,7 @@ def test_nothing_is_wider_than_the_window_and_every_control_has_a_name(studio, o
 
 
 def test_the_stage_stays_in_view_while_the_panel_is_scrolled(studio, open_page):
-    page = open_page((1280, 400)).page
+    page = open_page((1280, 400), **COARSE).page
     page.goto(studio[0])
     page.wait_for_selector("#do-find", timeout=PATIENCE)
     assert page.evaluate("() => { scrollTo(0, 10_000); return scrollY; }") > 100

@@ -5,6 +5,7 @@ import time
 from dataclasses import replace
 
 import pytest
+from browser_helpers import COARSE
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
@@ -59,7 +60,7 @@ def notebook(open_page, tmp_path):
     """Opens a notebook with a widget in its only cell, whose frame shows the maps."""
     def opened(widget: CodeWidget) -> Notebook:
         (tmp_path / "notebook.html").write_text(NOTEBOOK.format(state=embedded(widget)))
-        page = open_page((SIDE + PANEL, 2 * SIDE))
+        page = open_page((SIDE + PANEL, 2 * SIDE), **COARSE)
         page.page.goto(f"file://{tmp_path}/notebook.html")
         return Notebook(widget, page)
 
@@ -265,7 +266,7 @@ def test_a_page_of_its_own_speaks_to_nobody(open_page, tmp_path):
     (tmp_path / "notebook.html").write_text(
         f"<!doctype html><title>n</title><script>addEventListener('message', ({{ data }}) => {{ document.title = "
         f"JSON.stringify(data); }});</script>{FERN._repr_html_()}")
-    opened = open_page((SIDE + PANEL, SIDE))
+    opened = open_page((SIDE + PANEL, SIDE), **COARSE)
     opened.page.goto(f"file://{tmp_path}/notebook.html")
     frame = opened.page.wait_for_selector("iframe").content_frame()
     opened.drawn(frame)

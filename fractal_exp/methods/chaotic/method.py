@@ -13,6 +13,7 @@ from torch import Tensor
 
 from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint, Snapshot
+from ...runtime.checks import check_seconds
 from ...runtime.precision import full_precision
 from ...runtime.seeds import derive, generator
 from ..base import (
@@ -71,8 +72,7 @@ class Chaotic(Method):
             raise InputError(f"radii must be one or more numbers above 0, got {list(radii)}")
         if previews < 0:
             raise InputError(f"previews must be at least 0, got {previews}")
-        if seconds is not None and not seconds > 0:
-            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
+        check_seconds(seconds)
         self.model, self.objective, self.optimizer = model, objective, optimizer
         self.iterations, self.seconds, self.seed = iterations, seconds, seed
         self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import takewhile
 
 from torch import Tensor
 
@@ -28,17 +29,21 @@ class Course:
     def _expected(stage: Stage) -> float:
         return ANOTHER_ROUND**stage.round * stage.expected_moves
 
+    def _before(self, stage: Stage) -> Iterator[Stage]:
+        """All earlier stages."""
+        return takewhile(lambda each: each.key != stage.key, self.stages.values())
+
     def number(self, stage: Stage) -> int:
         """The stage's number, from 0."""
         return list(self.stages).index(stage.key)
 
     def moves_before(self, stage: Stage) -> int:
         """Maximum number of moves of all earlier stages."""
-        return sum(each.most_moves for key, each in self.stages.items() if key < stage.key)
+        return sum(each.most_moves for each in self._before(stage))
 
     def fraction(self, stage: Stage, step: int) -> float:
         """The share of all expected moves that is done after `step` moves of a stage."""
-        before = sum(self._expected(each) for key, each in self.stages.items() if key < stage.key)
+        before = sum(map(self._expected, self._before(stage)))
         return (before + min(step / max(stage.expected_moves, 1), 1) * self._expected(stage)) / self.total
 
 

@@ -6,7 +6,7 @@ from ...ifs.code import IFS
 from ...runtime.checkpoint import Snapshot
 from .maps import from_code
 from .measure.stages import Detail
-from .state import Candidate, State
+from .state import Candidate, Key, State
 
 OPTIONS = {"rounds": 1, "growth": {"enabled": False}}   # another round, or growth, would begin without the code
 
@@ -17,4 +17,4 @@ def found_already(code: IFS) -> Snapshot:
     A search that is resumed from it with `OPTIONS` improves the code.
     """
     best = Candidate(from_code(code).float(), code.probabilities, float("inf"))
-    return State(done=(0, Detail.order, 0), best=best).snapshot()
+    return State(done=Key(0, Detail.name), best=best).snapshot()

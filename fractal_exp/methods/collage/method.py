@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint
+from ...runtime.checks import check_count, check_seconds
 from ...runtime.deadline import Deadline
 from ..base import CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
 from .course import Teller
@@ -36,10 +37,8 @@ class Collage(Method):
 
     def __init__(self, *, seconds: float | None = None, seed: int = 0, previews: int = 10, device: str = "cpu",
                  **options: Any):
-        if seconds is not None and not seconds > 0:
-            raise InputError(f"seconds must be above 0 (or none for no limit), got {seconds}")
-        if previews < 0:
-            raise InputError(f"previews must be at least 0, got {previews}")
+        check_seconds(seconds)
+        check_count("previews", previews, 0)
         self.params = CollageParams().updated(**options)
         self.seconds, self.seed, self.previews, self.device = seconds, seed, previews, check_device(device)
 

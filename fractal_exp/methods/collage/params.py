@@ -12,16 +12,19 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ...runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, as_yaml
+from ...runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, as_yaml, check_order
 from .canonical.params import CanonicalParams
-from .fields import SingularValue
+from .fields import PositiveShare, SingularValue
 from .growth.params import GrowthParams
 from .image.params import FrameParams, GaussNewtonParams, ImageParams, LineParams, MoveParams, RefineParams
 from .measure.camera_params import CameraParams
 from .measure.params import BirthParams, DescentParams, PopulationParams, SaturationParams, SearchParams
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
-CAMERAS = {"pen_px": ("coverage",), "gain": ("dots",), "blur_px": ("coverage", "dots", "linear")}   # levels they are of
+CAMERAS = {   # values of the camera, with the levels that they are of
+    "pen_px": ("coverage",), "gain": ("dots", "tonemapped"), "gamma": ("tonemapped",),
+    "blur_px": ("coverage", "dots", "tonemapped", "linear"),
+}
 
 
 class StageParams(Params):
@@ -42,6 +45,8 @@ class StageParams(Params):
     """Noise ratio above which a third or fourth round begins."""
     hopeless: Amount = 0.4
     """Error of a rendering, radians rms, from which the image is assumed to show no attractor."""
+    later_restarts: PositiveShare = 0.5
+    """Restarts of each later round, as a share of `search.restarts`, rounded up."""
     avoid_isometries: bool = True
     """Whether every other round avoids near-isometries: the first, third … of a picture that others drew; the
     second, fourth … of another image, if a code with a near-isometry has failed."""
@@ -80,11 +85,9 @@ class StageParams(Params):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        for first, second in (*pairwise(name for name in type(self).model_fields if name.endswith("_share")),
-                              ("largest_side", "full_side"), ("contraction", "isometry"), ("drawn_hopeless", "unlike")):
-            low, high = getattr(self, first), getattr(self, second)
-            if low > high:
-                raise ParamError(second, f"{NAME} must be at least {first}, which is {low}; got {high}")
+        shares = pairwise(name for name in type(self).model_fields if name.endswith("_share"))
+        check_order(self, *shares, ("largest_side", "full_side"), ("drawn_hopeless", "unlike"),
+                    ("contraction", "isometry"))
         return self
 
 
@@ -133,11 +136,8 @@ class CollageParams(Params):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        camera, growth = self.camera, self.growth
-        if self.saturation.length <= camera.warmup:
-            raise ParamError("saturation.length", f"{NAME} must be above camera.warmup, which is {camera.warmup}; "
-                                                  f"got {self.saturation.length}")
-        if self.likeness is not None and not growth.enabled:
+        camera = self.camera
+        if self.likeness is not None and not self.growth.enabled:
             raise ParamError("likeness", f"{NAME} is reached by growth, but growth.enabled is false; "
                                          f"got {self.likeness}")
         for name, levels in CAMERAS.items():
@@ -163,8 +163,6 @@ class CollageParams(Params):
 
 def hydra_config() -> str:
     """conf/method/collage.yaml: `python -m fractal_exp.methods.collage.params > conf/method/collage.yaml`."""
-    elsewhere = {"rounds": "${rounds}", "search.restarts": "${restarts}", "search.moves": "${moves}",
-                 "search.detail_moves": "${detail_moves}", "moves.count": "${image_moves}"}
     return f"""# Collage search finds the maps of a code one by one, from the measure that the image shows.
 # This file is generated from the parameter classes in fractal_exp/methods/collage. Do not edit it.
 _target_: fractal_exp.methods.collage.method.Collage
@@ -173,7 +171,7 @@ seconds: ${{seconds}}
 seed: ${{seed}}
 device: ${{device}}
 previews: 10
-{as_yaml(CollageParams(), elsewhere)}
+{as_yaml(CollageParams(), {})}
 """
 
 

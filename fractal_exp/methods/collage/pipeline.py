@@ -47,6 +47,5 @@ class Pipeline:
         while self.state.step < stage.most_moves and not deadline.passed and not stage.is_settled(self.state):
             self.state = stage.moved(self.state)
             self.on_move(stage, self.state)
-        state = stage.close(self.state)
-        self.state = state.closed(stage.last_key(state))
+        self.state = stage.close(self.state).closed(stage.key)
         self.on_stage(stage, self.state)

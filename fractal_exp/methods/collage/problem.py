@@ -59,9 +59,9 @@ class SearchProblem:
         return blurred(self.masses, sigma, self.params.camera)
 
     def restarts(self, number: int) -> int:
-        """Number of restarts in a round; rounds after the first have half as many."""
+        """Number of restarts in a round."""
         restarts = self.params.search.restarts
-        return (restarts + 1) // 2 if number else restarts
+        return math.ceil(restarts * self.params.stages.later_restarts) if number else restarts
 
     @property
     def is_reduced(self) -> bool:

@@ -14,7 +14,7 @@ from .measure.search import MeasureSearch, Regime
 from .measure.tones import camera_of, seen_with
 from .problem import SearchProblem
 from .stage import Stage
-from .state import Candidate, Key, State
+from .state import Candidate, State
 
 
 class Recursion(Stage):
@@ -25,7 +25,7 @@ class Recursion(Stage):
     code is taken if it draws the picture; the moves by renderings are then left out. A move is a search.
     """
 
-    name, order, ends_at = "strokes", 3, "approach_share"
+    name, ends_at = "strokes", "approach_share"
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)
@@ -72,10 +72,6 @@ class Recursion(Stage):
     def close(self, state: State) -> State:
         return replace(state, best=state.current) if self._is_explained(state.current) else state
 
-    def last_key(self, state: State) -> Key:
-        """The next stage, the moves by renderings, is done with if the picture is explained."""
-        return (self.round, self.order + 1, 0) if self._is_explained(state.best) else self.key
-
     def _few_maps(self, number: int) -> Rendered:
         """What a search for few maps finds."""
         most = self.params.camera.recursion_maps[number]
@@ -91,7 +87,7 @@ class Recursion(Stage):
         return self.objective.judge(found.maps)
 
     def _error_to_beat(self, now: Candidate) -> float:
-        if _has_strokes(now):
+        if has_strokes(now):
             return now.error
         return float("inf") if self._has_tiles(now) else self.params.camera.stroked * now.error
 
@@ -100,7 +96,7 @@ class Recursion(Stage):
         return self.objective.levels.smallest_part(found.code, len(self.objective.image)) > 0
 
     def _is_explained(self, found: Candidate) -> bool:
-        return _has_strokes(found) and self._likeness(found) >= self.params.stages.unlike
+        return has_strokes(found) and self._likeness(found) >= self.params.stages.unlike
 
     def _likeness(self, found: Candidate) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
@@ -114,5 +110,6 @@ def _candidate(objective: ImageObjective, shown: Rendered) -> Candidate:
     return Candidate(shown.maps, shown.weights, shown.error, shown.error, camera_of(objective.levels))
 
 
-def _has_strokes(found: Candidate) -> bool:
+def has_strokes(found: Candidate) -> bool:
+    """Whether a code was last judged by what it draws as strokes."""
     return found.camera[:1] == ("strokes",)

@@ -16,12 +16,12 @@ from .state import Candidate, Key, State
 
 
 class Stage(ABC):
-    """One stage of a round. name: shown in reports; order: its place in the round, ascending; ends_at: the parameter in
-    `StageParams` with the share of the time limit at which the stage ends. A stage that has not begun by then is
-    skipped."""
+    """One stage of a round. name: shown in reports; part: its name in `STAGES`, where it is not the same; ends_at: the
+    parameter in `StageParams` with the share of the time limit at which the stage ends. A stage that has not begun by
+    then is skipped."""
 
     name: str
-    order: int
+    part: str = ""
     ends_at: str
     search: MeasureSearch | ImageSearch | Crossing
 
@@ -30,8 +30,8 @@ class Stage(ABC):
 
     @property
     def key(self) -> Key:
-        """Unique key of the stage; later stages have higher keys."""
-        return self.round, self.order, self.restart
+        """Unique key of the stage."""
+        return Key(self.round, self.part or self.name, self.restart)
 
     @property
     def expected_moves(self) -> int:
@@ -58,7 +58,7 @@ class Stage(ABC):
         """The candidate to start with."""
 
     def is_wanted(self, state: State) -> bool:
-        """Whether the stage has anything to do."""
+        """Whether the stage has anything to do, after what the stages before it have found."""
         return True
 
     def step(self, now: Candidate, number: int) -> Candidate:
@@ -76,10 +76,6 @@ class Stage(ABC):
     def close(self, state: State) -> State:
         """The state that the stage hands on."""
         return replace(state, best=state.current)
-
-    def last_key(self, state: State) -> Key:
-        """Key of the last stage that counts as done after this one."""
-        return self.key
 
     def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the

@@ -20,7 +20,7 @@ from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart
 from .measure.tones import camera_of
 from .problem import SearchProblem
-from .recursion import Recursion
+from .recursion import Recursion, has_strokes
 from .stage import Stage
 from .state import Candidate, State
 
@@ -28,7 +28,7 @@ from .state import Candidate, State
 class Approach(Stage):
     """Polish the code on a shrunk image. The nearer the code, the more precisely this image can be computed."""
 
-    name, order, ends_at = "approach", 3, "approach_share"
+    name, ends_at = "approach", "approach_share"
 
     def open(self, state: State) -> None:
         self.search = self.problem.image_search(state.best.code, self.deadline, "approach", self.round)
@@ -42,7 +42,7 @@ class ImageMoves(Stage):
     number asked for as long as the error keeps being halved. If another round is worth while, `best` is None after it.
     """
 
-    name, order, ends_at = "image", 4, "image_share"
+    name, ends_at = "image", "image_share"
     reached = "the code renders the image as well as the true one would"
 
     @property
@@ -69,7 +69,7 @@ class ImageMoves(Stage):
 
     def step(self, now: Candidate, number: int) -> Candidate:
         more = number + 1 - self.expected_moves  # cleaning: small maps that compensate for a wrong one keep it in place
-        due = more >= 0 and more % self.recent == 0
+        due = self.params.moves.cleaning and more >= 0 and more % self.recent == 0
         return self.search.cleaned(now) if due else self.search.step(now, number)
 
     def is_settled(self, state: State) -> bool:
@@ -127,7 +127,7 @@ class FullSize(Stage):
     """After a search on a shrunk image, polish the code at full resolution, or at `stages.full_side` if that is less.
     Grids are at most as fine as `image.finest`: a larger rendering only has less noise."""
 
-    name, order, ends_at = "full size", 5, "full_share"
+    name, ends_at = "full size", "full_share"
 
     @property
     def deadline(self) -> Deadline:
@@ -157,7 +157,7 @@ class FullSize(Stage):
 class LastDigits(Stage):
     """Round a nearly right code to simple numbers and make it fill the frame exactly."""
 
-    name, order, ends_at = "last digits", 6, "canonical_share"
+    name, ends_at = "last digits", "canonical_share"
 
     @property
     def deadline(self) -> Deadline:
@@ -199,6 +199,10 @@ class DrawnMoves(ImageMoves):
     """`ImageMoves` for a picture that others drew. The camera is estimated for a code before the code is judged."""
 
     reached = "the code draws the shape to within a pixel"
+
+    def is_wanted(self, state: State) -> bool:
+        """False if `Recursion` has explained the picture by strokes."""
+        return state.best is None or not has_strokes(state.best)
 
     @property
     def expected_moves(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -11,10 +12,23 @@ from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
 from .maps import WeightedMaps
 
-VERSION = 8   # of the stages and their scores; stored in checkpoints
+VERSION = 9   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
+STAGES = ("population", "restart", "mixture", "detail", "approach", "strokes", "image", "full size", "last digits",
+          "growth")   # in order; the last three come after all rounds
 
-Key = tuple[int, int, int]   # of a stage: its round, its order in the round, and the number of its restart
+
+class Key(NamedTuple):
+    """Which stage of which round, and which restart."""
+
+    round: int
+    stage: str
+    restart: int = 0
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Higher for later stages."""
+        return self.round, STAGES.index(self.stage), self.restart
 
 
 @dataclass(frozen=True)
@@ -62,7 +76,7 @@ class State:
 
     def has_done(self, key: Key) -> bool:
         """Whether this stage is done."""
-        return self.done is not None and key <= self.done
+        return self.done is not None and key.place <= self.done.place
 
     def moved(self, candidate: Candidate) -> State:
         """The state after a move."""
@@ -105,7 +119,8 @@ class State:
         for name in (name for name in CANDIDATES if name in numbers):
             error, score, *camera = numbers[name]
             kept[name] = Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), error, score, tuple(camera))
-        done, halved = (tuple(each) if each else None for each in (numbers["done"], numbers["halved"]))
+        done = Key(*numbers["done"]) if numbers["done"] else None
+        halved = tuple(numbers["halved"]) if numbers["halved"] else None
         curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
                       for i, likeness in enumerate(numbers["curve"]))
         return cls(done, snapshot.iteration, **kept, curve=curve, halved=halved, pool=tensors.get("pool"),

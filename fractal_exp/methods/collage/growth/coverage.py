@@ -16,22 +16,18 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from .params import GrowthParams
 from .silhouette import Silhouette, widened
 
-SUBPIXELS = 16                # per side of a pixel, for counting areas; renderings have as many
-BLOCKS = 4, 8, 16             # pixels per side of the blocks whose mean brightness is compared
-FAR_PX, FARTHEST = 8.0, 3.0   # unit of the distance that light off the shape pays for, and its maximum in these units
 
-
-def areas(maps: Tensor, shape: Silhouette, generator: torch.Generator, points: int = 6000) -> Tensor:
+def areas(maps: Tensor, shape: Silhouette, params: GrowthParams, generator: torch.Generator) -> Tensor:
     """The number of pixels (N,) that the images of a shape under maps (N,6) cover. A thin image covers more subpixels
     than its determinant suggests; for a large image there are too few points to count its subpixels."""
-    places, side = shape.points(points, generator), shape.side * SUBPIXELS
+    places, side = shape.points(params.area_points, generator), shape.side * params.subpixels
     cells = []
     for row in ((0, 1, 4), (2, 3, 5)):
         along = maps[:, row[0], None] * places[:, 0] + maps[:, row[1], None] * places[:, 1] + maps[:, row[2], None]
         cells.append(((along + 1) * (side / 2)).long().clamp(0, side - 1))
     code = (cells[0] * side + cells[1]).sort(1).values
     counted = 1 + (code.diff(dim=1) != 0).sum(1)
-    return torch.maximum(_determinants(maps) * shape.area, counted / SUBPIXELS**2)
+    return torch.maximum(_determinants(maps) * shape.area, counted / params.subpixels**2)
 
 
 def _determinants(maps: Tensor) -> Tensor:
@@ -50,8 +46,8 @@ class Uncovered:
     def __init__(self, shape: Silhouette, params: GrowthParams):
         self.shape, self.params = shape, params
         self.asked, self.allowed = shape.mask.float(), widened(shape.mask)
-        self.distance = (shape.distances() / FAR_PX).clamp_max(FARTHEST)
-        self.blocks = [k for k in BLOCKS if k <= shape.side]
+        self.distance = (shape.distances() / params.far_px).clamp_max(params.farthest)
+        self.blocks = [k for k in params.blocks if k <= shape.side]
 
     def shades(self, bins: Tensor) -> Tensor:
         """The shades (R,R) of pixels, from their covered shares."""
@@ -62,7 +58,8 @@ class Uncovered:
         """The loss of the covered shares (R,R) of all pixels."""
         params, asked = self.params, self.asked
         shade = self.shades(bins)
-        near = torch.maximum(shade, self.shades(avg_pool2d(bins[None, None], 3, 1, 1)[0, 0] * 4.5))
+        covered = avg_pool2d(bins[None, None], 3, 1, 1)[0, 0] * (9 * params.around)
+        near = torch.maximum(shade, self.shades(covered))
         light, wanted = shade.sum().clamp_min(1e-6), asked.sum()
         precision, recall = (shade * self.allowed).sum() / light, (near * asked).sum() / wanted
         loss = 1 - 2 * precision * recall / (precision + recall).clamp_min(1e-6)
@@ -80,7 +77,7 @@ def refined(maps: Tensor, loss: Uncovered, steps: int, generator: torch.Generato
     areas of the images are counted every `recount` steps. In between they follow the determinants to the power
     `area_power`, because a wider line covers more."""
     shape, params = loss.shape, loss.params
-    moved = params.points_per_pixel * shape.side**2
+    moved, most = params.points_per_pixel * shape.side**2, params.area_change
     count = max(params.least_points, min(round(moved / len(maps)), params.most_points))
     first, second = torch.zeros_like(maps), torch.zeros_like(maps)
     covered = volume = maps.new_zeros(len(maps))
@@ -88,13 +85,14 @@ def refined(maps: Tensor, loss: Uncovered, steps: int, generator: torch.Generato
         if deadline.passed:
             break
         if k % params.recount == 0:
-            covered, volume = areas(maps, shape, generator), _determinants(maps)
+            covered, volume = areas(maps, shape, params, generator), _determinants(maps)
         places = shape.points(count, generator)
         samples = torch.cat([places, torch.full((count, 1), 1 / count)], 1)
         with torch.enable_grad():
             moving = maps.detach().requires_grad_()
-            wider = ((_determinants(moving) + 1e-6) / (volume + 1e-6)).clamp(0.2, 5) ** params.area_power
-            error = loss(pushforward(moving[None], (covered * wider)[None], samples, shape.side)[0])
+            change = ((_determinants(moving) + 1e-6) / (volume + 1e-6)).clamp(1 / most, most)
+            light = covered * change ** params.area_power
+            error = loss(pushforward(moving[None], light[None], samples, shape.side)[0])
             gradient, = torch.autograd.grad(error, moving)
         first.mul_(BETA_1).add_(gradient, alpha=1 - BETA_1)
         second.mul_(BETA_2).addcmul_(gradient, gradient, value=1 - BETA_2)

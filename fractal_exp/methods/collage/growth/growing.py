@@ -40,14 +40,13 @@ class Grower:
 
     def plain(self, count: int) -> Grown:
         """A plain paving by `count` maps."""
-        return self.drawn(paving(self.shape, count, derive(self.seed, "growth", count),
-                                 largest=self.params.largest))
+        return self.drawn(paving(self.shape, count, self.params, derive(self.seed, "growth", count)))
 
     def drawn(self, maps: Tensor) -> Grown:
         """The set of maps (N,6) with its likeness. Probabilities are proportional to the areas that the images of the
         shape cover, so the whole shape is drawn evenly."""
         g = generator(self.seed, "areas")
-        weights = affine.normalized(areas(maps, self.shape, g))
+        weights = affine.normalized(areas(maps, self.shape, self.params, g))
         return Grown(maps, weights, self.likeness(affine.WeightedMaps(maps, weights)))
 
     def drawing(self, candidate: affine.WeightedMaps) -> Tensor:
@@ -62,5 +61,4 @@ class Grower:
         """New maps (count,6) that pave the undrawn part of the shape, or the whole shape if that part is too small."""
         missing = self.shape.mask & (widened(self.drawing(before) > 0) == 0)
         enough = int(missing.sum()) >= self.params.least_cell * count
-        return paving(self.shape, count, derive(self.seed, "born", count), missing if enough else None,
-                      largest=self.params.largest)
+        return paving(self.shape, count, self.params, derive(self.seed, "born", count), missing if enough else None)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from itertools import pairwise
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ....ops.collage.reference import MAX_STEPS
-from ....runtime.params import Amount, Params, Positive, Share
+from ....runtime.params import NAME, Amount, ParamError, Params, Positive, Share, check_order
 from ..fields import Factor, PositiveShare, SingularValue, Some
 
 
@@ -49,17 +50,42 @@ class GrowthParams(Params):
     """Maximum number of points that each map moves."""
     recount: Positive = 25
     """Steps between two counts of the areas of the images."""
+    area_points: Positive = 6000
+    """Points of the shape whose images are counted."""
+    subpixels: Annotated[int, Field(ge=1, le=256)] = 16
+    """Subpixels per side of a pixel in which the images of points are counted."""
     area_power: Share = 0.7
     """Between two counts, areas follow the determinants to this power."""
+    area_change: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 5.0
+    """Maximum factor by which a determinant counts as grown or shrunk since the last count."""
     half: Factor = 0.1
     """Covered share of a pixel that shows half white."""
     power: Factor = 1.5
     """Steepness with which the shade rises with the covered share."""
+    around: Share = 0.5
+    """Share of the cover of a pixel's 3 × 3 neighbourhood that counts for the pixel itself, in the recall within a
+    pixel."""
     exact: Amount = 0.3
     """Weight of the F1 to the pixel; the F1 within a pixel has weight 1."""
     coarse: Amount = 0.3
     """Weight of the brightness of blocks of pixels."""
+    blocks: Annotated[tuple[Positive, ...], Some] = (4, 8, 16)
+    """Pixels per side of these blocks."""
     far: Amount = 0.05
     """Weight of the distance of what lies off the shape."""
+    far_px: Factor = 8.0
+    """Unit of this distance, pixels."""
+    farthest: Amount = 3.0
+    """Maximum of this distance, in that unit."""
+    kmeans_rounds: Positive = 30
+    """Rounds of k-means (Lloyd 1982) that cut the shape into cells."""
     least_cell: Positive = 4
     """Missing pixels per new map below which new maps are placed anywhere on the shape."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        check_order(self, ("least_points", "most_points"))
+        for before, after in pairwise(self.counts):
+            if before >= after:
+                raise ParamError("counts", f"{NAME} must ascend, got {after} after {before}")
+        return self

@@ -9,29 +9,29 @@ import torch
 from torch import Tensor
 
 from ....runtime.seeds import derive
+from .params import GrowthParams
 from .silhouette import Silhouette
 
-ROUNDS = 30          # of k-means
 
-
-def paving(shape: Silhouette, count: int, seed: int = 0, mask: Tensor | None = None, *, largest: float) -> Tensor:
+def paving(shape: Silhouette, count: int, params: GrowthParams, seed: int = 0, mask: Tensor | None = None) -> Tensor:
     """Maps (count,6) that pave the shape, or the pixels of a mask (R,R) of it.
 
     k-means (Lloyd 1982, with k-means++ starts) cuts the pixels into cells. Each map gives the whole shape the mean and
     the covariance of a cell, longer axis on longer axis. So for a thin cell, it flattens the shape onto a line. An
-    empty cell is replaced by another copy of the largest one. Singular values are clipped at `largest`: the shorter
-    axis of a cell may be longer than the shape's own, for instance where a line ends in a knob.
+    empty cell is replaced by another copy of the largest one. Singular values are clipped at `params.largest`: the
+    shorter axis of a cell may be longer than the shape's own, for instance where a line ends in a knob.
     """
     from scipy.cluster.vq import kmeans2
 
     whole, part = _centres(shape.mask, shape.side), _centres(shape.mask if mask is None else mask, shape.side)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that a cell is empty
-        _, labels = kmeans2(part, min(count, len(part)), minit="++", iter=ROUNDS, seed=derive(seed, "paving") % 2**32)
+        _, labels = kmeans2(part, min(count, len(part)), minit="++", iter=params.kmeans_rounds,
+                            seed=derive(seed, "paving") % 2**32)
     cells = sorted((part[labels == label] for label in np.unique(labels)), key=len, reverse=True)
     cells = cells + cells[:1] * (count - len(cells))
     mean, (source, lengths) = whole.mean(0), _axes(whole, shape.side)
-    linear = np.stack([directions * np.minimum(own / lengths, largest) @ source.T
+    linear = np.stack([directions * np.minimum(own / lengths, params.largest) @ source.T
                        for directions, own in (_axes(cell, shape.side) for cell in cells)])
     offset = np.stack([cell.mean(0) for cell in cells]) - linear @ mean
     return torch.from_numpy(np.concatenate([linear.reshape(count, 4), offset], 1)).float()

@@ -17,7 +17,7 @@ class Growth(Stage):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
     the grown sets. It is skipped if the search found the code."""
 
-    name, order, ends_at = "growth", 7, "canonical_share"
+    name, ends_at = "growth", "canonical_share"
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)

@@ -23,8 +23,8 @@ class Frame:
     """
 
     side: int
-    sigma_px: float = 0.05
-    beyond_px: float = 1.0
+    sigma_px: float
+    beyond_px: float
 
     @classmethod
     def of(cls, image: Tensor, params: FrameParams) -> Frame | None:

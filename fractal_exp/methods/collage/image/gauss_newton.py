@@ -48,7 +48,7 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
                 break
             damping *= params.damping_up
         else:
-            if alone or len(moving) == 1:
+            if params.one_by_one and (alone or len(moving) == 1):
                 rendered = _one_by_one(objective, rendered, change, deadline)
         idle = idle + 1 if before - rendered.error < params.little * before else 0
     return rendered

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
 
@@ -18,12 +19,8 @@ from ..measure.blur import blurred
 from .objective import ImageObjective, Rendered
 
 WEIGHT = 6                 # the column of a map's probability, after its six entries
-LOG_STEP = 0.1             # step of a probability's logarithm that counts as much as a pixel
-LEAST_WEIGHT = 1e-3        # minimum weight of a map, relative to the heaviest
-LETTERS = 8                # length of the words through which a probability's effect is followed
-MARGIN = 8                 # the grid extends beyond each edge of the canvas by 1 / MARGIN of its side
 BILINEAR = 1 / 12          # variance, cells², that bilinear bins add, compared with sharp bins
-ROWS = 2**21               # numbers of a Jacobian that are multiplied at once
+ROWS = 2**21               # numbers of a Jacobian that are multiplied at once, to limit the memory
 
 
 class Jacobian(ABC):
@@ -40,7 +37,8 @@ class Jacobian(ABC):
         self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed,
                                        objective.params.camera)
         self.game = trajectories(self.count, objective.params.camera)
-        self.mean, spread = self.points.mean(0).tolist(), self.points.std(0).clamp_min(1e-3).tolist()
+        self.mean = self.points.mean(0).tolist()
+        spread = self.points.std(0).clamp_min(self.params.least_spread).tolist()
         pixel = 2 / objective.side
         self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
@@ -141,7 +139,7 @@ class FromCounts(Jacobian):
     d mu = f_i#mu - mu + T d mu. This series ends once the maps have contracted its terms below a cell."""
 
     def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
-        return [] if self.weights is None else [(i, WEIGHT, LOG_STEP) for i in moving]
+        return [] if self.weights is None else [(i, WEIGHT, self.params.log_step) for i in moving]
 
     def weighed(self, step: Tensor) -> Tensor | None:
         if self.weights is None:
@@ -150,11 +148,11 @@ class FromCounts(Jacobian):
         for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
             if j == WEIGHT:
                 moved[i] += value * unit
-        return (moved - moved.max()).exp().clamp_min(LEAST_WEIGHT)
+        return (moved - moved.max()).exp().clamp_min(self.params.least_weight)
 
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         levels, side, step = objective.levels, self.side, self.params.step_px
-        margin = -(-side // MARGIN)
+        margin = math.ceil(side * self.params.margin)
         size = side + 2 * margin  # points just off the canvas are blurred into it
         scale = rendered.maps.new_tensor([1, 1, 1, 1, side / size, side / size])
         entries = [k for k, (_, j, _) in enumerate(self.units) if j != WEIGHT]
@@ -164,7 +162,8 @@ class FromCounts(Jacobian):
         for i, j, unit in self.units:
             if j == WEIGHT:
                 columns.append(unit * rendered.probabilities[i] * _shifted(known, rendered.maps * scale,
-                                                                           rendered.probabilities, i))
+                                                                           rendered.probabilities, i,
+                                                                           self.params.letters))
         canvas = slice(margin, margin + side)
         sigma = max(0.0, levels.blur_px(side) ** 2 - BILINEAR) ** 0.5
         bins = blurred(torch.stack([known, *columns]), sigma, levels.camera)[:, canvas, canvas]
@@ -176,11 +175,12 @@ class FromCounts(Jacobian):
             yield columns, levels.stabilizing_slope(grey, objective.subpixels * 4**k)
 
 
-def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int) -> Tensor:
-    """The change of a code's invariant measure (G,G) with the probability of one map, relative to the others."""
+def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int, letters: int) -> Tensor:
+    """The change of a code's invariant measure (G,G) with the probability of one map, relative to the others, through
+    words of so many letters."""
     step = _pushed(measure, maps[chosen, None], probabilities.new_ones(1)) - measure
     change = step.clone()
-    for _ in range(LETTERS - 1):
+    for _ in range(letters - 1):
         step = _pushed(step, maps, probabilities)
         change += step
     return change

@@ -30,6 +30,8 @@ def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadl
     `CanonicalParams.drawn_worse` times the initial one. At least `least` maps stay.
     """
     params, worst = objective.params, objective.params.canonical.drawn_worse * shown.error
+    if params.moves.unseen is None:
+        return shown
     goal = likeness_of(shown, objective) - params.moves.unseen
     while len(shown.maps) > max(2, least) and not deadline.passed:
         fewer = [objective.without(shown, [i]) for i in range(len(shown.maps))]
@@ -58,7 +60,8 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
     if not attractor.any() or not shape.any():
         return 0.0
     pen, tile = levels.pen * side / 2, levels.smallest_part(code, side) * side / 2
-    near, inside = max(1.5 + pen, tile / 2), max(1.5, min(tile, levels.camera.small_tile_px) / 2)
+    beside = levels.camera.beside_px
+    near, inside = max(beside + pen, tile / 2), max(beside, min(tile, levels.camera.small_tile_px) / 2)
     off, away = (np.asarray(distance_transform_edt(~mask), np.float32) for mask in (shape, attractor))
     precision, recall = float((off[attractor] < inside).mean()), float((away[shape] < near).mean())
     return 2 * precision * recall / max(precision + recall, 1e-9)

@@ -17,8 +17,6 @@ from ..measure.levels import Levels, stabilize
 from ..params import CollageParams
 from .frame import Frame
 
-REDRAWN = 4   # renderings that estimate the noise of a blurred image, which has few independent parts
-
 
 @dataclass(frozen=True)
 class Rendered(affine.WeightedMaps):
@@ -76,7 +74,7 @@ class ImageObjective:
         """The image (R,R) on grids with `side` and fewer cells per side."""
         image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
         grids = [image]
-        while len(grids) < self.params.image.grids and grids[-1].shape[0] >= 8:
+        while len(grids) < self.params.image.grids and grids[-1].shape[0] >= self.params.image.halved_from:
             grids.append(avg_pool2d(grids[-1][None], 2, ceil_mode=True)[0])
         return grids
 
@@ -123,8 +121,9 @@ class ImageObjective:
     def noise(self, code: IFS) -> float:
         """The error that the true code would have by chance, estimated from renderings of this code."""
         if self.levels.is_linear:  # renderings have less noise than the image
-            shown, seeds = self.render(code), (derive(self.seed, "again", n) for n in range(REDRAWN))
-            drawn = (self.levels.noisy(code, len(shown), seed).to(shown) for seed in seeds)
+            shown = self.render(code)
+            drawn = (self.levels.noisy(code, len(shown), derive(self.seed, "again", n)).to(shown)
+                     for n in range(self.params.image.noise_renderings))
             errors = [ImageObjective(each, self.levels, self.params).error(shown) for each in drawn]
             return max(self.params.image.least_noise, sum(errors) / len(errors))
         other = ImageObjective(self.render(code, "again"), self.levels, self.params)
@@ -153,10 +152,11 @@ def reduced(image: Tensor, size: int, code: IFS, levels: Levels, params: Collage
 
     Where the shape is finer than a pixel, `levels.shrunk` errs by many times the noise of a rendering. A nearly right
     code, rendered at both sizes, shows by how much. This difference is subtracted from levels of equal variance.
+    Without `ImageParams.reduced_renderings`, the image is only shrunk.
     """
     subpixels = levels.supersample**2
     shrunk = levels.shrunk(image, size)
-    if levels.is_linear:  # a mean of counts is exact
+    if levels.is_linear or not params.image.reduced_renderings:  # a mean of counts is exact
         return shrunk
     large = levels.shrunk(levels.render(code, image.shape[0], derive(seed, "large")).to(image), size)
     small = torch.stack([levels.render(code, size, derive(seed, "small", n)).to(image)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from ....ops.collage.reference import MAX_STEPS
-from ....runtime.params import Amount, Count, Odds, Params, Positive, Share
+from ....runtime.params import Amount, Count, Odds, Params, Positive, Share, check_order
 from ..fields import DescentSteps, Factor, Grid, PositiveShare, SingularValue, Sizes, Some, descent, odd, power_of_two
 
 
@@ -18,7 +18,7 @@ class RefineParams(Params):
     """Steps on each grid; 0: none."""
     coarsest: Annotated[int, Field(ge=128, le=1024), AfterValidator(power_of_two)] = 128
     """Cells per side of the first grid. Each further grid has twice as many."""
-    finest: Annotated[int, Field(ge=64, le=4096)] = 256
+    finest: Annotated[int, Field(ge=128, le=4096)] = 256
     """Maximum number of cells per side of the last grid."""
     grids: Annotated[int, Field(ge=1, le=8)] = 4
     """Number of grids that each error compares, each half as fine as the one before."""
@@ -26,6 +26,11 @@ class RefineParams(Params):
     """Learning rate on the first grid, canvas units. It is halved on each further grid."""
     largest: SingularValue = 0.9995
     """Largest singular value that a map may have."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        check_order(self, ("coarsest", "finest"))
+        return self
 
 
 class ImageParams(Params):
@@ -35,12 +40,16 @@ class ImageParams(Params):
     """Number of grids compared, each half as fine as the one before."""
     finest: Annotated[int, Field(ge=8)] = 512
     """Maximum number of cells per side of the finest grid, which otherwise is the image's pixels."""
+    halved_from: Annotated[int, Field(ge=2)] = 8
+    """Minimum number of cells per side of a grid for a coarser one to follow."""
     least_noise: Factor = 1e-3
     """Lower limit of the estimated noise of a rendering."""
+    noise_renderings: Positive = 4
+    """Number of renderings that estimate the noise of a linear image, which has few independent parts under a blur."""
     last_renderings: Positive = 4
     """Number of renderings averaged in the last polish and for the last digits."""
-    reduced_renderings: Positive = 4
-    """Number of renderings averaged to estimate what a smaller image would show."""
+    reduced_renderings: Count = 4
+    """Number of renderings averaged to estimate what a smaller image would show; 0: a large image is only shrunk."""
 
 
 class MoveParams(Params):
@@ -70,6 +79,11 @@ class MoveParams(Params):
     """The search goes on if the error has been halved within this share of `count` moves."""
     price: Amount = 0.04
     """Cost of a map, in units of the noise of a rendering."""
+    pruning: bool = True
+    """Whether maps that are not worth their price are removed, from stage 3 on."""
+    cleaning: bool = True
+    """Whether all maps are pruned and polished in place of the last move asked for, and from then on whenever `recent`
+    more have been made."""
     worth: Amount = 0.1
     """Share of the error that a map must save in a picture that others drew."""
     missing: Amount = 1e3
@@ -84,6 +98,8 @@ class MoveParams(Params):
     """Cells per side of the fine grid of the image's measure. The coarse grid has half as many."""
     widths: Annotated[tuple[Factor, ...], Some] = (1.0, 0.25, 0.03)
     """Factors on the width of a new map's image that are rendered. The last one is for a reoriented line."""
+    mirrored: bool = True
+    """Whether a new map is also rendered mirrored in the axes of its image."""
     thin: Amount = 0.1
     """Ratio of width to length below which a map's image is a line."""
     least_width: Factor = 1e-3
@@ -114,7 +130,9 @@ class MoveParams(Params):
     polish_accepted: Count = 1
     """Gauss-Newton steps of all maps after an accepted move."""
     polish_ends: Count = 8
-    """Gauss-Newton steps of all maps at each pruning and at the end of the stage. At its start, half as many."""
+    """Gauss-Newton steps of all maps at each pruning and at the end of the stage."""
+    polish_starts: Count = 4
+    """Gauss-Newton steps of all maps at the start of the stage."""
     settled: Amount = 1.05
     """Noise ratio below which a code counts as the true one."""
     settled_more: Amount = 0.005
@@ -122,6 +140,8 @@ class MoveParams(Params):
     own_weights: Amount = 0.8
     """A code keeps free probabilities if its error is below this factor times the error with tied ones; 0: they are
     always tied."""
+    drawn_own_weights: Amount = 1.0
+    """The same factor in a picture that others drew, and for linear grey levels, unless `own_weights` is 0."""
     root_error: Amount = 30.0
     """A root is tried if its error is at most this factor times the error before, or times `root_least`."""
     root_least: Amount = 0.5
@@ -132,9 +152,9 @@ class MoveParams(Params):
     """Orders of roots that are tried."""
     double_px: Amount = 2.0
     """Distance of two maps (rms, pixels) below which they count as one in a picture that others drew."""
-    unseen: Share = 0.002
+    unseen: Share | None = 0.002
     """Loss of likeness (F1 within a pixel) up to which maps are dropped from the code of a picture that others
-    drew."""
+    drew; null: none is dropped."""
     flat_px: Amount = 0.75
     """Standard deviation across a line, pixels, below which a shape is assumed to lie on the line."""
     parent_maps: Count = 8
@@ -150,6 +170,11 @@ class MoveParams(Params):
     """Maximum number of maps of a code all of whose roots are tried at the start, in a picture that others drew."""
     root_largest: Count = 2
     """For other codes, number of largest maps whose roots are tried at the start of the stage."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        check_order(self, ("kept", "candidates"), ("rendered", "kept"))
+        return self
 
 
 class LineParams(Params):
@@ -202,6 +227,9 @@ class GaussNewtonParams(Params):
     """Factor by which damping is divided after a step that lowers the error."""
     damping_up: Annotated[float, Field(ge=1)] = 30.0
     """Factor by which damping is multiplied after a step that does not."""
+    one_by_one: bool = True
+    """Whether each parameter is tried by itself if a map that moves alone finds no step, and in the last polish by
+    renderings."""
     tries: Positive = 2
     """Number of dampings tried in a step."""
     strides: Annotated[tuple[Factor, ...], Some] = (1.0, 2.0, 4.0, 8.0)
@@ -218,6 +246,18 @@ class GaussNewtonParams(Params):
     """Largest singular value that a map may have, with or without simple numbers."""
     points_per_cell: Factor = 6.0
     """Points of the chaos game per cell of the finest grid, in a Jacobian from points."""
+    least_spread: Factor = 1e-3
+    """Lower limit, canvas units, of the attractor's standard deviation, in which steps of a matrix are measured."""
+    log_step: Factor = 0.1
+    """Step in the logarithm of a probability that counts as much as a pixel. Probabilities move if grey levels are
+    linear."""
+    least_weight: PositiveShare = 1e-3
+    """Lower limit of a probability that moves, as a share of the largest."""
+    letters: Positive = 8
+    """Number of terms of the series of a probability's effect that are summed."""
+    margin: Share = 1 / 8
+    """How far the grid of a linear image extends beyond each edge of the canvas, as a share of the canvas's side,
+    because points there are blurred into the image."""
     window: Annotated[int, Field(ge=1), AfterValidator(odd)] = 3
     """Cells per side of the window in which grey levels are related to masses, in a Jacobian from points."""
     step_px: Factor = 0.05
@@ -226,6 +266,11 @@ class GaussNewtonParams(Params):
     """Finite difference of a parameter, pixels, in a Jacobian from renderings."""
     binary_nudge_px: Factor = 0.3
     """The same for a binary image, which changes by whole pixels."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        check_order(self, ("rendered_above", "rendered_below"))
+        return self
 
 
 class FrameParams(Params):
@@ -245,3 +290,8 @@ class FrameParams(Params):
     """Noise ratio from which the frame is ignored and the last digits stay as they are."""
     worse: Amount = 1.05
     """Factor on the error up to which a code fitted into the frame is kept."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        check_order(self, ("shortest", "longest"))
+        return self

@@ -54,8 +54,9 @@ def pruned_in_frame(objective: ImageObjective, rendered: Rendered, price: Price,
 
 def pruned(objective: ImageObjective, rendered: Rendered, price: Price, least: int = 0, *,
            deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code without maps that are not worth their price. At least `least` maps stay, and at least two."""
-    while len(rendered.maps) > max(2, least) and not deadline.passed:
+    """The code without maps that are not worth their price. At least `least` maps stay, and at least two; all of them
+    without `MoveParams.pruning`."""
+    while objective.params.moves.pruning and len(rendered.maps) > max(2, least) and not deadline.passed:
         fewer = min((objective.without(rendered, [i]) for i in range(len(rendered.maps))), key=lambda each: each.error)
         if not price.spares(fewer.error, rendered.error):
             break

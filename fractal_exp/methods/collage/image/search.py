@@ -46,14 +46,14 @@ class ImageSearch:
 
     def resume(self, found: Candidate) -> Candidate:
         """The best rendering among the candidate and its refinements, with free weights or weights |det| + 0.01."""
-        half = self.params.moves.polish_ends // 2
+        steps = self.params.moves.polish_starts
         free = found.probabilities if found.weights is None else found.weights
         tried = (None, free) if self.params.moves.own_weights else (None,)
         tried = tried[-1:] if self.objective.levels.is_linear else tried  # linear levels determine the weights
-        found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), half)
+        found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), steps)
                  for weights in tried]
         first = self._simpler(found[0], found[-1])
-        best = self.polished(self.pruned(first), half)
+        best = self.polished(self.pruned(first), steps)
         if not self.objective.levels.is_exact:  # at this price, pruning may remove maps that a root needs
             best = min(best, self._with_root(first) or best, self._with_parents(first), key=self.score)
         return self.candidate(self._with_root(best) or best)
@@ -69,14 +69,14 @@ class ImageSearch:
                 break
             new = min((rooted(self, best, chosen, order) for order in moves.root_orders), key=self.score)
             if self.score(new) < self.score(best):
-                return self.polished(new, moves.polish_ends // 2)
+                return self.polished(new, moves.polish_starts)
         return None
 
     def _with_parents(self, now: Rendered) -> Rendered:
         """The code with parents in the place of some maps, if that is better."""
         if self.params.maps:
             return now
-        return with_fewer_maps(self.objective, now, self.price, self.params.moves.polish_ends // 2, self.deadline)
+        return with_fewer_maps(self.objective, now, self.price, self.params.moves.polish_starts, self.deadline)
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better neighbour."""
@@ -176,8 +176,9 @@ class ImageSearch:
     def _simpler(self, tied: Rendered, own: Rendered) -> Rendered:
         """The code with free weights only if its error is much lower. Free weights also fit noise, and lag behind when
         maps move."""
-        levels, worth = self.objective.levels, self.params.moves.own_weights
-        worth = 1.0 if worth and (levels.is_linear or not levels.is_exact) else worth
+        levels, moves = self.objective.levels, self.params.moves
+        is_other = levels.is_linear or not levels.is_exact
+        worth = moves.drawn_own_weights if moves.own_weights and is_other else moves.own_weights
         return own if own.error < worth * tied.error else tied
 
     # -- what moves are made of ---------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, at_most
+from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, below, check_order
 from ..fields import Factor, PositiveShare, SingularValue, Some, ascending
 
 
@@ -38,11 +38,11 @@ class CameraParams(Params):
     including those of the warm-up."""
     warmup: Count = 30
     """Points at the start of each trajectory that are dropped; fewer than `trajectory`."""
-    blur_reach: Factor = 4.0
+    blur_reach: Annotated[float, Field(gt=0, le=10)] = 4.0
     """Standard deviations at which a Gaussian blur ends, as in SciPy."""
-    least_blur_px: Amount = 0.2
-    """Standard deviation, pixels, below which a blur is left out. Its kernel would be one pixel."""
-    coarse_blur_px: Factor = 1.0
+    least_blur_px: Factor = 0.2
+    """Standard deviation, pixels, below which a blur is left out, because it would hardly reach the next pixel."""
+    coarse_blur_px: Annotated[float, Field(gt=0, le=8)] = 1.0
     """Blur, pixels, below which a linear image is drawn with smaller pixels, in which the blur is at least as wide."""
 
     estimate: bool = True
@@ -64,6 +64,9 @@ class CameraParams(Params):
     """Minimum and maximum number of cells per side of this grid. Between them, it has a cell for each subpixel."""
     tile_lit: Share = 0.5
     """Share of the highest level on this grid above which a cell belongs to a tile."""
+    beside_px: Amount = 1.5
+    """Distance between the centres of two pixels, pixels, below which an attractor's pixel counts as beside one of the
+    shape. All eight neighbours are nearer."""
     small_tile_px: Amount = 8.0
     """Tile size, pixels, up to which an attractor may lie off the shape by half a tile. For larger tiles, the limit
     is half of this size."""
@@ -130,10 +133,8 @@ class CameraParams(Params):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        at_most(self, "tile_words_seen", "tile_words")
-        if self.warmup >= self.trajectory:
-            raise ParamError("warmup", f"{NAME} must be below trajectory, which is {self.trajectory}; "
-                                       f"got {self.warmup}")
+        check_order(self, ("tile_words_seen", "tile_words"))
+        below(self, "warmup", "trajectory")
         for name in ("pen_px", "gain", "gamma"):
             if not self.estimate and getattr(self, name) is not None:
                 raise ParamError(name, f"{NAME} must be null if estimate is false, got {getattr(self, name)}")

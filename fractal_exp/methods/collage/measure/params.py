@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ....ops.collage import BinnedMeasure, Descent
 from ....ops.collage.reference import LEAST, LEAST_RADIUS
-from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, at_most
+from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, below, check_order
 from ..fields import DescentSteps, Factor, Grid, Sizes, descent, odd
 
 Beta = Annotated[float, Field(ge=0, lt=1)]
@@ -56,7 +56,7 @@ class SearchParams(Params):
     """Large neighbourhood search (Shaw 1998) on the image's measure: stages 1 and 2."""
 
     restarts: Annotated[int, Field(ge=1, le=1000)] = 5
-    """Searches from random maps in the first round. Later rounds have half as many, rounded up."""
+    """Searches from random maps in the first round. Later rounds have fewer (`stages.later_restarts`)."""
     mixture: bool = True
     """Whether non-negative least squares mix the maps of all restarts, and the search goes on from the mixture."""
     moves: Count = 50
@@ -151,7 +151,7 @@ class SearchParams(Params):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        at_most(self, "grid", "detail_grid")
+        check_order(self, ("grid", "detail_grid"))
         return self
 
 
@@ -212,7 +212,7 @@ class PopulationParams(Params):
     def _in_order(self) -> Self:
         for low, high in (("size", "first"), ("judged_every", "generations"), ("judged", "size"),
                           ("polished", "judged")):
-            at_most(self, low, high)
+            check_order(self, (low, high))
         _within_reach(self, "sizes", "descent")
         return self
 
@@ -268,7 +268,7 @@ class BirthParams(Params):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         for count in ("count", "detail_count"):
-            at_most(self, "kept", count)
+            check_order(self, ("kept", count))
         for sizes in ("large", "medium", "small"):
             for kind in ("coarse", "fine"):
                 _within_reach(self, sizes, kind)
@@ -285,9 +285,16 @@ class SaturationParams(Params):
     trajectories: Positive = 4000
     """Trajectories of the chaos game that estimate the code's own measure."""
     length: Annotated[int, Field(ge=2)] = 530
-    """Points of each trajectory, including `camera.warmup`."""
+    """Points of each trajectory, including those of the warm-up."""
+    warmup: Count = 30
+    """Points at the start of each trajectory that are dropped; fewer than `length`."""
     weak: Amount = 1e-3
     """Mass added to both sides of the ratio of masses in a pixel (-log(1 - I) of a density, I of other images),
     because faint pixels tell little."""
     window: Annotated[int, Field(ge=1), AfterValidator(odd)] = 3
     """Pixels per side of the window over which all masses are averaged first."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        below(self, "warmup", "length")
+        return self

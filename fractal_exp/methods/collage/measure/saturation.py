@@ -31,7 +31,7 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
     resolution = masses.shape[0]
     bins = torch.zeros_like(masses)
     points = ops.chaos_game(code.linear, code.offset, trajectories=params.trajectories, length=params.length,
-                            warmup=levels.camera.warmup, probabilities=code.sampling_probabilities(), seed=seed)
+                            warmup=params.warmup, probabilities=code.sampling_probabilities(), seed=seed)
     inside = (points.abs() < 1).all(1)
     column, row = (((points[inside] * points.new_tensor([1, -1]) + 1) * (resolution / 2)).long().clamp(
         0, resolution - 1)).unbind(1)

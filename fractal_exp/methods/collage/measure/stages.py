@@ -8,18 +8,26 @@ from ....runtime.seeds import derive
 from ..image.crossing import Crossing
 from ..image.objective import ImageObjective
 from ..stage import Stage
-from ..state import Candidate, Key, State
+from ..state import Candidate, State
 from .search import Regime
 
 
 class Restart(Stage):
     """A search from random maps. At its end, the maps of all restarts so far, of this and earlier rounds, are mixed."""
 
-    name, order, ends_at = "search", 0, "search_share"
+    name, part, ends_at = "search", "restart", "search_share"
 
     @property
     def expected_moves(self) -> int:
         return self.params.search.moves
+
+    def is_wanted(self, state: State) -> bool:
+        """False once two restarts of the round agree."""
+        if len(state.scores) < 2:
+            return True
+        within = 1 + self.params.search.agreement
+        limit = min(self.params.search.wrong_number, within * state.best.score)  # above it, the number of maps is wrong
+        return state.scores[1] >= limit
 
     def open(self, state: State) -> None:
         # the words in seed paths name random streams: another word gives other numbers
@@ -37,18 +45,11 @@ class Restart(Stage):
         best = min([*([] if alone else [state.best or found]), found, *mixed], key=lambda candidate: candidate.score)
         return replace(state, best=best, scores=scores)
 
-    def last_key(self, state: State) -> Key:
-        """Once two restarts agree, the other restarts of the round are skipped."""
-        scores, within = state.scores, 1 + self.params.search.agreement
-        limit = min(self.params.search.wrong_number, within * state.best.score)  # above it, the number of maps is wrong
-        agreed = len(scores) > 1 and scores[1] < limit
-        return (self.round, self.order, self.problem.restarts(self.round)) if agreed else self.key
-
 
 class FromMixture(Stage):
     """The search from the best mixture, on a measure that the mixture corrects for saturation."""
 
-    name, order, ends_at = "search", 1, "mixture_share"
+    name, part, ends_at = "search", "mixture", "mixture_share"
 
     @property
     def expected_moves(self) -> int:
@@ -66,7 +67,7 @@ class FromMixture(Stage):
 class Detail(Stage):
     """Stage 2: the search on a finer grid."""
 
-    name, order, ends_at = "detail", 2, "detail_share"
+    name, ends_at = "detail", "detail_share"
 
     @property
     def expected_moves(self) -> int:
@@ -83,7 +84,7 @@ class Detail(Stage):
 class Populations(Stage):
     """Crossed populations of sets with the given number of maps, instead of stages 1 and 2 where they search better."""
 
-    name, order, ends_at = "population", 0, "detail_share"
+    name, ends_at = "population", "detail_share"
 
     @property
     def expected_moves(self) -> int:

@@ -83,7 +83,8 @@ def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | No
     best = errors.argsort()[:params.rendered]
     renderings += _rendered(search, rest, measure, born[best, 0], weights[best, 0])
     likeliest = min(renderings, key=_error).maps[-1]
-    for model in (likeliest, old) if old is not None else (likeliest,):
+    models = [model for model in (likeliest, old) if model is not None] if params.mirrored else []
+    for model in models:
         renderings += [with_map(objective, rest, each, weights[best[0], 0]) for each in mirrored(model, measure)]
     return min(renderings, key=_error)
 

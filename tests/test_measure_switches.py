@@ -1,101 +1,110 @@
-"""Parts of collage search that a setting switches off, beside those that are switched off by odds and counts of 0."""
+"""Each part of the search on the measure, of the camera and of the last digits can be switched off."""
+
+from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import COVERAGE, DENSITY, image_search, measure_search, objective, params, problem, random, tied
+from collage_helpers import CAMERA, DENSITY, PARAMS, measure_search, objective, problem, random, small
+from test_strokes import drawing, tree
 
-from fractal_exp import codes
-from fractal_exp.ifs import attractor
+from fractal_exp import suite
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image import gauss_newton
-from fractal_exp.methods.collage.image.likeness import without_unseen
-from fractal_exp.methods.collage.image.moves import growth
-from fractal_exp.methods.collage.image.objective import reduced
-from fractal_exp.methods.collage.image.pruning import Price, pruned
-from fractal_exp.methods.collage.measure.stages import Restart
-from fractal_exp.methods.collage.stages import ImageMoves
-from fractal_exp.methods.collage.state import State
-from fractal_exp.suite import target
+from fractal_exp.methods.collage.canonical.rounding import Rounding
+from fractal_exp.methods.collage.canonical.symmetry import symmetries
+from fractal_exp.methods.collage.image.camera import as_strokes, estimated
+from fractal_exp.methods.collage.measure.bins import attractor_points
+from fractal_exp.methods.collage.measure.births import _wanted, candidates, reoriented
+from fractal_exp.methods.collage.measure.population import Population
+from fractal_exp.methods.collage.measure.tones import levels_of, seen_with
+from fractal_exp.methods.collage.recursion import Recursion
+from fractal_exp.runtime.deadline import NO_DEADLINE
 
 
-@pytest.fixture(scope="module")
-def doubled():
-    """The triangle with one of its maps twice, and its grey image of 32²."""
-    code = attractor.normalize(codes.known("sierpinski_triangle"))
-    maps = affine.from_code(code)
-    return torch.cat([maps, maps[:1]]), target(code, 32)
+def determinants(maps):
+    return torch.linalg.det(maps[..., :4].unflatten(-1, (2, 2)))
 
 
-@pytest.mark.parametrize(("pruning", "left"), [(True, 3), (False, 4)])
-def test_maps_that_are_not_worth_their_price_stay_without_pruning(doubled, pruning, left):
-    maps, image = doubled
-    picture = objective(image, moves={"pruning": pruning})
-    assert len(pruned(picture, picture.judge(maps), Price(10.0), least=3).maps) == left
+def crowded(triangle):
+    """The maps of a code, with another that explains nothing and one map twice."""
+    maps = affine.from_code(triangle[0])
+    extra = torch.tensor([[0.1, 0, 0, 0.1, 0.0, 0.6]])
+    maps = torch.cat([maps, maps[:1], extra])
+    return maps, torch.tensor([0.08, 0.16, 0.16, 0.08, 0.001])
 
 
-@pytest.mark.parametrize(("options", "left"), [({}, 3), ({"search": {"pruning": False}}, 4),
-                                               ({"search": {"pruning": False}, "at_most": 3}, 3)])
-def test_a_set_on_the_measure_is_pruned_unless_that_is_off_and_its_number_of_maps_is_allowed(doubled, options, left):
-    maps, image = doubled
-    search = measure_search(DENSITY.measure(image), 32, **options)
-    maps = torch.cat([maps[:3], torch.tensor([[0.02, 0, 0, 0.02, 0.3, -0.2]])])   # the last is hardly worth anything
-    weights = torch.tensor([0.166, 0.166, 0.166, 0.002])
-    found = search.pruned(*search.descend_one(maps, weights, search.params.search.prune))
-    assert len(found.maps) == left
+@pytest.mark.parametrize(("options", "left"), [({}, 4), ({"search": {"pruning": False}}, 5),
+                                               ({"search": {"pruning": False}, "at_most": 4}, 4)], ids=str)
+def test_maps_are_pruned_unless_that_is_off_and_there_are_no_more_than_asked_for(options, left, triangle):
+    search = measure_search(DENSITY.measure(triangle[1]), **options)
+    maps, weights = crowded(triangle)
+    assert len(search.pruned(maps, weights, 1.0).maps) == left
 
 
-@pytest.mark.parametrize("mirrored", [True, False])
-def test_new_maps_are_mirrored_unless_that_is_off(doubled, monkeypatch, mirrored):
-    maps, image = doubled
-    search, seen, own = image_search(image, moves={"mirrored": mirrored}), [], growth.mirrored
-    monkeypatch.setattr(growth, "mirrored", lambda *given: seen.append(given) or own(*given))
-    shown = search.objective.judge(maps[:3])
-    growth.grown(search, search.objective.without(shown, [0]), shown, maps[0], random())
-    assert len(seen) == 2 * mirrored, "the new map and the old one"
+@pytest.mark.parametrize(("merging", "left"), [(True, 4), (False, 5)])
+def test_maps_with_one_image_are_merged_unless_that_is_off(merging, left, triangle):
+    search = measure_search(DENSITY.measure(triangle[1]), search={"merging": merging})
+    now = search.judged(*crowded(triangle), 1.0)
+    assert len(search.merged(now).maps) == left
 
 
-def test_without_cleaning_every_step_is_a_move(doubled):
-    stage = ImageMoves(problem(doubled[1], moves={"count": 6, "cleaning": False}))
-    stage.search = image_search(doubled[1])
-    stage.search.step = lambda now, number: "moved"
-    assert {stage.step(None, number) for number in range(stage.most_moves)} == {"moved"}
+@pytest.mark.parametrize("reflections", [True, False])
+def test_random_maps_mirror_unless_that_is_off(reflections, triangle):
+    masses, params = DENSITY.measure(triangle[1]), PARAMS.updated(births={"reflections": reflections})
+    search = measure_search(masses, births={"reflections": reflections})
+    measure, births = search.measure, params.births
+    born = [candidates(measure.bins, measure.bins, measure, (0.1, 0.5), 40, 20, births, random()),
+            reoriented(torch.tensor([0.5, 0.1, 0, 0.4, 0, 0]), measure, PARAMS.moves, random(),
+                       reflections=reflections),
+            Population(masses, 3, params.updated(population={"first": 48, "descent": {"steps": 0}})).maps]
+    for maps in born:
+        assert bool((determinants(maps) < 0).any()) == reflections
 
 
-def test_a_map_that_nobody_sees_stays_if_none_is_to_be_dropped(doubled):
-    maps, image = doubled
-    picture = objective(image, COVERAGE, moves={"unseen": None})
-    shown = picture.judge(maps)
-    assert without_unseen(picture, shown, 0) is shown
+def test_a_place_may_be_drawn_by_mass_alone(triangle):
+    measure = measure_search(DENSITY.measure(triangle[1])).measure
+    torch.testing.assert_close(_wanted(measure.bins, measure, 0.0), measure.bins, atol=1e-9, rtol=1e-4)
+    assert not torch.allclose(_wanted(measure.bins, measure, 1.0) / 2, measure.bins, atol=1e-9, rtol=1e-2)
 
 
-def test_a_reduced_image_is_only_shrunk_if_nothing_is_to_be_rendered(doubled):
-    maps, image = doubled
-    off, code = params(image={"reduced_renderings": 0}), affine.to_code(maps)
-    assert torch.equal(reduced(image, 16, code, DENSITY, off, 0), DENSITY.shrunk(image, 16))
-    assert not torch.equal(reduced(image, 16, code, DENSITY, params(), 0), DENSITY.shrunk(image, 16))
+def test_trajectories_have_the_length_and_the_warm_up_that_the_camera_says(triangle):
+    maps, share = affine.from_code(triangle[0]), torch.full((3,), 1 / 3)
+    assert len(attractor_points(maps, share, 1000, 0, CAMERA.updated(trajectory=20, warmup=10))) == 1010
+    first = attractor_points(maps, share, 1000, 0, CAMERA.updated(trajectory=20, warmup=0))
+    assert len(first) == 1020 and not torch.equal(first[:10], attractor_points(maps, share, 10, 0, CAMERA)[:10])
 
 
-def test_no_parameter_is_tried_by_itself_if_that_is_off(doubled, monkeypatch):
-    maps, image = doubled
-    monkeypatch.setattr(gauss_newton, "_stride", lambda *_: None)
-    for is_on in (True, False):
-        tried = []
-        monkeypatch.setattr(gauss_newton, "_one_by_one", lambda _, shown, *__, to=tried: to.append(1) or shown)
-        picture = objective(image, gauss_newton={"one_by_one": is_on})
-        gauss_newton.polished(picture, picture.judge(maps[:3]), 1, [0])
-        assert bool(tried) == is_on
+def test_no_number_is_rounded_where_that_is_off(triangle):
+    image = suite.target(replace(triangle[0], probabilities=None), 128)
+    start = objective(image).judge(affine.from_code(triangle[0]) * (1 + 1e-5))
+    for options, rounded in ({}, True), ({"matrices": False, "axis_lines": False}, False):
+        maps, fixed = Rounding(objective(image, canonical=options)).simplified(start)
+        assert bool(fixed) == rounded
+        assert rounded or maps is start
 
 
-@pytest.mark.parametrize(("scores", "wanted"), [((), True), ((0.5,), True), ((0.5, 0.6), True), ((0.5, 0.505), False),
-                                                ((1.5, 1.5), True)])
-def test_a_restart_is_left_out_once_two_have_agreed_on_a_right_number_of_maps(doubled, scores, wanted):
-    maps, image = doubled
-    best = tied(maps, 0.0)
-    state = State(best=best if not scores else type(best)(maps, None, 0.0, scores[0]), scores=scores)
-    assert Restart(problem(image), 0, 2).is_wanted(state) == wanted
+def test_a_shape_without_symmetries_has_the_identity(triangle):
+    image = triangle[1].cpu()
+    found, alone = (symmetries(image, PARAMS.canonical.updated(symmetries=on)) for on in (True, False))
+    assert len(found) > 1 and len(alone) == 1
+    assert torch.equal(found[0], alone[0])
+    mirrors = symmetries(image, PARAMS.canonical.updated(symmetry_orders=[]))
+    assert len(mirrors) == 1 + 3 and bool((determinants(torch.stack(mirrors[1:])) < 0).all())
 
 
-@pytest.mark.parametrize(("share", "later"), [(0.5, 3), (0.2, 1), (1.0, 5)])
-def test_later_rounds_have_a_share_of_the_restarts(doubled, share, later):
-    given = problem(doubled[1], search={"restarts": 5}, stages={"later_restarts": share})
-    assert [given.restarts(number) for number in range(3)] == [5, later, later]
+def test_no_stroke_is_sought_where_that_is_off():
+    image = drawing(4)
+    for strokes in True, False:
+        given = problem(image, levels="coverage", maps=None, camera={"strokes": strokes})
+        assert Recursion.may_help(given) == strokes
+        seen = objective(image, seen_with(levels_of(image, "coverage", given.params.camera), ("coverage", 0, .01, .01)),
+                         camera={"strokes": strokes, "depths": 1, "sharpened_steps": 1})
+        assert bool(as_strokes(seen, seen.judge(affine.from_code(tree())), NO_DEADLINE)) == strokes
+
+
+def test_a_picture_that_others_drew_may_count_as_a_plain_rendering():
+    image, off = drawing(4), {"estimate": False}
+    params = PARAMS.updated(camera=off)
+    assert estimated(image, levels_of(image, "auto", params.camera), tree(), params, 0) == ()
+    assert not Recursion.may_help(problem(image, levels="coverage", camera=off))
+    found = small(camera=off, moves={"drawn_count": 1}).reconstruct(image)
+    assert len(found.code) >= 2 and found.camera is None

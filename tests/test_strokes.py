@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
 from fractal_exp.methods.collage.image.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.image.objective import ImageObjective
@@ -20,7 +21,7 @@ from fractal_exp.methods.collage.measure.tones import camera_of, described, leve
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
 from fractal_exp.methods.collage.recursion import Recursion
-from fractal_exp.methods.collage.stages import DrawnMoves
+from fractal_exp.methods.collage.stages import DrawnMoves, stages_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -181,6 +182,13 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
     assert DrawnMoves(problem).is_wanted(State(best=replace(found, camera=("coverage", 0.01))))
     branches = found.maps[affine.smaller_singular(found.maps) > 0.3]
     assert affine.smaller_singular(branches).tolist() == pytest.approx([RATIO] * 2, abs=0.04)
+
+
+def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
+    problem = SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS)
+    assert "strokes" in [stage.name for stage in stages_of(problem, 0)]
+    polishing = replace_params(problem, **OPTIONS)
+    assert "strokes" not in [stage.name for stage in stages_of(polishing, 0)] and polishing.rounds == 1
 
 
 def test_a_code_that_draws_the_picture_is_not_searched_again():

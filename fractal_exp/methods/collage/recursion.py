@@ -35,8 +35,8 @@ class Recursion(Stage):
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image may show strokes: lines and areas that others drew, not too many pixels of them."""
         camera = problem.params.camera
-        sought = camera.estimate and camera.strokes and isinstance(problem.levels, Drawn)
-        return sought and not problem.is_reduced and not problem.params.maps
+        sought = camera.estimate and camera.strokes and camera.recursion_maps and isinstance(problem.levels, Drawn)
+        return bool(sought) and not problem.is_reduced and not problem.params.maps
 
     @property
     def expected_moves(self) -> int:

@@ -121,7 +121,8 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"births": {"large": [0.1, 0.2, 0.3]}}, "births.large must be a list of 2 values, got [0.1, 0.2, 0.3]"),
     ({"camera": {"twigs_px": []}}, "camera.twigs_px must be a list of 2 values, got []"),
     ({"frame": {"enabled": "yes"}}, "frame.enabled must be true or false, got 'yes'"),
-    ({"levels": "colour"}, "levels must be 'auto', 'density', 'linear', 'dots', 'tonemapped', 'coverage' or 'binary', got 'colour'"),
+    ({"levels": "colour"}, "levels must be 'auto', 'density', 'linear', 'dots', 'tonemapped', 'coverage' or 'binary', "
+                           "got 'colour'"),
     ({"saturation": 3}, "saturation must be a mapping of settings, got 3"),
     ({"maps": 3, "at_most": 4}, "give one of the number of maps (maps), its upper bound (at_most or bytes) and the "
                                 "likeness to be reached, not two; got maps=3 and at_most=4"),

@@ -219,4 +219,4 @@ def test_the_stage_stays_in_view_while_the_panel_is_scrolled(studio, open_page):
     page.goto(studio[0])
     page.wait_for_selector("#do-find", timeout=PATIENCE)
     assert page.evaluate("() => { scrollTo(0, 10_000); return scrollY; }") > 100
-    assert page.locator("#stage").bounding_box()["y"] == 0
+    assert page.locator("#stage").bounding_box()["y"] == pytest.approx(0, abs=2)  # a pixel of the screen is two here

@@ -16,7 +16,7 @@ from fractal_exp.methods.collage.image.search import ImageSearch
 from fractal_exp.methods.collage.measure.bins import binned
 from fractal_exp.methods.collage.measure.saturation import saturation_corrected
 from fractal_exp.methods.collage.method import Collage
-from fractal_exp.methods.collage.stages import ImageMoves, last_stages, stages_of
+from fractal_exp.methods.collage.stages import ImageMoves
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from fractal_exp.runtime.checkpoint import Checkpoint
@@ -188,44 +188,6 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, whole, tmp_
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
-LARGE = {"stages": {"largest_side": 64, "full_side": 96}}  # with these, the triangle's image is a large one
-
-
-@pytest.fixture(scope="module")
-def whole_large(triangle):
-    """What a search of a large picture tells, and the code that it returns."""
-    told = []
-    return told, small(**LARGE).reconstruct(triangle[1], on_step=told.append).code
-
-
-@pytest.mark.parametrize("stage", [pytest.param("detail", marks=pytest.mark.slow), "approach",
-                                   pytest.param("image", marks=pytest.mark.slow), "full size"])
-def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, whole_large, tmp_path, stage):
-    (_, image), (told, whole) = triangle, whole_large
-    ends = [progress.stage for progress in told if progress.code is not None]
-    assert ends[-5:] == ["detail", "approach", "image", "full size", "last digits"]
-
-    def interrupt(progress):
-        if progress.code is not None and progress.stage == stage:
-            raise KeyboardInterrupt
-
-    path = tmp_path / "checkpoint.safetensors"
-    with pytest.raises(KeyboardInterrupt):
-        small(**LARGE).reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
-    resumed = small(**LARGE).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
-    assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
-
-
-def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
-    _, image = triangle
-    large = torch.nn.functional.interpolate(image[None, None], scale_factor=5)[0, 0]
-    given = problem(large, levels="coverage", rounds=2, search={"restarts": 3})
-    assert given.image.shape == (320, 320) and given.full_side == 640
-    names = [s.name for number in range(2) for s in stages_of(given, number)] + [s.name for s in last_stages(given)]
-    once = ["search", "detail", "approach", "image"]
-    assert names == ["search"] * 3 + once + ["search"] * 2 + once + ["full size", "last digits"]
-
-
 @pytest.mark.parametrize(("halvings", "moves"), [([], 6), ([1], 6), ([5], 9), ([5, 9], 13), (range(1, 99), 18)])
 def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings, moves):
     code, image = triangle
@@ -295,24 +257,6 @@ def test_each_stage_tells_its_code_and_the_last_is_returned(whole):
     assert [p.fraction for p in told] == sorted(p.fraction for p in told) and told[-1].fraction == 1
     assert ends[3].fraction == pytest.approx(11 / 13), "moves beyond those asked for are not expected"
     assert [p.step for p in told] == sorted(p.step for p in told)
-
-
-@pytest.mark.parametrize("kind", ["grey", pytest.param("binary", marks=pytest.mark.slow)])
-def test_a_large_picture_is_searched_small_and_polished_whole(kind):
-    code = attractor.normalize(codes.known("sierpinski_triangle"))
-    image = suite.target(code, 600, kind)
-    given = problem(image)
-    assert given.image.shape == (300, 300)
-    maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
-    stage, state = last_stages(given)[0], State(best=tied(maps))
-    stage.open(state)
-    measure = binned(given.masses, 64, PARAMS.descent)
-    away = affine.distances(stage.begin(state).maps, affine.from_code(code), measure)
-    assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
-    whole = problem(given.image)
-    names = [each.name for each in (*stages_of(whole, 0), *last_stages(whole))]
-    strokes = [] if kind == "binary" else ["strokes"]   # grey levels that were reduced look like a drawing's
-    assert names == ["search", "search", "detail", *strokes, "image", "last digits"]
 
 
 def test_mixing_searches_takes_the_right_maps_from_each(triangle):

@@ -16,7 +16,7 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.canonical.flat import on_their_line
 from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
 from fractal_exp.methods.collage.growth.stage import Growth
-from fractal_exp.methods.collage.image.camera import estimated
+from fractal_exp.methods.collage.image.camera import estimated, nearest
 from fractal_exp.methods.collage.image.likeness import likeness_of_attractor, without_unseen
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents
@@ -134,6 +134,42 @@ def test_a_density_behind_a_tone_curve_is_told_from_dots_and_lines(name):
     image = torch.from_numpy(np.rint(255 * counts / np.quantile(counts[counts > 0], 0.999)).clip(0, 255) / 255).float()
     kind, _, gamma, _ = estimated(image, levels_of(image, "auto", CAMERA), code, PARAMS, 0)
     assert kind == "tonemapped" and gammas[0] <= gamma <= gammas[1]
+
+
+@pytest.mark.parametrize("contrast", [10, 100, 1000, 10_000])
+def test_gain_and_gamma_together_are_close_to_a_logarithm(contrast):
+    """In the units in which images are compared, where chance alone makes some hundredths of a radian."""
+    density = np.linspace(0, 1, 1001)[1:]
+    wanted = np.log1p(contrast * density) / np.log1p(contrast)
+    tried = [(1 - np.exp(-gain * density)) ** (1 / gamma)
+             for gain in np.geomspace(0.5, 300, 40) for gamma in (1, *CAMERA.gammas)]
+    off = min(np.sqrt(np.mean((np.arcsin(np.sqrt(each)) - np.arcsin(np.sqrt(wanted))) ** 2)) for each in tried)
+    assert off < 0.05
+
+
+@pytest.mark.parametrize("camera", [("tonemapped", 0.1, 2.2, 0.0), ("dots", 0.1, 0.0), ("coverage", 0.0, PIXEL, 0.0)])
+def test_the_search_by_renderings_has_the_masses_of_the_camera_that_was_found(camera):
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.1, 0.0)).render(GASKET, SIDE, 1)
+    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
+    search = problem.image_search(GASKET, problem.deadline, "test", camera=camera)
+    assert torch.equal(search.masses, seen_with(problem.levels, camera).measure(image))
+    assert torch.equal(search.masses, problem.masses) == (camera[0] == "coverage")
+
+
+def test_a_tone_curve_that_is_hardly_better_than_dots_is_not_taken():
+    code = attractor.normalize(codes.known("fern"))
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.0)).render(code, SIDE, 1) ** (1 / 1.25)
+    dots, curve = (nearest(image, kind(CAMERA, image), code, PARAMS, 0)[0][0] for kind in (Dots, ToneMapped))
+    assert CAMERA.dotted * dots < curve < dots
+    assert estimated(image, levels_of(image, "auto", CAMERA), code, PARAMS, 0)[0] == "dots"
+
+
+def test_a_code_beside_the_canvas_has_a_tone_curve_too():
+    """No point of this code lies on the canvas."""
+    code = GASKET.similar(1.0, (9.0, 9.0))
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.1, 0.0)).render(GASKET, SIDE, 1)
+    (values, rendering), = ToneMapped(CAMERA, image).candidates(code, SIDE, 0)
+    assert len(values) == 3 and not bool(rendering.any())
 
 
 def test_a_tone_curve_is_undone_by_the_measure_that_is_searched():

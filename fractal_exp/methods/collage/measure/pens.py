@@ -120,9 +120,8 @@ class Dots(Density):
 
 class ToneMapped(Dots):
     """A density seen through a tone curve, as flame renderers and plots of logarithmic counts show it. Grey levels are
-    I = (1 - exp(-gain · density))^(1 / gamma). With both numbers free, this comes within .05 radians (rms of the
-    arcsine of the root) of a logarithm of any base. values: the gain, the gamma, and the standard deviation of the
-    blur, canvas units."""
+    I = (1 - exp(-gain · density))^(1 / gamma), which with both numbers free is close to a logarithm too. values: the
+    gain, the gamma, and the standard deviation of the blur, canvas units."""
 
     numbers = ("gain", "gamma")
 

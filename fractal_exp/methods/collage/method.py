@@ -91,7 +91,7 @@ class Collage(Method):
 
 def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
            ) -> Collage:
-    """The method with sizes that two cores finish within a minute. It takes images of any resolution from 32²."""
+    """The method with the sizes of a laptop. It takes images of any resolution from 32²."""
     if resolution < SMALLEST_INPUT:
         raise InputError(f"resolution must be at least {SMALLEST_INPUT}, got {resolution}")
     return Collage(seed=seed, seconds=seconds, previews=previews, **options)

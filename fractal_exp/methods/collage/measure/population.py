@@ -1,7 +1,7 @@
 """Many sets with the same number of maps: each set descends alone, and sets are crossed.
 
 A set of given size that must explain the whole measure has many local optima. But a right map of one set may be missing
-in another, and the descent of a set takes a millisecond. So a genetic algorithm whose children descend (a memetic
+in another, and the descent of a set is quick. So a genetic algorithm whose children descend (a memetic
 algorithm, Moscato 1989) finds the code where no single set would.
 """
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.pictures import binary, density_maps, judging, textbook
+from benchmarks.pictures import binary, density_maps, judging, textbook, tone_curves
 from benchmarks.pictures.figures import FIGURES, Truth, binary_tree, pentigree, tree_reach
 from benchmarks.pictures.growth import GROWTH
 from benchmarks.pictures.paving import paving
@@ -263,3 +263,16 @@ def test_the_true_code_of_the_binary_suite_is_exact():
     truth = attractor.normalize(binary.truth(name))
     scores = set_.score(name, truth, read_target(set_.picture(name), 256, frame="keep"))
     assert scores["exact"] and scores["f1_box"] > 0.97 and scores["f1_input"] > 0.9
+
+
+def test_a_tone_curve_keeps_the_order_of_counts_and_its_true_code_is_recovered():
+    seen = tone_curves.counts("fern", "tuning")
+    assert seen.sum() == pytest.approx(tone_curves.WALKERS * tone_curves.STEPS, rel=1e-3)
+    levels = {curve: draw(seen) for curve, draw in tone_curves.CURVES.items()}
+    for curve, grey in levels.items():
+        assert grey.min() == 0 and grey.max() == 1 and ((grey > 0) == (seen > 0)).all(), curve
+        assert (np.diff(grey.flat[seen.argsort(axis=None)]) >= 0).all(), curve
+    assert (levels["flame"] >= levels["logarithm"]).all()
+    truth, other = tone_curves.truth("fern", "tuning"), tone_curves.truth("maple_leaf", "reporting")
+    assert SETS["tone_curves"].score("fern-flame", truth, None)["exact"]
+    assert SETS["tone_curves"].score("fern-flame", other, None)["missed"] == 4

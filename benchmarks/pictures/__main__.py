@@ -1,10 +1,12 @@
-"""Pictures from elsewhere: textbook fractals, density maps, shapes, the binary suite, and two samples of long ago.
+"""Pictures from elsewhere: textbook fractals, density maps, shapes, the binary suite, tone curves, and samples of
+long ago.
 
     python -m benchmarks.pictures textbook --seconds 30                    all pictures of the set, half a minute each
     python -m benchmarks.pictures textbook --tuning --names 'koch*' '*-jpeg'   some of those for tuning
     python -m benchmarks.pictures shapes --set maps=32 --set moves.root=0  options of `invert`, values as JSON
     python -m benchmarks.pictures density --density-maps FILE.npz          the published maps as well
     python -m benchmarks.pictures binary --report                          only the tables and sheets of what is there
+    python -m benchmarks.pictures tone_curves --set 'levels="tonemapped"'   densities seen through gamma and logarithm
     python -m benchmarks.pictures textbook --judge                         the codes that are there, scored again
     python -m benchmarks.pictures textbook --draw FOLDER                   only the pictures themselves
     python -m benchmarks.pictures samples --help                           retina, snowflake and fern by both methods

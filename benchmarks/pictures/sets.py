@@ -1,4 +1,4 @@
-"""The four sets behind one contract: names with roles, pictures, scores of a code, tables of fits."""
+"""The sets behind one contract: names with roles, pictures, scores of a code, tables of fits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pandas as pd
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage
 
-from . import binary, density_maps, judging, tables, textbook
+from . import binary, density_maps, judging, tables, textbook, tone_curves
 from .paving import paving
 from .shapes import shapes
 
@@ -85,4 +85,7 @@ SETS: dict[str, PictureSet] = {
                          lambda name: shapes()[name].make(0), _score_shape, tables.shapes),
     "binary": PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(binary.names())},
                          binary.picture, _score_binary, tables.binary, {"frame": "keep"}),
+    "tone_curves": PictureSet(lambda: {name: role for name, (_, _, role) in tone_curves.problems().items()},
+                              tone_curves.picture, lambda name, code, read: tone_curves.score(name, code),
+                              tables.tone_curves, {"frame": "keep"}),
 }

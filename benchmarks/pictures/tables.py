@@ -107,6 +107,19 @@ def _binary_row(rows: pd.DataFrame) -> dict[str, object]:
             "F1 on the input": _mean(rows["f1_input"]), "core s": _core(rows)}
 
 
+def tone_curves(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """By curve and by role, overall and picture by picture."""
+    overall = pd.DataFrame([{"curve": "all", **_curve_row(fits)}])
+    each = fits[["picture", "f1_truth", "recovered", "missed", "maps", "true_maps", "core_seconds"]]
+    return {"Tone curves": pd.concat([overall, _grouped(fits, "curve", _curve_row)], ignore_index=True),
+            "By role": _grouped(fits, "role", _curve_row), "Pictures": each}
+
+
+def _curve_row(rows: pd.DataFrame) -> dict[str, object]:
+    return {"n": len(rows), "F1 within 1 px": _mean(rows["f1_truth"]), "recovered": _mean(rows["recovered"]),
+            "exact": _mean(rows["exact"]), "true maps missed": _mean(rows["missed"], 1), "core s": _core(rows)}
+
+
 def _grouped(fits: pd.DataFrame, key: str, row: Callable[[pd.DataFrame], dict[str, object]]) -> pd.DataFrame:
     return pd.DataFrame([{key: name, **row(rows)} for name, rows in fits.groupby(key, sort=False)])
 

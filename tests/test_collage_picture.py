@@ -13,7 +13,7 @@ from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.moves import root
 from fractal_exp.methods.collage.image.objective import ImageObjective, reduced
 from fractal_exp.methods.collage.measure.bins import binned
-from fractal_exp.methods.collage.measure.births import flattened, mirrored, reoriented
+from fractal_exp.methods.collage.measure.births import mirrored, narrowed, reoriented
 from fractal_exp.methods.collage.measure.tones import LEVELS
 from fractal_exp.methods.collage.state import Candidate
 
@@ -145,7 +145,7 @@ def test_reflections_and_thinner_images_stay_in_place(triangle):
         torch.testing.assert_close(got, wanted.expand_as(got), atol=2e-5, rtol=1e-3)
     dets = [float(m[:4].view(2, 2).det()) for m in (old[0], *others)]
     assert [det / dets[0] for det in dets] == pytest.approx([1, -1, -1, 1], rel=1e-3)
-    thin = flattened(old, measure, 0.1)
+    thin = narrowed(old, measure, 0.1)
     torch.testing.assert_close(image_of(thin)[0], mean)
     was, new = torch.linalg.eigvalsh(covariance[0]), torch.linalg.eigvalsh(image_of(thin)[1][0])
     assert float(new[1] / was[1]) == pytest.approx(1, rel=1e-3)

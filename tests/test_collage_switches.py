@@ -9,7 +9,7 @@ from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image.likeness import without_unseen
-from fractal_exp.methods.collage.image.moves import growth
+from fractal_exp.methods.collage.image.moves import new_map
 from fractal_exp.methods.collage.image.objective import reduced
 from fractal_exp.methods.collage.image.pruning import Price, pruned
 from fractal_exp.methods.collage.measure.stages import Restart
@@ -47,10 +47,10 @@ def test_a_set_on_the_measure_is_pruned_unless_that_is_off_and_its_number_of_map
 @pytest.mark.parametrize("mirrored", [True, False])
 def test_new_maps_are_mirrored_unless_that_is_off(doubled, monkeypatch, mirrored):
     maps, image = doubled
-    search, seen, own = image_search(image, moves={"mirrored": mirrored}), [], growth.mirrored
-    monkeypatch.setattr(growth, "mirrored", lambda *given: seen.append(given) or own(*given))
+    search, seen, own = image_search(image, moves={"mirrored": mirrored}), [], new_map.mirrored
+    monkeypatch.setattr(new_map, "mirrored", lambda *given: seen.append(given) or own(*given))
     shown = search.objective.judge(maps[:3])
-    growth.grown(search, search.objective.without(shown, [0]), shown, maps[0], random())
+    new_map.with_new_map(search, search.objective.without(shown, [0]), shown, maps[0], random())
     assert len(seen) == 2 * mirrored, "the new map and the old one"
 
 

@@ -95,7 +95,7 @@ class Rounding:
             other[i, 4 + axis] = edge if other[i, 4 + axis] <= 0 else -edge
             found = min(found, within.judge(other, best.weights), key=lambda found: found.error)
         if self._is_meant(found, frame):
-            linear, offset = found.maps[:, :4], found.maps[:, 4:] * frame.growth(found.maps, found.probabilities)
+            linear, offset = found.maps[:, :4], found.maps[:, 4:] * frame.enlargement(found.maps, found.probabilities)
             sizes = [torch.cat([linear, offset * (1 + nudge)], 1) for nudge in self.params.nudges]
             found = min(found, *(within.judge(size, best.weights) for size in sizes), key=lambda found: found.error)
         if found.error > self.params.symmetric_worse * within.judge(best.maps, best.weights).error:

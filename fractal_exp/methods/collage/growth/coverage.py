@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from ....ops.collage.reference import BETA_1, BETA_2, contract, pushforward
+from ....ops.collage.reference import BETA_1, BETA_2, EPSILON, contract, pushforward
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .params import GrowthParams
 from .silhouette import Silhouette, widened
@@ -71,32 +71,32 @@ class Uncovered:
         return loss
 
 
-def refined(maps: Tensor, loss: Uncovered, steps: int, generator: torch.Generator,
-            deadline: Deadline = NO_DEADLINE) -> Tensor:
+def covering(maps: Tensor, loss: Uncovered, steps: int, generator: torch.Generator,
+             deadline: Deadline = NO_DEADLINE) -> Tensor:
     """Maps (N,6) after `steps` of Adam on the loss, all moved together. Each step takes new points of the shape. The
     areas of the images are counted every `recount` steps. In between they follow the determinants to the power
     `area_power`, because a wider line covers more."""
     shape, params = loss.shape, loss.params
     moved, most = params.points_per_pixel * shape.side**2, params.area_change
     count = max(params.least_points, min(round(moved / len(maps)), params.most_points))
-    first, second = torch.zeros_like(maps), torch.zeros_like(maps)
+    moving = maps.detach().clone().requires_grad_()
+    adam = torch.optim.Adam([moving], params.rate, (BETA_1, BETA_2), EPSILON)
     covered = volume = maps.new_zeros(len(maps))
     for k in range(steps):
         if deadline.passed:
             break
         if k % params.recount == 0:
-            covered, volume = areas(maps, shape, params, generator), _determinants(maps)
+            with torch.no_grad():
+                covered, volume = areas(moving, shape, params, generator), _determinants(moving)
         places = shape.points(count, generator)
         samples = torch.cat([places, torch.full((count, 1), 1 / count)], 1)
         with torch.enable_grad():
-            moving = maps.detach().requires_grad_()
             change = ((_determinants(moving) + 1e-6) / (volume + 1e-6)).clamp(1 / most, most)
             light = covered * change ** params.area_power
             error = loss(pushforward(moving[None], light[None], samples, shape.side)[0])
-            gradient, = torch.autograd.grad(error, moving)
-        first.mul_(BETA_1).add_(gradient, alpha=1 - BETA_1)
-        second.mul_(BETA_2).addcmul_(gradient, gradient, value=1 - BETA_2)
-        rate = params.rate * params.decay ** ((k + 1) / steps)
-        step = first / (1 - BETA_1 ** (k + 1)) / ((second / (1 - BETA_2 ** (k + 1))).sqrt() + 1e-7)
-        maps = contract(maps - rate * step, params.largest)
-    return maps.detach()
+            moving.grad, = torch.autograd.grad(error, moving)
+        adam.param_groups[0]["lr"] = params.rate * params.decay ** ((k + 1) / steps)
+        adam.step()
+        with torch.no_grad():
+            moving.copy_(contract(moving, params.largest))
+    return moving.detach()

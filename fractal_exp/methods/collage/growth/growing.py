@@ -11,7 +11,7 @@ from .. import maps as affine
 from ..measure.levels import Coverage
 from ..params import CollageParams
 from ..state import Grown
-from .coverage import Uncovered, areas, refined
+from .coverage import Uncovered, areas, covering
 from .paving import paving
 from .silhouette import Silhouette, widened
 
@@ -32,10 +32,10 @@ class Grower:
         paving, each after all its maps have moved together, and the plain paving itself."""
         g, params = generator(self.seed, "growth", count), self.params
         plain = self.plain(count)
-        tried = [plain, self.drawn(refined(plain.maps, self.loss, params.steps, g, self.deadline))]
+        tried = [plain, self.drawn(covering(plain.maps, self.loss, params.steps, g, self.deadline))]
         if before is not None and len(before.maps) < count:
             more = torch.cat([before.maps, self._born(before, count - len(before.maps))])
-            tried.append(self.drawn(refined(more, self.loss, params.steps, g, self.deadline)))
+            tried.append(self.drawn(covering(more, self.loss, params.steps, g, self.deadline)))
         return max(tried, key=lambda each: each.likeness)
 
     def plain(self, count: int) -> Grown:

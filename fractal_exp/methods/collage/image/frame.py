@@ -46,7 +46,7 @@ class Frame:
         low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, probabilities))])
         return self._misfit(low, high)
 
-    def growth(self, maps: Tensor, probabilities: Tensor) -> float:
+    def enlargement(self, maps: Tensor, probabilities: Tensor) -> float:
         """The factor on all offsets that makes the longer side of the attractor's box as long as the frame."""
         low, high, _ = self.misfit(maps, probabilities)
         return FRAME_SIDE / (FRAME_SIDE + 2 / self.side * float(high - low))

@@ -21,7 +21,7 @@ from ..state import Candidate
 from .gauss_newton import fitted_into_frame, polished
 from .jacobian import FromRenderings
 from .moves import MOVES
-from .moves.growth import CorrectedMeasure
+from .moves.new_map import CorrectedMeasure
 from .moves.root import rooted
 from .objective import ImageObjective, Rendered, error_of
 from .parents import with_fewer_maps

@@ -101,7 +101,7 @@ def reoriented(old: Tensor, measure: BinnedMeasure, params: MoveParams, generato
     return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
 
 
-def flattened(maps: Tensor, measure: BinnedMeasure, ratio: float) -> Tensor:
+def narrowed(maps: Tensor, measure: BinnedMeasure, ratio: float) -> Tensor:
     """Maps (n,6) whose images of the measure are `ratio` times as wide, but as long and in the same place. On a grid,
     all images narrower than a cell look alike, and the thinnest are hardest to see."""
     return _reshaped(maps, measure, torch.tensor([1.0, ratio]))

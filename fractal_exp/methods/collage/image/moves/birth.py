@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from ..objective import Rendered
-from .growth import grown
+from .new_map import with_new_map
 
 if TYPE_CHECKING:
     from ..search import ImageSearch
@@ -21,4 +21,4 @@ def is_open(search: ImageSearch, shown: Rendered) -> bool:
 
 def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
     """The code with a new map where mass is missing."""
-    return search.polished_last(grown(search, shown, shown, None, g), shown, search.params.moves.polish_new)
+    return search.polished_last(with_new_map(search, shown, shown, None, g), shown, search.params.moves.polish_new)

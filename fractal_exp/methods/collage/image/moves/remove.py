@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from ..objective import Rendered
-from .growth import small_maps
+from .new_map import small_maps
 
 if TYPE_CHECKING:
     from ..search import ImageSearch

@@ -13,7 +13,7 @@ from ... import maps as affine
 from ...measure.bins import attractor_points
 from ..lines import Light, profiled
 from ..objective import Rendered
-from .growth import grown, small_maps, with_map
+from .new_map import small_maps, with_map, with_new_map
 
 if TYPE_CHECKING:
     from ..search import ImageSearch
@@ -28,7 +28,7 @@ def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rende
     """The code with one map in another orientation; for a line, also in other projections."""
     gone = small_maps(shown, g)
     rest, old = search.objective.without(shown, gone), shown.maps[gone[0]]
-    found = [search.polished_last(grown(search, rest, shown, old, g), shown, search.params.moves.polish_new)]
+    found = [search.polished_last(with_new_map(search, rest, shown, old, g), shown, search.params.moves.polish_new)]
     if search.params.lines.enabled and search.objective.levels.is_graded and _is_line(search, shown, old) \
             and not search.deadline.passed:
         found += _reprojected(search, rest, shown, gone[0])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from ..objective import Rendered
-from .growth import grown, small_maps
+from .new_map import small_maps, with_new_map
 
 if TYPE_CHECKING:
     from ..search import ImageSearch
@@ -21,4 +21,4 @@ def is_open(search: ImageSearch, shown: Rendered) -> bool:
 def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
     """The code with one map replaced by a new one."""
     rest = search.objective.without(shown, small_maps(shown, g))
-    return search.polished_last(grown(search, rest, shown, None, g), shown, search.params.moves.polish_new)
+    return search.polished_last(with_new_map(search, rest, shown, None, g), shown, search.params.moves.polish_new)

@@ -11,7 +11,7 @@ from torch import Tensor
 from .....ops.collage import BinnedMeasure, descend, pushforward
 from ... import maps as affine
 from ...measure.bins import binned, grid_for, halve
-from ...measure.births import candidates, flattened, mirrored, reoriented, visible_weights
+from ...measure.births import candidates, mirrored, narrowed, reoriented, visible_weights
 from ...measure.saturation import correction
 from ...measure.search import descent_of
 from ..objective import ImageObjective, Rendered
@@ -55,7 +55,8 @@ class CorrectedMeasure:
         return torch.minimum(tiled, measure.bins)
 
 
-def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | None, g: torch.Generator) -> Rendered:
+def with_new_map(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | None, g: torch.Generator
+                 ) -> Rendered:
     """`rest`, a part of the code `shown`, with the best of many new maps. They are born where mass is missing or, if
     the map `old` (6,) is given, which `rest` lacks, they are `old` in other orientations."""
     params, objective = search.params.moves, search.objective
@@ -67,7 +68,7 @@ def grown(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tensor | No
     if old is not None:
         born = reoriented(old, measure, params, g, reflections=search.params.births.reflections)
         if affine.thinness(old, measure) < params.thin:  # no grid shows how a line was projected
-            lines = flattened(born, measure, params.widths[-1])
+            lines = narrowed(born, measure, params.widths[-1])
             renderings += [with_map(objective, rest, each, affine.volumes(each[None])[0] / volume) for each in lines]
     else:
         born = _born(search, measure, explained, g)
@@ -112,11 +113,11 @@ def _rendered(search: ImageSearch, rest: Rendered, measure: BinnedMeasure, born:
               ) -> list[Rendered]:
     """The code with each of these maps (n,6): the first at several widths, the others at the width that suits it."""
     widths = search.params.moves.widths
-    first = torch.cat([flattened(born[:1], measure, width) for width in widths])
+    first = torch.cat([narrowed(born[:1], measure, width) for width in widths])
     tried = [with_map(search.objective, rest, each, weights[0]) for each in first]
     width = min(range(len(widths)), key=lambda k: tried[k].error)
     return [*tried, *(with_map(search.objective, rest, each, weight) for each, weight in
-                      zip(flattened(born[1:], measure, widths[width]), weights[1:], strict=True))]
+                      zip(narrowed(born[1:], measure, widths[width]), weights[1:], strict=True))]
 
 
 def _error(rendered: Rendered) -> float:

@@ -116,7 +116,7 @@ def test_grown_maps_are_better_than_a_paving_with_as_many(image):
 
 def test_a_refinement_that_goes_wrong_leaves_the_paving(monkeypatch):
     some = grower(BRANCH)
-    monkeypatch.setattr(growing, "refined", lambda maps, *_: maps * 0.5)
+    monkeypatch.setattr(growing, "covering", lambda maps, *_: maps * 0.5)
     assert torch.equal(some.grown(8).maps, some.plain(8).maps)
 
 

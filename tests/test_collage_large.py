@@ -22,8 +22,8 @@ def whole_large(triangle):
     return told, small(**LARGE).reconstruct(triangle[1], on_step=told.append).code
 
 
-@pytest.mark.parametrize("stage", [pytest.param("detail", marks=pytest.mark.slow), "approach",
-                                   pytest.param("image", marks=pytest.mark.slow), "full size"])
+@pytest.mark.parametrize("stage", [
+    "full size", *(pytest.param(name, marks=pytest.mark.slow) for name in ("detail", "approach", "image"))])
 def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, whole_large, tmp_path, stage):
     (_, image), (told, whole) = triangle, whole_large
     ends = [progress.stage for progress in told if progress.code is not None]

@@ -87,6 +87,7 @@ def test_a_stem_becomes_a_line_along_its_axis():
     assert torch.allclose(found.maps[1:, :4], maps[1:, :4], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_dust_on_the_edges_of_pixels_is_moved_to_their_better_side():
     maps, picture = pictured(codes.known("cantor_dust"), 256)
     start = picture.judge(off(maps * (1 - 3e-4), 0.003, 256))

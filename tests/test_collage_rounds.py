@@ -24,8 +24,8 @@ def small(**options):
 
 
 @pytest.mark.parametrize(("number", "ratio", "angle", "another"), [
-    (1, 1.5, 0.1, False), (1, 2.5, 0.1, True), (0, 1, 0.1, False), (0, 10, 0.5, False), (0, 1.5, 0.1, True),
-    (2, 10, 0.1, False)])
+    (1, 1.5, 0.1, False), (0, 1, 0.1, False), (0, 10, 0.5, False), (0, 1.5, 0.1, True), (2, 10, 0.1, False),
+    pytest.param(1, 2.5, 0.1, True, marks=pytest.mark.slow)])
 def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, ratio, angle, another):
     code, image = triangle
     given, maps = problem(image, rounds=3), affine.from_code(code)
@@ -57,6 +57,7 @@ def test_the_stages_of_a_round_come_in_order(triangle):
     assert stages[-1].name == "last digits"
 
 
+@pytest.mark.slow
 def test_a_round_after_an_isometry_does_without(triangle):
     code, image = triangle
     given, right = problem(image, rounds=4), affine.from_code(code)

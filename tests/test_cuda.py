@@ -22,7 +22,8 @@ needs_numba_cuda = pytest.mark.skipif(not cuda_launch.INSTALLED, reason="numba-c
 
 
 @needs_numba_cuda
-@pytest.mark.parametrize("cases", ["not slow", pytest.param("slow", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("cases", ["not slow", "slow"])
 def test_kernels_in_the_simulator(cases):
     environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "CUDA_VISIBLE_DEVICES": ""}
     command = [sys.executable, "-m", "pytest", "-q", "-m", cases, "-p", "no:cacheprovider",

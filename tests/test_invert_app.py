@@ -56,6 +56,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_colour_on_request(folder, method, capsys):
     method()
     red = np.asarray(Image.open("gasket.png").convert("L"))

@@ -81,6 +81,7 @@ def in_the_core(code: str, *arguments: str, folder: Path) -> subprocess.Complete
                           capture_output=True)
 
 
+@pytest.mark.slow
 def test_the_core_alone_inverts_and_renders(blocked, tmp_path):
     done = in_the_core(INVERTS, blocked, folder=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -127,6 +128,7 @@ for program, *arguments in json.loads(sys.argv[2]):
 '''
 
 
+@pytest.mark.slow
 def test_a_command_says_in_a_line_what_to_install(blocked, tmp_path):
     programs = ["train", "sweep", "perceptual"]
     done = in_the_core(STARTS, blocked, json.dumps([[program] for program in programs]), folder=tmp_path)
@@ -136,6 +138,7 @@ def test_a_command_says_in_a_line_what_to_install(blocked, tmp_path):
         assert line.endswith("is not installed; pip install 'fractal-exp[study]' brings it")
 
 
+@pytest.mark.slow
 def test_stills_and_the_suite_need_no_extra(blocked, tmp_path):
     calls = [["render", "fern", "fern.png", "--size", "64"], ["suite", "suite", "--count", "1", "--resolution", "64"]]
     done = in_the_core(STARTS, blocked, json.dumps(calls), folder=tmp_path)

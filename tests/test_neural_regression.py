@@ -87,6 +87,7 @@ def test_an_epoch_goes_once_through_all_codes():
     assert not torch.equal(rows, again) and torch.equal(rows.unique(dim=0), again.unique(dim=0))
 
 
+@pytest.mark.slow
 def test_the_mean_code_is_what_no_constant_can_beat():
     training = TRAININGS["neural_regression"](codes=200, held_out=200)
     truth = training.held_out[1].double()

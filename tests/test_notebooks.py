@@ -24,7 +24,7 @@ QUICK = {  # values of the parameters that take moments: they show that everythi
                                                         "trajectories": 100, "length": 60}},
     "04_collage": {"resolution": 64, "options": SEARCH},
 }
-FIRST = "01_quickstart", "04_collage"  # what newcomers open; the others are slow tests
+FIRST = "01_quickstart"  # what newcomers open; the others are slow tests
 
 
 def parameters(notebook):
@@ -53,7 +53,7 @@ def kernel() -> Iterator[KernelManager]:
     manager.shutdown_kernel(now=True)
 
 
-@pytest.mark.parametrize("path", [pytest.param(path, id=path.stem, marks=[] if path.stem in FIRST else pytest.mark.slow)
+@pytest.mark.parametrize("path", [pytest.param(path, id=path.stem, marks=[] if path.stem == FIRST else pytest.mark.slow)
                                   for path in NOTEBOOKS])
 def test_a_notebook_runs(path, request, tmp_path, kernel):
     notebook = nbformat.read(path, as_version=4)

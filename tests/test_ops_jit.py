@@ -40,6 +40,7 @@ def test_an_interrupt_in_a_kernel_stays_an_interrupt(monkeypatch):
         jit.kernel()(broken)()
 
 
+@pytest.mark.slow
 def test_kernels_run_from_an_installation_that_cannot_be_written(tmp_path):
     """Neither the package's folder nor the user's cache can be made: a file stands where each folder should be."""
     package = tmp_path / "fractal_exp"
@@ -108,12 +109,11 @@ def filled_cache(tmp_path_factory):
 
 
 DAMAGE = {"empty": lambda data: b"", "cut off": lambda data: data[:len(data) // 2], "nonsense": lambda _: b"\x80" * 999}
-QUICK = {("nbi", "cut off")}
 
 
-@pytest.mark.parametrize(("kind", "damage"), [
-    pytest.param(kind, damage, marks=[] if (kind, damage) in QUICK else pytest.mark.slow, id=f"{damage}-{kind}")
-    for kind in ("nbi", "nbc") for damage in DAMAGE])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_cache_is_said_once_and_made_anew(filled_cache, tmp_path, kind, damage):
     folder = tmp_path / "cache"
     shutil.copytree(filled_cache, folder)

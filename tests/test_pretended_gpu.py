@@ -37,7 +37,8 @@ def test_what_a_gpu_refuses_is_refused_and_what_waits_for_it_counted():
         assert sum(waits.values()) == 7  # one for each tensor or number that was brought or fetched, and the mask
 
 
-@pytest.mark.parametrize("kind", ["grey", pytest.param("binary", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["grey", "binary"])
 def test_collage_search_finds_the_same_code_on_both(kind):
     image = suite.target(replace(codes.known("sierpinski_triangle"), probabilities=None), 64, kind)
     expected = Collage(**SHORT).reconstruct(image).code

@@ -13,6 +13,7 @@ from fractal_exp.suite import random_suite
 DRAGON = attractor.normalize(codes.known("heighway_dragon"))
 
 
+@pytest.mark.slow
 def test_a_film_of_the_dragon_follows_its_border():
     dull = _without_noise(_look(DRAGON, attractor.random_point(DRAGON), 1e4))
     assert dull.min() == 1, "a random point lies where all is filled"
@@ -23,7 +24,8 @@ def test_a_film_of_the_dragon_follows_its_border():
     assert not render_with_info(DRAGON, View(point, 1e5), resolution=16, points_in_view=1000)[1].empty
 
 
-@pytest.mark.parametrize("index", [pytest.param(0, marks=pytest.mark.slow), 57])
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [0, 57])
 def test_a_film_of_a_code_that_flattens_does_not_end_in_stripes(index):
     """About almost every point of such a code, deep views show parallel lines."""
     code = attractor.normalize(random_suite(index + 1)[index])

@@ -96,6 +96,7 @@ def test_a_code_is_polished_as_strokes_until_it_explains_the_drawing():
     assert found.error < 1.2 * other.judge(true).error, "as near to the image as the true code"
 
 
+@pytest.mark.slow
 def test_dots_are_sharpened_as_dots():
     fern = attractor.normalize(codes.known("fern"))
     image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.5 * PIXEL)).render(fern, SIDE, 1)

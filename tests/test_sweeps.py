@@ -62,7 +62,8 @@ def jobs_of(name: str, *overrides: str, crossed: bool = True) -> list[dict]:
         return jobs
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name == "collage_ablation" else [])
+                                  for name in NAMES])
 def test_the_jobs_of_every_sweep_pass_their_schema_and_have_rows(name):
     jobs = jobs_of(name, "sweep.count=2", crossed=False)
     labels = [(job["sweep"]["row"], job["sweep"]["sample"]) for job in jobs]
@@ -204,6 +205,7 @@ def test_bad_input_is_refused_in_one_line_before_any_work(name, tmp_path, monkey
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_study_of_ones_own_needs_only_what_varies(tmp_path):
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump({
         "defaults": ["sweep", {"override target": "known"}, "_self_"], "study": "mine",

@@ -104,6 +104,7 @@ def test_a_finished_fit_is_not_repeated_on_resume_but_another_is_refused(picture
         train(*settings, "resume=true", "seed=1")
 
 
+@pytest.mark.slow
 def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path):
     settings = ["target=image", f"target.path={picture}", "iterations=60", "resume=true"]
     train(*settings, f"output={tmp_path / 'whole'}", "tracking=none")

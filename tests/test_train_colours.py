@@ -53,6 +53,7 @@ def test_a_fit_in_colour_keeps_and_tracks_colours(picture, tmp_path, capsys):
         on_picture(picture, tmp_path, "resume=true")
 
 
+@pytest.mark.slow
 def test_a_fit_in_colour_finds_the_same_maps(picture, tmp_path):
     plain = on_picture(picture, tmp_path / "plain", "tracking=none")
     coloured = on_picture(picture, tmp_path / "coloured", "tracking=none", "colour=true")

@@ -178,7 +178,8 @@ def test_the_help_lists_settings_that_exist(monkeypatch, capsys):
     listed = [word for line in block for word in line.split("  ")[1].split(", ")]
     assert {"picture", "seconds", "seed", "method", "target.name", "model.maps", "method.maps", "resolution", "output",
             "name", "resume", "threads", "device", "scale", "evaluation.views"} <= set(listed)
-    assert [key for key in listed if key not in Vocabulary("train")] == []
+    known = Vocabulary("train")
+    assert [key for key in listed if key not in known] == []
     assert len(text.splitlines()) < 70
 
 

@@ -1,6 +1,6 @@
 """A campaign of kills, interruptions and full disks; each prints how many were tried and how many were clean.
 
-A few of each run in the ordinary tests, the rest is marked slow. Seeds are fixed, the moments come as they fall.
+All are slow tests. Seeds are fixed, the moments come as they fall.
 """
 
 import json
@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+pytestmark = pytest.mark.slow
 
 SEED = 20
 HERE = Path(__file__).parent
@@ -26,23 +28,16 @@ def campaign(script: str, *arguments: object) -> dict:
     return found
 
 
-def sizes(quick: int, slow: int):
-    return pytest.mark.parametrize("count", [quick, pytest.param(slow, marks=pytest.mark.slow)])
+def test_an_output_folder_works_whatever_interrupted_the_making_of_its_store(tmp_path):
+    found = campaign("store_trials.py", "kills", tmp_path, 75, SEED)
+    assert found["tried"] >= 75 and found["failures"] == []
 
 
-@sizes(1, 75)
-def test_an_output_folder_works_whatever_interrupted_the_making_of_its_store(count, tmp_path):
-    found = campaign("store_trials.py", "kills", tmp_path, count, SEED)
-    assert found["tried"] >= count and found["failures"] == []
+def test_a_full_disk_is_one_clear_line_and_the_folder_works_once_there_is_room(tmp_path):
+    found = campaign("store_trials.py", "disks", tmp_path, 20, SEED)
+    assert found["tried"] >= 20 and found["failures"] == []
 
 
-@sizes(1, 20)
-def test_a_full_disk_is_one_clear_line_and_the_folder_works_once_there_is_room(count, tmp_path):
-    found = campaign("store_trials.py", "disks", tmp_path, count, SEED)
-    assert found["tried"] >= count and found["failures"] == []
-
-
-@pytest.mark.slow
 def test_fits_that_are_killed_again_and_again_come_to_the_same_code_and_the_same_series(tmp_path):
     found = campaign("fit_trials.py", tmp_path, 30, SEED)
     assert found["tried"] >= 30 and found["failures"] == []

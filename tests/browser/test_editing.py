@@ -183,6 +183,7 @@ def test_nothing_overlaps_and_all_is_in_the_window(editing, size):
         assert 0 < x < size[0] and 0 < y < size[1]
 
 
+@pytest.mark.slow
 def test_a_thousand_maps_are_edited(open_page, tmp_path):
     generator = torch.Generator().manual_seed(0)
     code = IFS((torch.rand(1000, 2, 2, generator=generator) - 0.5) / 9, torch.rand(1000, 2, generator=generator))

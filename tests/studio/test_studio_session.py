@@ -125,6 +125,7 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
         assert "fractal-exp[study]" in saved["not_tracked"]
 
 
+@pytest.mark.slow
 def test_a_task_that_does_not_stop_is_ended_by_force_and_the_next_one_is_left_alone(monkeypatch):
     monkeypatch.setattr("fractal_exp.studio.worker.PATIENCE", 0.5)
     words = queue.Queue()
@@ -228,6 +229,7 @@ def test_warming_up_gives_way_to_a_task(monkeypatch):
     assert len(steps) == 2, "the task is still waiting"
 
 
+@pytest.mark.slow
 def test_a_studio_that_ends_while_it_searches_keeps_the_code_and_says_nothing(tmp_path, triangle, caplog):
     pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
     with served(tmp_path) as studio, studio.tab() as tab:

@@ -66,6 +66,7 @@ def test_leftovers_of_killed_builds_are_removed(tmp_path):
     assert not left.exists()
 
 
+@pytest.mark.slow
 def test_a_log_of_a_deleted_store_is_not_played_into_the_new_one(tmp_path):
     tracking.prepare_store(tmp_path / "old")
     with closing(sqlite3.connect(tmp_path / "old" / "mlflow.db")) as connection, connection:

@@ -31,6 +31,7 @@ def test_an_experiment_describes_itself_and_default_is_gone(uri, start):
     assert view["orderByKey"] == "metrics.`eval/f1`" and view["selectedColumns"][0] == "metrics.`eval/f1`"
 
 
+@pytest.mark.slow
 def test_the_dashboard_prints_where_the_newest_runs_are_once_it_answers(uri, start):
     with start():
         pass

@@ -49,6 +49,7 @@ def killed(uri, tmp_path_factory) -> list[tuple[str, Path]]:
     return list(zip(done.stdout.split(), folders, strict=True))
 
 
+@pytest.mark.slow
 def test_what_was_secured_before_a_kill_is_there_once_after_resuming(uri, killed):
     run_id, folder = killed[0]
     params = {"rate": 0.1}

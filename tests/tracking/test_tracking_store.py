@@ -166,6 +166,7 @@ def test_one_refused_file_holds_up_nothing_else(uri, start, tmp_path, impatient,
 
 # Several processes
 
+@pytest.mark.slow
 def test_four_processes_start_at_once_and_a_killed_one_is_marked(tmp_path):
     with subprocess.Popen([sys.executable, "-c", WORKERS, str(tmp_path)], stdin=subprocess.PIPE,
                           stdout=subprocess.PIPE, text=True) as workers:

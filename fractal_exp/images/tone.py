@@ -101,7 +101,7 @@ def ringing(overview: Overview) -> float:
     lit = overview.mean
     reach = max(1, NEAR_PX // overview.block)
     strong, any_lit = lit > 0.5, ndimage.maximum_filter(lit, 2 * APART_PX + 1) > 0.25
-    beside = lit[ndimage.maximum_filter(strong, 2 * reach + 1) & ~any_lit]
+    beside = lit[np.logical_and(ndimage.maximum_filter(strong, 2 * reach + 1), ~any_lit)]
     return min(RINGINGS * float(np.quantile(beside, RINGING)), MOST_RINGING) if beside.size >= FLAT_PX else 0.0
 
 

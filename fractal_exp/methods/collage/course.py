@@ -60,18 +60,19 @@ class Teller:
         if self.on_step:
             step = self.course.moves_before(stage) + state.step
             wanted = self.every and step % self.every == 0
-            preview = self.render(state.current.code) if wanted else None
-            first = state.current.code if state.result is None else None  # later stages may begin with a worse one
-            self._tell(stage, state.step, state.current, preview=preview, candidate=first)
+            preview = self.render(state.now.code) if wanted else None
+            first = state.now.code if state.result is None else None  # later stages may begin with a worse one
+            self._tell(self.on_step, stage, state.step, state.now, preview=preview, candidate=first)
 
     def stage(self, stage: Stage, state: State) -> None:
         """Report the end of a stage."""
         if self.on_step:
-            self._tell(stage, stage.most_moves, state.result, code=state.result.code)
+            self._tell(self.on_step, stage, stage.most_moves, state.found, code=state.found.code)
 
-    def _tell(self, stage: Stage, step: int, now: Candidate, **more: Tensor | IFS | None) -> None:
+    def _tell(self, on_step: OnStep, stage: Stage, step: int, now: Candidate, *, preview: Tensor | None = None,
+              code: IFS | None = None, candidate: IFS | None = None) -> None:
         scalars = {"score": now.score, "error": now.error, "maps": float(len(now.maps)),
                    "stage": float(self.course.number(stage))}
         done = max(self.course.fraction(stage, step), self.problem.deadline.used)
-        self.on_step(Progress(self.course.moves_before(stage) + step, min(1.0, done), scalars, stage=stage.name,
-                              **more))
+        on_step(Progress(self.course.moves_before(stage) + step, min(1.0, done), scalars, stage=stage.name,
+                         preview=preview, code=code, candidate=candidate))

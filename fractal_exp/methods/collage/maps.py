@@ -34,6 +34,12 @@ class WeightedMaps:
         return normalized(volumes(self.maps) if self.weights is None else self.weights)
 
     @property
+    def own_weights(self) -> Tensor:
+        """`weights`, where they are not tied, as in all sets on the image's measure."""
+        assert self.weights is not None
+        return self.weights
+
+    @property
     def code(self) -> IFS:
         """The code of the maps."""
         return to_code(self.maps, self.weights)

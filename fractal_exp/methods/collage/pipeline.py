@@ -31,7 +31,7 @@ class Pipeline:
                 break
         for stage in last_stages(self.problem):
             self._stage(stage)
-        return self.state.result
+        return self.state.found
 
     def _stage(self, stage: Stage) -> None:
         """Run or resume the stage, unless it is done or no time is left."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from ...runtime.seeds import derive
 from .image.camera import as_strokes, in_turns
@@ -17,7 +18,7 @@ from .stage import Stage
 from .state import Candidate, State
 
 
-class Recursion(Stage):
+class Recursion(Stage[Any]):
     """Searches for few maps, each looked at as strokes.
 
     A tree of four levels is a lattice of lines. Many maps explain it better than its trunk and two branches do, unless
@@ -29,7 +30,13 @@ class Recursion(Stage):
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)
-        self.objective: ImageObjective | None = None
+        self._objective: ImageObjective | None = None
+
+    @property
+    def objective(self) -> ImageObjective:
+        """The picture as it is seen with the camera that suits the code so far; there once the stage is open."""
+        assert self._objective is not None
+        return self._objective
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
@@ -46,16 +53,16 @@ class Recursion(Stage):
         if state.current is not None:
             return True
         self.open(state)
-        return self._likeness(state.best) < self.params.stages.unlike
+        return self._likeness(state.leader) < self.params.stages.unlike
 
     def open(self, state: State) -> None:
-        if self.objective is None:
+        if self._objective is None:
             problem, seed = self.problem, derive(self.problem.seed, "recursion")
-            camera = problem.camera(state.best.code, seed)
-            self.objective = problem.objective(len(problem.image), state.best.code, seed, camera=camera)
+            camera = problem.camera(state.leader.code, seed)
+            self._objective = problem.objective(len(problem.image), state.leader.code, seed, camera=camera)
 
     def begin(self, state: State) -> Candidate:
-        return _candidate(self.objective, self.objective.judge(state.best.maps, state.best.weights))
+        return _candidate(self.objective, self.objective.judge(state.leader.maps, state.leader.weights))
 
     def step(self, now: Candidate, number: int) -> Candidate:
         few = self._few_maps(number)
@@ -67,10 +74,10 @@ class Recursion(Stage):
         return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
 
     def is_settled(self, state: State) -> bool:
-        return self._is_explained(state.current)
+        return self._is_explained(state.now)
 
     def close(self, state: State) -> State:
-        return replace(state, best=state.current) if self._is_explained(state.current) else state
+        return replace(state, best=state.current) if self._is_explained(state.now) else state
 
     def _few_maps(self, number: int) -> Rendered:
         """What a search for few maps finds."""

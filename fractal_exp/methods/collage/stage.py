@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
+from typing import Generic, TypeVar
 
 from ...runtime.deadline import Deadline
 from . import maps as affine
@@ -14,8 +15,10 @@ from .measure.search import MeasureSearch, Regime
 from .problem import SearchProblem
 from .state import Candidate, Key, State
 
+Search = TypeVar("Search", MeasureSearch, ImageSearch, Crossing)
 
-class Stage(ABC):
+
+class Stage(ABC, Generic[Search]):
     """One stage of a round. name: shown in reports; part: its name in `STAGES`, where it is not the same; ends_at: the
     parameter in `StageParams` with the share of the time limit at which the stage ends. A stage that has not begun by
     then is skipped."""
@@ -23,7 +26,7 @@ class Stage(ABC):
     name: str
     part: str = ""
     ends_at: str
-    search: MeasureSearch | ImageSearch | Crossing
+    search: Search
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         self.problem, self.params, self.round, self.restart = problem, problem.params, number, restart
@@ -67,7 +70,7 @@ class Stage(ABC):
 
     def moved(self, state: State) -> State:
         """The state after one more move."""
-        return state.moved(self.step(state.current, state.step))
+        return state.moved(self.step(state.now, state.step))
 
     def is_settled(self, state: State) -> bool:
         """Whether further moves are unnecessary or hopeless."""

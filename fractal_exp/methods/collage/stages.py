@@ -16,6 +16,7 @@ from .image.likeness import without_unseen
 from .image.objective import Rendered
 from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
+from .image.search import ImageSearch
 from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart
 from .measure.tones import camera_of
@@ -25,19 +26,19 @@ from .stage import Stage
 from .state import Candidate, State
 
 
-class Approach(Stage):
+class Approach(Stage[ImageSearch]):
     """Polish the code on a shrunk image. The nearer the code, the more precisely this image can be computed."""
 
     name, ends_at = "approach", "approach_share"
 
     def open(self, state: State) -> None:
-        self.search = self.problem.image_search(state.best.code, self.deadline, "approach", self.round)
+        self.search = self.problem.image_search(state.leader.code, self.deadline, "approach", self.round)
 
     def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.best)
+        return self.search.resume(state.leader)
 
 
-class ImageMoves(Stage):
+class ImageMoves(Stage[ImageSearch]):
     """Refinement and moves of single maps, judged by renderings; the last stage of a round. Moves go on beyond the
     number asked for as long as the error keeps being halved. If another round is worth while, `best` is None after it.
     """
@@ -59,13 +60,13 @@ class ImageMoves(Stage):
         return max(1, round(self.params.moves.recent * self.expected_moves))
 
     def open(self, state: State) -> None:
-        self._open(state.best, state.current and state.current.camera)
+        self._open(state.leader, state.current and state.current.camera)
 
     def _open(self, best: Candidate, camera: tuple[str | float, ...] | None = None) -> None:
         self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera)
 
     def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.best)
+        return self.search.resume(state.leader)
 
     def step(self, now: Candidate, number: int) -> Candidate:
         more = number + 1 - self.expected_moves  # cleaning: small maps that compensate for a wrong one keep it in place
@@ -75,24 +76,24 @@ class ImageMoves(Stage):
     def is_settled(self, state: State) -> bool:
         idle = state.step - (state.halved[0] if state.halved else 0)
         stuck = state.step >= self.expected_moves and idle >= self.recent
-        return stuck or self._is_late(state) or self.search.is_settled(state.current, state.step)
+        return stuck or self._is_late(state) or self.search.is_settled(state.now, state.step)
 
     def _is_late(self, state: State) -> bool:
         """Whether the remaining time is better spent on growth."""
         late = self.params.growth.enabled and self.problem.deadline.until(self.params.stages.hopeless_share).passed
-        return late and self.search.objective.is_hopeless(state.current.error)
+        return late and self.search.objective.is_hopeless(state.now.error)
 
     def close(self, state: State) -> State:
         problem = self.problem
         state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
-            self.search = problem.image_search(state.current.code, problem.deadline, "finish", self.round)
-        found, before = self._finished(state.current), state.before and self._judged_again(state.before)
+            self.search = problem.image_search(state.now.code, problem.deadline, "finish", self.round)
+        found, before = self._finished(state.now), state.before and self._judged_again(state.before)
         best = found if before is None or found.score < before.score else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):
             mended = self._mended(best)
             if mended is None:
-                return replace(state.with_pool(found.maps), best=None, before=best, scores=())
+                return replace(state, pool=state.pool_with(found.maps), best=None, before=best, scores=())
             best = mended
         return replace(state, best=best, before=None)
 
@@ -112,7 +113,7 @@ class ImageMoves(Stage):
         """Why the moves ended. Empty if time is up, which the method reports itself."""
         if self.deadline.passed:
             return ""
-        if self.search.is_settled(state.current, state.step):
+        if self.search.is_settled(state.now, state.step):
             return self.reached
         return "all moves were made" if state.step == self.most_moves else "no move helped any more"
 
@@ -135,12 +136,12 @@ class FullSize(Stage):
 
     def open(self, state: State) -> None:
         seed = derive(self.problem.seed, "full")
-        self.objective = self.problem.objective(self.problem.full_side, state.result.code, seed,
-                                                camera=state.result.camera)
+        self.objective = self.problem.objective(self.problem.full_side, state.found.code, seed,
+                                                camera=state.found.camera)
 
     def begin(self, state: State) -> Candidate:
         objective, params = self.objective, self.params
-        start = objective.judge(state.result.maps, state.result.weights)
+        start = objective.judge(state.found.maps, state.found.weights)
         noise = objective.noise(start.code)
         near = start.error < params.frame.far * noise
         start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
@@ -148,7 +149,7 @@ class FullSize(Stage):
         found = fitted_into_frame(objective, start, params.stages.full_polish, objective.own_frame() if near else None,
                                   deadline=self.problem.deadline)
         weights = None if found.weights is None else found.probabilities
-        return Candidate(found.maps, weights, found.error, found.error, state.result.camera)
+        return Candidate(found.maps, weights, found.error, found.error, state.found.camera)
 
     def close(self, state: State) -> State:
         return replace(state, best=state.current, before=None)
@@ -170,12 +171,12 @@ class LastDigits(Stage):
     def open(self, state: State) -> None:
         large = self.problem.full_side > self.params.stages.largest_side
         renderings = 1 if large else self.params.image.last_renderings
-        self.objective = self.problem.objective(self.problem.full_side, state.result.code,
+        self.objective = self.problem.objective(self.problem.full_side, state.found.code,
                                                 derive(self.problem.seed, "last digits"), renderings,
-                                                state.result.camera)
+                                                state.found.camera)
 
     def begin(self, state: State) -> Candidate:
-        found = state.result
+        found = state.found
         if self._is_far(found):
             return found
         last = self._rounded(self.objective.judge(found.maps, found.weights))
@@ -214,7 +215,7 @@ class DrawnMoves(ImageMoves):
 
     def begin(self, state: State) -> Candidate:
         search = self.search
-        return self._seen_anew(search.resume(self._without_doubles(state.best)))
+        return self._seen_anew(search.resume(self._without_doubles(state.leader)))
 
     def _without_doubles(self, found: Candidate) -> Candidate:
         """The code without maps that only make lines thicker, if at least two others stay."""
@@ -298,7 +299,7 @@ def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
 
 def last_stages(problem: SearchProblem) -> list[Stage]:
     """The stages after all rounds."""
-    growth = [Growth(problem, problem.rounds)] if problem.params.growth.enabled else []
+    growth: list[Stage] = [Growth(problem, problem.rounds)] if problem.params.growth.enabled else []
     if problem.params.grows_at_once:
         return growth
     full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []

@@ -70,6 +70,24 @@ class State:
     curve: tuple[Grown, ...] = ()
 
     @property
+    def now(self) -> Candidate:
+        """`current`, once the stage has begun."""
+        assert self.current is not None
+        return self.current
+
+    @property
+    def leader(self) -> Candidate:
+        """`best`, once the round has found a code."""
+        assert self.best is not None
+        return self.best
+
+    @property
+    def found(self) -> Candidate:
+        """`result`, once the search has found a code."""
+        assert self.result is not None
+        return self.result
+
+    @property
     def result(self) -> Candidate | None:
         """The candidate to return if the search ended here."""
         return self.before or self.best
@@ -80,7 +98,7 @@ class State:
 
     def moved(self, candidate: Candidate) -> State:
         """The state after a move."""
-        step, halved = self.step + 1, self.halved or (0, self.current.error)
+        step, halved = self.step + 1, self.halved or (0, self.now.error)
         if candidate.error <= halved[1] / 2:
             halved = step, candidate.error
         return replace(self, current=candidate, step=step, halved=halved)
@@ -89,9 +107,9 @@ class State:
         """The state after a stage."""
         return replace(self, done=key, step=0, current=None, halved=None)
 
-    def with_pool(self, maps: Tensor) -> State:
-        """The state with more maps (n,6) in the pool."""
-        return replace(self, pool=maps if self.pool is None else torch.cat([self.pool, maps]))
+    def pool_with(self, maps: Tensor) -> Tensor:
+        """The pool with more maps (n,6)."""
+        return maps if self.pool is None else torch.cat([self.pool, maps])
 
     def snapshot(self) -> Snapshot:
         """The snapshot that a checkpoint stores."""

@@ -64,10 +64,10 @@ class Rounding:
 
     def _filled(self, now: _Standing) -> _Standing:
         """Fill the frame exactly if it is meant to be filled, unless that makes the rendering notably worse."""
-        best, fixed = now.code, now.fixed
-        if not self.params.fill or self.deadline.passed or not self._is_meant(best, now.frame):
+        best, fixed, frame = now.code, now.fixed, now.frame
+        if not self.params.fill or self.deadline.passed or frame is None or not self._is_meant(best, frame):
             return now
-        exact = replace(now.frame, sigma_px=self.params.exact_px)
+        exact = replace(frame, sigma_px=self.params.exact_px)
         within = self.objective.within(exact)
         fixed |= {(i, 4 + axis) for i, axis in _in_the_middle(best.maps, self.params.off_middle)
                   if {(i, 2 * axis), (i, 2 * axis + 1)} <= fixed}
@@ -94,7 +94,7 @@ class Rounding:
             other = found.maps.clone()
             other[i, 4 + axis] = edge if other[i, 4 + axis] <= 0 else -edge
             found = min(found, within.judge(other, best.weights), key=lambda found: found.error)
-        if self._is_meant(found, frame):
+        if frame is not None and self._is_meant(found, frame):
             linear, offset = found.maps[:, :4], found.maps[:, 4:] * frame.enlargement(found.maps, found.probabilities)
             sizes = [torch.cat([linear, offset * (1 + nudge)], 1) for nudge in self.params.nudges]
             found = min(found, *(within.judge(size, best.weights) for size in sizes), key=lambda found: found.error)
@@ -102,10 +102,9 @@ class Rounding:
             return now
         return replace(now, code=replace(found, error=self.objective.error(found.image)))
 
-    def _is_meant(self, found: Rendered, frame: Frame | None) -> bool:
+    def _is_meant(self, found: Rendered, frame: Frame) -> bool:
         """Whether the code nearly fills the frame, so that it is meant to."""
-        return frame is not None and bool(
-            frame.misfit(found.maps, found.probabilities).abs().max() < self.params.framed_px)
+        return bool(frame.misfit(found.maps, found.probabilities).abs().max() < self.params.framed_px)
 
     def _matrices(self, now: _Standing) -> _Standing:
         """Round matrices near simple ones. Repeat while this brings further matrices near simple ones."""

@@ -27,7 +27,7 @@ def paving(shape: Silhouette, count: int, params: GrowthParams, seed: int = 0, m
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # that a cell is empty
         _, labels = kmeans2(part, min(count, len(part)), minit="++", iter=params.kmeans_rounds,
-                            seed=derive(seed, "paving") % 2**32)
+                            seed=derive(seed, "paving") % 2**32)  # pyright: ignore[reportCallIssue]: rng since 1.15
     cells = sorted((part[labels == label] for label in np.unique(labels)), key=len, reverse=True)
     cells = cells + cells[:1] * (count - len(cells))
     mean, (source, lengths) = whole.mean(0), _axes(whole, shape.side)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
@@ -13,7 +14,7 @@ from ..state import Candidate, Grown, State
 from .growing import Grower
 
 
-class Growth(Stage):
+class Growth(Stage[Any]):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
     the grown sets. It is skipped if the search found the code."""
 
@@ -66,8 +67,8 @@ class Growth(Stage):
 
     def close(self, state: State) -> State:
         found, chosen = state.result, self._chosen(state.curve)
-        fits = found is not None and self.params.maps in (None, len(found.maps))
-        if fits and chosen.likeness < self._likeness(found) + self.params.growth.margin:
+        if (found is not None and self.params.maps in (None, len(found.maps))
+                and chosen.likeness < self._likeness(found) + self.params.growth.margin):
             return replace(state, best=found, before=None)
         objective = self.problem.objective(len(self.problem.image), chosen.code, derive(self.problem.seed, "grown"))
         error = objective.judge(chosen.maps, chosen.weights).error

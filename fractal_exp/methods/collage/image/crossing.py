@@ -53,6 +53,7 @@ class Crossing:
     def _begin(self, number: int) -> None:
         """Start a new population."""
         self.number = number
+        assert self.all.maps is not None, "populations are for a given number of maps"
         self.population = Population(self.masses, self.all.maps, self.all, derive(self.seed, "population", number))
         self._seen: set[float] = set()
 

@@ -16,6 +16,8 @@ from ....runtime.seeds import derive
 from .. import maps as affine
 from ..measure.bins import attractor_points, point_bins, trajectories
 from ..measure.blur import blurred
+from ..measure.linear import Linear
+from .frame import Frame
 from .objective import ImageObjective, Rendered
 
 WEIGHT = 6                 # the column of a map's probability, after its six entries
@@ -54,7 +56,7 @@ class Jacobian(ABC):
                 self.square += (scaled @ scaled.T).cpu()
                 self.gradient += (scaled @ residual[piece].flatten().double()).cpu()
         if objective.frame is not None:
-            self._add_frame(objective, rendered)
+            self._add_frame(objective, objective.frame, rendered)
 
     def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
         """Probabilities that move too: (map, 6, step of their logarithm). None if the rendering saturates."""
@@ -68,8 +70,7 @@ class Jacobian(ABC):
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         """For each grid, the derivatives (parameters,h,w) and a factor (h,w) still to be applied to them."""
 
-    def _add_frame(self, objective: ImageObjective, rendered: Rendered) -> None:
-        frame = objective.frame
+    def _add_frame(self, objective: ImageObjective, frame: Frame, rendered: Rendered) -> None:
         misfit = frame.misfit(rendered.maps, rendered.probabilities)
         _, weights = frame.penalty(misfit)
         slopes = frame.jacobian(rendered.maps, rendered.probabilities) * weights[:, None, None]
@@ -152,6 +153,7 @@ class FromCounts(Jacobian):
 
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         levels, side, step = objective.levels, self.side, self.params.step_px
+        assert isinstance(levels, Linear)
         margin = math.ceil(side * self.params.margin)
         size = side + 2 * margin  # points just off the canvas are blurred into it
         scale = rendered.maps.new_tensor([1, 1, 1, 1, side / size, side / size])

@@ -50,9 +50,9 @@ class ImageSearch:
         free = found.probabilities if found.weights is None else found.weights
         tried = (None, free) if self.params.moves.own_weights else (None,)
         tried = tried[-1:] if self.objective.levels.is_linear else tried  # linear levels determine the weights
-        found = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), steps)
+        shown = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), steps)
                  for weights in tried]
-        first = self._simpler(found[0], found[-1])
+        first = self._simpler(shown[0], shown[-1])
         best = self.polished(self.pruned(first), steps)
         if not self.objective.levels.is_exact:  # at this price, pruning may remove maps that a root needs
             best = min(best, self._with_root(first) or best, self._with_parents(first), key=self.score)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
@@ -76,7 +78,7 @@ def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int,
                           **trajectories(count, camera))
 
 
-def trajectories(count: int, camera: CameraParams) -> dict[str, int]:
+def trajectories(count: int, camera: CameraParams) -> dict[str, Any]:
     """Settings of the chaos game for about `count` points."""
     length, warmup = camera.trajectory, camera.warmup
     return {"trajectories": count // (length - warmup) + 1, "length": length, "warmup": warmup}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from typing import Self
 
 from torch import Tensor
@@ -53,6 +54,12 @@ class Levels(ABC):
         """The image (S,S) as it would have been rendered at this size if the shape were smooth."""
 
     @property
+    def picture(self) -> Tensor:
+        """`image`, where levels were taken from one."""
+        assert self.image is not None
+        return self.image
+
+    @property
     def pen(self) -> float:
         """The radius of the pen, canvas units."""
         return 0.0
@@ -65,6 +72,10 @@ class Levels(ABC):
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The camera values that define what is drawn of a code, without those that define how."""
         return ()
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
+        """Pairs of camera values and the rendering (R,R) of the code with them; none if nothing is estimated."""
+        return iter(())
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         """The image (R,R) of a code. independent: use each point only once, which takes twice as long."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
@@ -38,7 +39,7 @@ class Drawn(Coverage):
             return super().render(code, resolution, seed, independent=independent)
         size, radius, sigma = self.values
         if size:
-            drawn = tiled(self.image, code, size, resolution, self.fine, camera=self.camera)
+            drawn = tiled(self.picture, code, size, resolution, self.fine, camera=self.camera)
         else:
             distance = self._distance(code, resolution, seed, independent)
             drawn = inked(distance, radius * resolution / 2, self.fine)
@@ -53,7 +54,7 @@ class Drawn(Coverage):
             drawn = inked(distance, radius, self.fine)
             yield from (((0.0, radius * pixel, sigma * pixel), blurred(drawn, sigma, camera)) for sigma in blurs)
         for size in camera.tiles_px if camera.pen_px is None else ():
-            drawn = tiled(self.image, code, size * pixel, resolution, self.fine, camera=camera)
+            drawn = tiled(self.picture, code, size * pixel, resolution, self.fine, camera=camera)
             yield from (((size * pixel, 0.0, sigma * pixel), blurred(drawn, sigma, camera)) for sigma in blurs)
 
     @property
@@ -72,7 +73,7 @@ class Drawn(Coverage):
 
         if not bool(lit.any()):
             return torch.full_like(lit, torch.inf)
-        return torch.from_numpy(distance_transform_edt(lit.numpy() == 0) / self.fine).float()
+        return torch.from_numpy(np.asarray(distance_transform_edt(lit.numpy() == 0)) / self.fine).float()
 
 
 class Dots(Density):
@@ -143,16 +144,15 @@ class ToneMapped(Dots):
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
         """The camera values whose rendering (R,R) has the histogram most like the image's, with this rendering. A map
         that is a little off hardly changes the histogram, but it moves light from pixel to pixel."""
-        wanted, gammas = self._levels_of(self.image), given(self.camera.gamma, self.camera.gammas)
-        found, least = None, math.inf
+        wanted, gammas = self._levels_of(self.picture), given(self.camera.gamma, self.camera.gammas)
+        found, least = [], math.inf
         for (gain, sigma), grey in super().candidates(code, resolution, seed):
             levels = self._levels_of(grey)
             for gamma in gammas:
                 off = float((curved(levels, gamma).sqrt().asin() - wanted.sqrt().asin()).square().sum())
                 if off < least:
-                    found, least = ((gain, gamma, sigma), grey), off
-        values, grey = found
-        yield values, curved(grey, values[1])
+                    found, least = [((gain, gamma, sigma), curved(grey, gamma))], off
+        yield from found
 
     def _levels_of(self, image: Tensor) -> Tensor:
         """`histogram_levels` grey levels of an image, the lowest first, with equally many pixels between them."""

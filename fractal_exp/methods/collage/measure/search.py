@@ -180,14 +180,14 @@ class MeasureSearch:
         new = self.pruned(maps[best, :count], weights[best, :count], error)
         if new.score > search.accept_score * now.score:
             return now
-        new = self.judged(*self.descend_one(new.maps, new.weights, search.accept))
+        new = self.judged(*self.descend_one(new.maps, new.own_weights, search.accept))
         return self.merged(new) if new.score < now.score else now
 
     def _ruined(self, now: Candidate, g: torch.Generator) -> _Ruined:
         """The set without some maps, which are close together or anywhere."""
         search, n = self.params.search, len(now.maps)
         if n == 1 or torch.rand((), generator=g) < search.add_only:
-            return _Ruined(now.maps, now.weights, False, 1 + int(torch.randint(search.add_most, (), generator=g)))
+            return _Ruined(now.maps, now.own_weights, False, 1 + int(torch.randint(search.add_most, (), generator=g)))
         gone = 1
         while gone < min(n - 1, search.remove_most) and torch.rand((), generator=g) < search.remove_another:
             gone += 1
@@ -198,7 +198,7 @@ class MeasureSearch:
             order = (centers - centers[torch.randint(n, (), generator=g)]).norm(dim=1).argsort()
         keep = order[gone:].sort().values.to(now.maps.device)
         large = bool(torch.rand((), generator=g) < search.large_birth)
-        return _Ruined(now.maps[keep], now.weights[keep], large, 1 + int(torch.randint(gone, (), generator=g)))
+        return _Ruined(now.maps[keep], now.own_weights[keep], large, 1 + int(torch.randint(gone, (), generator=g)))
 
     def _with_births(self, sets: list[_Ruined], g: torch.Generator) -> list[_Ruined]:
         """The sets with their new maps. Maps are added one after another, but to all sets at once."""
@@ -272,7 +272,7 @@ class MeasureSearch:
         leaders = leader.unique()
         if len(leaders) == len(now.maps):
             return now
-        weights = torch.stack([now.weights[leader == i].sum() for i in leaders])
+        weights = torch.stack([now.own_weights[leader == i].sum() for i in leaders])
         merged = self.judged(*self.descend_one(now.maps[leaders], weights, self.params.search.merge))
         return merged if merged.score < now.score else now
 

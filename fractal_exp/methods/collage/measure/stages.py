@@ -9,10 +9,10 @@ from ..image.crossing import Crossing
 from ..image.objective import ImageObjective
 from ..stage import Stage
 from ..state import Candidate, State
-from .search import Regime
+from .search import MeasureSearch, Regime
 
 
-class Restart(Stage):
+class Restart(Stage[MeasureSearch]):
     """A search from random maps. At its end, the maps of all restarts so far, of this and earlier rounds, are mixed."""
 
     name, part, ends_at = "search", "restart", "search_share"
@@ -26,7 +26,8 @@ class Restart(Stage):
         if len(state.scores) < 2:
             return True
         within = 1 + self.params.search.agreement
-        limit = min(self.params.search.wrong_number, within * state.best.score)  # above it, the number of maps is wrong
+        # above it, the number of maps is wrong
+        limit = min(self.params.search.wrong_number, within * state.leader.score)
         return state.scores[1] >= limit
 
     def open(self, state: State) -> None:
@@ -38,15 +39,17 @@ class Restart(Stage):
         return self.search.start()
 
     def close(self, state: State) -> State:
-        found = state.current
-        scores, state = tuple(sorted((*state.scores, found.score))), state.with_pool(found.maps)
+        found = state.now
+        scores, pool = tuple(sorted((*state.scores, found.score))), state.pool_with(found.maps)
         alone = state.best is None and state.before is None
-        mixed = [] if alone or not self.params.search.mixture else [self.search.mixed(state.pool)]
-        best = min([*([] if alone else [state.best or found]), found, *mixed], key=lambda candidate: candidate.score)
-        return replace(state, best=best, scores=scores)
+        candidates = [found] if alone else [state.best or found, found]
+        if self.params.search.mixture and not alone:
+            candidates.append(self.search.mixed(pool))
+        best = min(candidates, key=lambda candidate: candidate.score)
+        return replace(state, best=best, scores=scores, pool=pool)
 
 
-class FromMixture(Stage):
+class FromMixture(Stage[MeasureSearch]):
     """The search from the best mixture, on a measure that the mixture corrects for saturation."""
 
     name, part, ends_at = "search", "mixture", "mixture_share"
@@ -61,10 +64,10 @@ class FromMixture(Stage):
         self.search = self._measure_search(state, state.best, Regime.whole(self.params), seed)
 
     def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.best)
+        return self.search.resume(state.leader)
 
 
-class Detail(Stage):
+class Detail(Stage[MeasureSearch]):
     """Stage 2: the search on a finer grid."""
 
     name, ends_at = "detail", "detail_share"
@@ -78,10 +81,10 @@ class Detail(Stage):
         self.search = self._measure_search(state, state.best, Regime.detail(self.params), seed)
 
     def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.best)
+        return self.search.resume(state.leader)
 
 
-class Populations(Stage):
+class Populations(Stage[Crossing]):
     """Crossed populations of sets with the given number of maps, instead of stages 1 and 2 where they search better."""
 
     name, ends_at = "population", "detail_share"
@@ -106,4 +109,4 @@ class Populations(Stage):
         return self.search.start()
 
     def is_settled(self, state: State) -> bool:
-        return self.search.is_settled(state.current)
+        return self.search.is_settled(state.now)

@@ -27,7 +27,7 @@ def seen_with(levels: Levels, camera: Camera) -> Levels:
     if not camera:
         return levels
     name, *values = camera
-    return LEVELS[name](levels.camera, levels.image, tuple(values))
+    return LEVELS[str(name)](levels.camera, levels.image, tuple(float(value) for value in values))
 
 
 def camera_of(levels: Levels, values: tuple[float, ...] | None = None) -> Camera:

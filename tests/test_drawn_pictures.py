@@ -23,6 +23,7 @@ from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_pare
 from fractal_exp.methods.collage.image.pruning import Price, without_doubles
 from fractal_exp.methods.collage.measure.bins import attractor_points
 from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.measure.tile_kernels import collect, mark
 from fractal_exp.methods.collage.measure.tiles import tiled, words
 from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
@@ -81,6 +82,22 @@ def test_words_are_as_small_as_asked_for_and_their_first_letters_are_not():
 def test_maps_that_hardly_contract_do_not_give_endless_words():
     turn = torch.tensor([[0.0, -0.999, 0.999, 0, 0, 0], [0.5, 0, 0, 0.5, 0.3, 0]])
     assert len(words(turn, 0.05, 6000)) <= 6000
+
+
+def test_the_kernels_of_tiles_see_and_mark_what_torch_does():
+    random = np.random.default_rng(0)
+    found = torch.from_numpy(random.uniform(-0.9, 0.9, (7, 6))).float()
+    places, image = torch.from_numpy(random.uniform(-0.9, 0.9, (50, 2))).float(), torch.rand(9, 9)
+    at = places @ found[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + found[:, None, 4:]
+    at = at * at.new_tensor([1, -1])
+    assert (at.abs() > 1).any(), "some lie beside the image"
+    shares, levels, occupied = np.linspace(1, 2, 7), np.zeros(50), np.zeros((9, 9))
+    collect(image.numpy(), found.numpy(), shares, places.numpy(), levels)
+    seen = torch.nn.functional.grid_sample(image[None, None], at[None], align_corners=False)[0, 0]
+    assert levels == pytest.approx((torch.from_numpy(shares).float() @ seen).numpy(), abs=1e-4)
+    mark(found.numpy(), places.numpy(), occupied)
+    column, row = ((at + 1) * 4.5).long().clamp(0, 8).flatten(0, 1).T
+    assert {*zip(*occupied.nonzero(), strict=True)} == {*zip(row.tolist(), column.tolist(), strict=True)}
 
 
 @pytest.mark.parametrize("depth", [3, 4])

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d, grid_sample
+from torch.nn.functional import avg_pool2d
 
 from ....ifs.attractor import FRAME_SIDE
 from ....ifs.code import IFS
 from .. import maps as affine
 from .camera_params import CameraParams
+from .tile_kernels import collect, mark
 
 
 def words(maps: Tensor, size: float, most: int) -> Tensor:
@@ -36,7 +38,7 @@ def words(maps: Tensor, size: float, most: int) -> Tensor:
 def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int, *, camera: CameraParams) -> Tensor:
     """The picture (resolution, resolution) that the image (R,R) would be if all its parts of this size (canvas units)
     were the same: the covered share of each pixel, from `fine`² subpixels."""
-    found = words(affine.from_code(code), size, camera.tile_words)
+    found = words(affine.from_code(code).cpu(), size, camera.tile_words)
     fewest, most = camera.tile_cells
     cells = min(most, max(fewest, math.ceil(camera.tile_side * size * resolution * fine / 2)))
     if not len(found):
@@ -44,12 +46,9 @@ def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int, *, 
     order = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))  # any, but always the same
     places, shown = _initiator(image, found[order[:camera.tile_words_seen]], cells, camera.tile_side)
     lit = shown > camera.tile_lit * shown.max().clamp_min(1e-6)
-    points = _images(found, places[lit]).flatten(0, 1)
-    side = resolution * fine
-    column, row = (((points * points.new_tensor([1, -1]) + 1) * (side / 2)).long().clamp(0, side - 1)).unbind(1)
-    occupied = torch.zeros(side * side)
-    occupied[row * side + column] = 1
-    return avg_pool2d(occupied.view(1, side, side), fine)[0]
+    occupied = np.zeros((resolution * fine,) * 2, np.float32)
+    mark(found.numpy(), places[lit].numpy(), occupied)
+    return avg_pool2d(torch.from_numpy(occupied).to(image.device)[None], fine)[0]
 
 
 def _initiator(image: Tensor, found: Tensor, cells: int, side: float) -> tuple[Tensor, Tensor]:
@@ -58,12 +57,7 @@ def _initiator(image: Tensor, found: Tensor, cells: int, side: float) -> tuple[T
     half = side * FRAME_SIDE / 2
     axis = ((torch.arange(cells) + 0.5) / cells * 2 - 1) * half
     places = torch.stack([axis.repeat(cells), axis.repeat_interleave(cells)], 1)
-    at = _images(found, places) * places.new_tensor([1, -1])
-    levels = grid_sample(image[None, None].float(), at[None], align_corners=False)[0, 0]
     areas = (found[:, 0] * found[:, 3] - found[:, 1] * found[:, 2]).abs() + 1e-12
-    return places, (areas / areas.sum()) @ levels
-
-
-def _images(found: Tensor, points: Tensor) -> Tensor:
-    """Where maps (M,6) send points (K,2): (M,K,2)."""
-    return points @ found[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + found[:, None, 4:]
+    levels = np.zeros(len(places))
+    collect(image.cpu().float().numpy(), found.numpy(), (areas / areas.sum()).numpy(), places.numpy(), levels)
+    return places, torch.from_numpy(levels).float()

@@ -1,4 +1,5 @@
-"""What collage search does all the time: descents, beside their plain-torch twin, and drawings, beside others.
+"""What collage search does all the time: descents and tiles, beside their plain-torch twins, and drawings, beside
+others.
 
     python -m benchmarks.search_steps                      half a minute
     python -m benchmarks.search_steps --record benchmarks/results/search_steps.jsonl
@@ -7,7 +8,8 @@ One thread, as `benchmarks.suite` gives each fractal. A descent is 40 steps on a
 its floor is the time of its floating-point operations at the rate of a large matrix product, measured in the same run,
 which scattered sums cannot reach. A drawing is that of 3.1 million points on 4096² subpixels by which a code is judged
 at 256²: with a point of the invariant measure under up to eight words, with each under one (as targets are drawn), and
-by the chaos game; its floor is the time of writing and reading the subpixels, at the rate of a large copy.
+by the chaos game; its floor is the time of writing and reading the subpixels, at the rate of a large copy. The tiles
+are those that one estimate of the camera tries on such an image.
 """
 
 from __future__ import annotations
@@ -17,11 +19,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
+import numpy as np
 import torch
 
 from fractal_exp import IFS, ops, suite
 from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage.measure import tiles
 from fractal_exp.methods.collage.measure.bins import binned
 from fractal_exp.methods.collage.measure.levels import Density
 from fractal_exp.methods.collage.params import CameraParams, DescentParams
@@ -89,6 +94,38 @@ def _played(code: IFS, points: int) -> torch.Tensor:
     return torch.nn.functional.avg_pool2d(canvas.view(1, side, side), CAMERA.supersample)[0]
 
 
+def tilings(image: torch.Tensor, code: IFS, repeats: int) -> dict:
+    """All sizes of tiles, by the kernels and by plain torch."""
+    def call() -> None:
+        for size in CAMERA.tiles_px:
+            tiles.tiled(image, code, 2 / SIDE * size, SIDE, CAMERA.pen_supersample, camera=CAMERA)
+
+    kernel = best(call, repeats)
+    with patch.multiple(tiles, collect=_collected, mark=_marked):
+        twin = best(call, 2)
+    return {"sizes": len(CAMERA.tiles_px), "ms": kernel, "twin_ms": twin, "twin_ratio": twin / kernel}
+
+
+def _sent(words: np.ndarray, places: np.ndarray) -> torch.Tensor:
+    """Where maps (M,6) send points (K,2), with rows counted downwards: (M,K,2)."""
+    maps = torch.from_numpy(words)
+    at = torch.from_numpy(places) @ maps[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + maps[:, None, 4:]
+    return at * at.new_tensor([1, -1])
+
+
+def _collected(image: np.ndarray, words: np.ndarray, shares: np.ndarray, places: np.ndarray, levels: np.ndarray
+               ) -> None:
+    seen = torch.nn.functional.grid_sample(torch.from_numpy(image)[None, None], _sent(words, places)[None],
+                                           align_corners=False)[0, 0]
+    levels[:] = (torch.from_numpy(shares) @ seen).numpy()
+
+
+def _marked(words: np.ndarray, places: np.ndarray, occupied: np.ndarray) -> None:
+    side = len(occupied)
+    column, row = ((_sent(words, places) + 1) * (side / 2)).long().clamp(0, side - 1).unbind(-1)
+    torch.from_numpy(occupied).view(-1)[row * side + column] = 1
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=20)
@@ -98,13 +135,18 @@ def main() -> None:
     code = replace(attractor.normalize(next(code for code in suite.random_suite() if len(code) == 8)),
                    probabilities=None)
     bandwidth, flops = machine_limits()
+    image = suite.target(code, SIDE)
     report = {"bytes_per_second": bandwidth, "flops_per_second": flops,
-              "descents": descents(suite.target(code, SIDE), flops, arguments.repeats),
+              "descents": descents(image, flops, arguments.repeats),
+              "tiles": tilings(image, code, arguments.repeats),
               "drawings": drawings(code, bandwidth, arguments.repeats)}
     for row in report["descents"]:
         print(f"descent of {row['descent']}, {row['samples']} samples: {row['ms']:.1f} ms; plain torch "
               f"{row['twin_ms']:.0f} ms, {row['twin_ratio']:.0f} times slower; floor {row['floor_ms']:.2f} ms, "
               f"{row['of_floor']:.0%} reached")
+    row = report["tiles"]
+    print(f"tiles of {row['sizes']} sizes: {row['ms']:.0f} ms; plain torch {row['twin_ms']:.0f} ms, "
+          f"{row['twin_ratio']:.0f} times slower")
     for row in report["drawings"]:
         print(f"drawing {row['drawing']}: {row['ms']:.1f} ms, {row['ratio']:.1f} times the search's; floor "
               f"{row['floor_ms']:.1f} ms, {row['of_floor']:.0%} reached")
@@ -115,6 +157,7 @@ def main() -> None:
 def ratios(report: dict) -> dict[str, float]:
     """Of the descents' twins, and of other ways to draw."""
     return ({f"descent of {row['descent']}: twin / kernel": row["twin_ratio"] for row in report["descents"]}
+            | {"tiles: twin / kernel": report["tiles"]["twin_ratio"]}
             | {f"drawing {row['drawing']} / as the search": row["ratio"] for row in report["drawings"][1:]})
 
 

@@ -108,11 +108,11 @@ def _binary_row(rows: pd.DataFrame) -> dict[str, object]:
 
 
 def tone_curves(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """By curve and by role, overall and picture by picture."""
+    """By curve, overall and picture by picture."""
     overall = pd.DataFrame([{"curve": "all", **_curve_row(fits)}])
     each = fits[["picture", "f1_truth", "recovered", "missed", "maps", "true_maps", "core_seconds"]]
     return {"Tone curves": pd.concat([overall, _grouped(fits, "curve", _curve_row)], ignore_index=True),
-            "By role": _grouped(fits, "role", _curve_row), "Pictures": each}
+            "Pictures": each}
 
 
 def _curve_row(rows: pd.DataFrame) -> dict[str, object]:

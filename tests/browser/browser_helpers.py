@@ -55,6 +55,15 @@ class Opened:
         return self.page.inner_text(f"#{name}")
 
 
+def settled_box(page: object, selector: str) -> dict[str, float]:
+    """Where an element lies once the layout has come to rest: on a busy machine it may still move after it appears."""
+    before, box = None, page.locator(selector).bounding_box()
+    while box != before:
+        page.wait_for_timeout(200)
+        before, box = box, page.locator(selector).bounding_box()
+    return box
+
+
 @contextmanager
 def pages(browser: object) -> Iterator[Callable[..., Opened]]:
     """Opens pages, each for itself, and closes them all in the end."""

@@ -55,12 +55,12 @@ class Opened:
         return self.page.inner_text(f"#{name}")
 
 
-def settled_box(page: object, selector: str) -> dict[str, float]:
-    """Where an element lies once the layout has come to rest: on a busy machine it may still move after it appears."""
-    before, box = None, page.locator(selector).bounding_box()
-    while box != before:
-        page.wait_for_timeout(200)
-        before, box = box, page.locator(selector).bounding_box()
+def settled_box(element: object) -> dict[str, float]:
+    """Where an element lies once it has come to rest. On a busy machine it may still move after it has appeared."""
+    before, box = None, element.bounding_box()
+    while box is None or box != before:
+        element.page.wait_for_timeout(200)
+        before, box = box, element.bounding_box()
     return box
 
 

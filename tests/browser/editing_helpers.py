@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import torch
-from browser_helpers import PATIENCE, Opened
+from browser_helpers import PATIENCE, Opened, settled_box
 
 from fractal_exp import IFS, View, render
 from fractal_exp.evaluation.metrics import f1
@@ -53,10 +53,7 @@ def code_of(opened: Opened) -> IFS:
 
 def middle(opened: Opened, kind: str) -> tuple[float, float]:
     """Where a handle is, once it has come to rest."""
-    before, box = None, opened.page.locator(f"#handle-{kind} .plate").bounding_box()
-    while box is None or box != before:
-        opened.page.wait_for_timeout(100)
-        before, box = box, opened.page.locator(f"#handle-{kind} .plate").bounding_box()
+    box = settled_box(opened.page.locator(f"#handle-{kind} .plate"))
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 

@@ -128,7 +128,7 @@ def typed(page) -> list[int]:
 
 def drag(page, first, last, drop=True) -> None:
     """From one pixel of the picture to another."""
-    box = settled_box(page, "#crop")
+    box = settled_box(page.locator("#crop"))
     for (x, y), act in ((first, page.mouse.down), (last, page.mouse.up if drop else lambda: None)):
         page.mouse.move(box["x"] + x / 300 * box["width"], box["y"] + y / 120 * box["height"], steps=3)
         act()
@@ -186,7 +186,7 @@ def test_a_finger_drags_a_part(studio, open_page):
     until(page, "#picture-name", "pair.png")
     page.wait_for_selector("#reading:enabled")
     page.locator("#crop").scroll_into_view_if_needed()
-    box, touch = settled_box(page, "#crop"), page.context.new_cdp_session(page)
+    box, touch = settled_box(page.locator("#crop")), page.context.new_cdp_session(page)
     for kind, place in (("touchStart", (5, 20)), ("touchMove", (50, 60)), ("touchMove", (90, 110)), ("touchEnd", None)):
         points = [] if place is None else [{"x": box["x"] + place[0] / 300 * box["width"],
                                             "y": box["y"] + place[1] / 120 * box["height"]}]

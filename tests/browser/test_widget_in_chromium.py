@@ -5,7 +5,7 @@ import time
 from dataclasses import replace
 
 import pytest
-from browser_helpers import COARSE
+from browser_helpers import COARSE, settled_box
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
@@ -114,10 +114,7 @@ class Notebook:
 
     def middle(self) -> tuple[float, float]:
         """Where the handle is that moves a map, once it has come to rest."""
-        plate, before = self.frame.locator("#handle-move .plate"), None
-        while (box := plate.bounding_box()) != before:
-            before = box
-            self.page.wait_for_timeout(100)
+        box = settled_box(self.frame.locator("#handle-move .plate"))
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     def number(self, name: str, wanted: float):

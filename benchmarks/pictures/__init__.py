@@ -1,1 +1,1 @@
-"""Pictures from elsewhere: four sets that no renderer of this project drew, and how well codes are found on them."""
+"""Pictures from elsewhere: sets that no renderer of this project drew, and how well codes are found on them."""

@@ -29,12 +29,12 @@ def gamma(counts: np.ndarray) -> np.ndarray:
 
 
 def logarithm(counts: np.ndarray) -> np.ndarray:
-    """The logarithm of counts, as in matplotlib's LogNorm over all of them, with zero black."""
+    """log(1 + count), relative to its largest value."""
     return np.log1p(counts) / np.log1p(counts.max())
 
 
 def flame(counts: np.ndarray) -> np.ndarray:
-    """The logarithm followed by a gamma of 2.2, as in the flame algorithm (Draves and Reckase 2003, section 4)."""
+    """The logarithm followed by a gamma of 2.2, as in the flame algorithm (Draves and Reckase 2003)."""
     return logarithm(counts) ** (1 / 2.2)
 
 

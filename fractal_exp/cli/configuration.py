@@ -12,7 +12,7 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from hydra.errors import InstantiationException
 from hydra.utils import get_object, instantiate
-from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from ..errors import InputError, did_you_mean
@@ -148,6 +148,11 @@ def _constructor(target: str, path: str) -> Any:
         raise InputError(f"{path}._target_: there is no {target!r}") from error
 
 
+def plain(config: DictConfig | ListConfig, resolve: bool = False) -> dict[str, Any]:
+    """A mapping as a dictionary without OmegaConf's types; interpolations stay as text unless `resolve`."""
+    return typing.cast(dict[str, Any], OmegaConf.to_container(config, resolve=resolve))
+
+
 def _checked_params(params: type[Params], given: dict[str, Any], path: str) -> dict[str, Any]:
     """What is given beside a constructor's parameters, which are checked by their own class."""
     own = {name: OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
@@ -181,7 +186,7 @@ def _check_against_signature(constructor: Any, given: dict[str, Any], path: str)
     hints = typing.get_type_hints(initializer)
     fields = {name: (hints.get(name, Any), ...) for name, value in given.items() if not OmegaConf.is_config(value)}
     options = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, protected_namespaces=())
-    schema = pydantic.create_model(constructor.__name__, __config__=options, **fields)
+    schema = pydantic.create_model(constructor.__name__, __config__=options, **typing.cast(dict[str, Any], fields))
     try:
         schema(**{name: given[name] for name in fields})
     except pydantic.ValidationError as error:

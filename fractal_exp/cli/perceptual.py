@@ -59,7 +59,7 @@ def _train_distance(config: DictConfig, held: ExitStack) -> Path:
     config = configuration.resolve(config)
     check_device(config.device)
     threads.use(config.threads)
-    settings = OmegaConf.to_container(config)
+    settings = configuration.plain(config)
     recipe: Recipe = configuration.build(config.recipe)
     runs: Runs = configuration.build(config.tracking)
     identity = {"method": settings["recipe"], "device": config.device}

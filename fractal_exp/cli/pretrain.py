@@ -6,7 +6,6 @@ import time
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
@@ -44,7 +43,7 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
     check_device(config.device)
     check_seconds(config.seconds)
     threads.use(config.threads)
-    settings: dict[str, Any] = OmegaConf.to_container(config)  # pyright: ignore[reportAssignmentType]
+    settings = configuration.plain(config)
     training: Training = configuration.build(config.pretraining)
     runs: Runs = configuration.build(config.tracking)
     identity = {"pretraining": settings["pretraining"], "device": config.device}

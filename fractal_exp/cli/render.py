@@ -141,7 +141,8 @@ def _refuse_unused(options: argparse.Namespace) -> None:
 def draw_still(code: IFS, options: argparse.Namespace) -> Path:
     """Draw one view, tile by tile."""
     size = _size(options, 1024)
-    view = View(tuple(options.center or (0.0, 0.0)), 1.0 if options.zoom is None else options.zoom)
+    x, y = options.center or (0.0, 0.0)
+    view = View((x, y), 1.0 if options.zoom is None else options.zoom)
     lit, empty = False, np.float32(options.ground if options.mode == COLOUR and not options.transparent else 0)
     with PngWriter(options.out, size, size, bits=options.bits, transparent=options.transparent,
                    colour=options.mode == COLOUR) as file:

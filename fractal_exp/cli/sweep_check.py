@@ -10,11 +10,12 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.experimental.callback import Callback
-from omegaconf import DictConfig, OmegaConf, open_dict, read_write
+from omegaconf import DictConfig, open_dict, read_write
 
 from ..errors import InputError
 from ..targets import Picture
 from . import words
+from .configuration import plain
 from .vocabulary import Vocabulary
 
 
@@ -39,11 +40,11 @@ def _take_picture(config: DictConfig) -> None:
     params = config.hydra.sweeper.params
     if "picture" not in keys:
         return
-    labels = OmegaConf.to_container(config.sweep, resolve=False)
+    labels = plain(config.sweep)
     with read_write(config), open_dict(config):
         for key in [key for key in params or () if str(key).split(".")[0] == "target"]:
             del params[key]
-        for key, value in (OmegaConf.to_container(config.target, resolve=False) if config.target else {}).items():
+        for key, value in (plain(config.target) if config.target else {}).items():
             if key not in ("_target_", *signature(Picture).parameters) and f"target.{key}" not in keys:
                 # With its value, since Hydra's sweeper writes every override as KEY=VALUE.
                 config.hydra.overrides.task.append(f"~target.{key}={json.dumps(value)}")

@@ -83,7 +83,7 @@ class RunningSweep:
         """Stop watching, make the tables, end the parent run; the exit status, at least `status`."""
         self.watch.stop()
         outcomes = {name: Outcome.read(self.folder / name) for name in self.names}
-        failed = [name for name, outcome in outcomes.items() if outcome and outcome.status == FAILED]
+        failed = {name: outcome for name, outcome in outcomes.items() if outcome and outcome.status == FAILED}
         absent = [name for name, outcome in outcomes.items() if outcome is None]
         if not isinstance(self.run, NoTracker):
             mark_killed_runs(prepare_store(Path(self.settings["output"])))
@@ -92,8 +92,8 @@ class RunningSweep:
         print(f"\n{len(self.names) - len(failed) - len(absent)} of {len(self.names)} jobs finished"
               + "".join(f"; {len(some)} {what}" for some, what in ((failed, "failed"), (absent, "without a result"))
                         if some))
-        for name in failed:
-            print(f"  failed: {name}: {outcomes[name].reason}\n    {self.folder / name / 'log.txt'}")
+        for name, outcome in failed.items():
+            print(f"  failed: {name}: {outcome.reason}\n    {self.folder / name / 'log.txt'}")
         if absent:
             print("  the same command again goes on with those that have no result")
         error = f"{len(failed)} jobs failed, {len(absent)} without a result" if failed or absent else None
@@ -164,11 +164,11 @@ def _common(config: DictConfig) -> dict[str, Any]:
     """What is common to all jobs, as plain data; what is left open in it stays '???'."""
     with read_write(config):
         config.output = str(Path(config.output).expanduser().absolute())
-    plain = OmegaConf.masked_copy(config, [key for key in config if key not in ("hydra", "sweep")])
+    common = OmegaConf.masked_copy(config, [str(key) for key in config if key not in ("hydra", "sweep")])
     try:
-        settings = OmegaConf.to_container(plain, resolve=True)
+        settings = configuration.plain(common, resolve=True)
         # Rows and samples differ from job to job: here they are patterns.
-        sweep = OmegaConf.to_container(config.sweep, resolve=False)
+        sweep = configuration.plain(config.sweep)
         for key in ("title", "baseline", "published", "workers", "count"):
             sweep[key] = config.sweep[key]
     except OmegaConfBaseException as error:

@@ -72,7 +72,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     config = configuration.resolve(config)
     check_options(config.evaluation)
     threads.use(config.threads)
-    settings = OmegaConf.to_container(config)
+    settings = configuration.plain(config)
     source = configuration.build(config.target)
     method: Method = configuration.build(config.method)
     runs: Runs = configuration.build(config.tracking)
@@ -192,7 +192,7 @@ def _verdict(reconstruction: Reconstruction, target: Target, stopped: str, confi
     """The verdict on a code, by its likeness to the image that it was fitted to."""
     if not isinstance(reconstruction, CodeReconstruction):
         return None
-    method = OmegaConf.to_container(config.method)
+    method = configuration.plain(config.method)
     options = {key: method.get(key) for key in ("maps", "at_most", "levels", "seconds")}
     likeness = Likeness.of(reconstruction.code, target.image, levels=options["levels"] or "auto",
                            camera=method.get("camera"), found=reconstruction.camera, seed=config.seed)

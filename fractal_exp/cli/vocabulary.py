@@ -11,6 +11,8 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from .configuration import plain
+
 
 class Vocabulary:
     """The keys below a configuration (train, sweep or perceptual), and the choices of every group."""
@@ -73,19 +75,19 @@ class Vocabulary:
 
     def _top(self) -> Iterator[str]:
         for name in {"sweep": ("train", "sweep")}.get(self.config, (self.config,)):
-            data = OmegaConf.to_container(OmegaConf.load(self.folder / f"{name}.yaml"))
+            data = plain(OmegaConf.load(self.folder / f"{name}.yaml"))
             yield from _paths({key: value for key, value in data.items() if key not in ("defaults", "hydra")})
 
     @cached_property
     def _groups(self) -> list[str]:
         files = {"sweep": ("train", "sweep")}.get(self.config, (self.config,))
-        loaded = [OmegaConf.to_container(OmegaConf.load(self.folder / f"{name}.yaml")) for name in files]
+        loaded = [plain(OmegaConf.load(self.folder / f"{name}.yaml")) for name in files]
         defaults = [entry for data in loaded for entry in data["defaults"] if isinstance(entry, dict)]
         names = [str(key).removeprefix("optional ") for entry in defaults for key in entry]
         return [name for name in dict.fromkeys(names) if (self.folder / name).is_dir()]
 
     def _of(self, path: Path, group: str) -> Iterator[str]:
-        data = OmegaConf.to_container(OmegaConf.load(path))
+        data = plain(OmegaConf.load(path))
         defaults = data.pop("defaults", [])
         if path.read_text().startswith("# @package _global_"):
             yield from (key for key in data if key not in ("hydra", *self._groups))

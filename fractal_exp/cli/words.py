@@ -12,7 +12,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 from hydra._internal.utils import get_args_parser
@@ -35,7 +35,6 @@ from ..runtime import files
 from .vocabulary import Vocabulary
 
 PICTURE = re.compile(r"\+{0,2}picture=(.*)", re.DOTALL)
-KEY = re.compile(r"[+~]{0,2}([^=]*)")
 SUFFIXES = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tif", ".tiff", ".webp")
 # Whoever names one of these means the paper's method: collage search reads none of them.
 PAPERS_METHOD = {"model", "loss", "optimizer", "init", "ablation", "iterations", "starts", "scouting", "anneal_every",
@@ -137,7 +136,7 @@ def _settings(words: Sequence[str], vocabulary: Vocabulary) -> list[str]:
             near = did_you_mean(name, flags) or did_you_mean(bare, vocabulary.keys(), most=1)
             raise InputError(f"there is no option {name}{near}")
 
-    def refuse(message: str) -> None:
+    def refuse(message: str) -> NoReturn:
         raise InputError(f"{message}; --help tells how the program is called")
 
     parser.error = refuse
@@ -172,7 +171,7 @@ def _with_picture(settings: list[str], implied: Sequence[str]) -> list[str]:
         return settings
     if not given[-1]:
         raise InputError("picture= needs a file: picture=leaf.png")
-    keys = [KEY.match(word)[1] for word in settings]
+    keys = [word.split("=", 1)[0].lstrip("+~") for word in settings]
     for word, key in zip(settings, keys, strict=True):
         if key == "target.path" or (key == "target" and word != "target=image"):
             raise InputError(f"picture={given[-1]} and {word} both name a target; leave one of them out")

@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from importlib import resources
 from multiprocessing import get_context
@@ -63,9 +63,9 @@ def options_without(part: str) -> dict:
     return (yaml.safe_load(text) or {}).get("method", {})
 
 
-def problems(names: Iterable[str], count: int) -> list[tuple[str, int | str]]:
+def problems(names: Iterable[str], count: int, classics: Sequence[str]) -> list[tuple[str, int | str]]:
     """(set, fractal) of every target."""
-    every = {"suite": range(count), "classics": codes.names(), "binary": range(10)}
+    every = {"suite": range(count), "classics": classics, "binary": range(10)}
     return [(name, fractal) for name in names for fractal in every[name]]
 
 
@@ -156,6 +156,8 @@ def main() -> None:
     parser.add_argument("--without", nargs="+", choices=parts(), default=parts(), metavar="PART")
     parser.add_argument("--sets", nargs="+", choices=SETS, default=list(SETS))
     parser.add_argument("--count", type=int, default=30, help="fractals of the suite")
+    parser.add_argument("--classics", nargs="+", choices=codes.names(), default=codes.names(), metavar="NAME",
+                        help="these classics alone")
     parser.add_argument("--limit", type=float, default=20, help="seconds of one core")
     parser.add_argument("--resolution", type=int, default=128, help="pixels a side of the targets")
     parser.add_argument("--workers", type=int, default=threads.available())
@@ -168,7 +170,7 @@ def main() -> None:
         fits = read(folder)
         check_same(fits, args.limit, args.resolution, folder)
         done = set(fits[["without", "set", "fractal"]].itertuples(index=False, name=None))
-        jobs = [(part, *problem) for problem in problems(args.sets, args.count)
+        jobs = [(part, *problem) for problem in problems(args.sets, args.count, args.classics)
                 for part in dict.fromkeys([FULL, *args.without])]
         with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
             running = [pool.submit(fit, *job, args.limit, args.resolution) for job in jobs if job not in done]

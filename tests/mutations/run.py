@@ -1,6 +1,6 @@
 """Make small mistakes in a copy of the tree, one at a time, and see whether the tests notice.
 
-python tests/mutations/run.py [--only PART …] [--jobs N]
+python tests/mutations/run.py [--only PART …] [--jobs N] [--record FILE]
 
 Each entry of mutations.toml is one mistake. The copy lies in the temporary folder and stays there between calls, so
 that numba's cache serves again; the working tree is only read. First the tests named must pass in the copy as it is.
@@ -134,11 +134,22 @@ def _copy_if_changed(source: str, target: str) -> None:
     shutil.copy2(source, target)
 
 
+def record(path: Path, noticed: dict[str, bool]) -> None:
+    """Add the outcome, by name of the mutation, to a file of JSON lines, as benchmarks do."""
+    sys.path.insert(0, str(ROOT))
+    from benchmarks.record import append
+
+    append(path, "mutations", {"caught": sum(noticed.values()), "survived": [
+        name for name, was_caught in noticed.items() if not was_caught]}, {
+        "share of mutations caught": sum(noticed.values()) / len(noticed)})
+
+
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", default=[""], metavar="PART", help="those with this in their names")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="copies that are worked on at once")
+    parser.add_argument("--record", type=Path, metavar="FILE", help="add the outcome to this file of JSON lines")
     options = parser.parse_args()
     chosen = [mutation for mutation in load() if any(part in mutation.name for part in options.only)]
     if not chosen:
@@ -162,9 +173,11 @@ def main() -> int:
         return noticed
 
     with ThreadPoolExecutor(options.jobs) as pool:
-        outcomes = list(pool.map(caught, chosen))
-    print(f"{sum(outcomes)} of {len(outcomes)} mutations caught")
-    return int(not all(outcomes))
+        noticed = dict(zip((mutation.name for mutation in chosen), pool.map(caught, chosen), strict=True))
+    print(f"{sum(noticed.values())} of {len(noticed)} mutations caught")
+    if options.record:
+        record(options.record, noticed)
+    return int(not all(noticed.values()))
 
 
 if __name__ == "__main__":

@@ -44,12 +44,13 @@ class Likeness:
     """The likeness of a code's rendering to the input, both (R,R). The code is rendered as the input was drawn: its
     grey levels are a density of points, a coverage of pixels, or black and white.
 
-    f1, iou: of the masks I > 0 (I > 1/4 for a picture that others drew) on the whole canvas, in [0,1]. f1_1px: F1
-    within a pixel, with each mask compared to the other's dilation by 3×3 pixels; for a picture that others drew, at
-    most the attractor's own, so that a camera cannot make a wrong code look right. noise_ratio: the error of the
-    rendering over the error between two renderings of the code with different random points; about 1 for the true code.
-    The error compares both images at several scales, see `methods.collage`. colour: the mean CIEDE2000 difference
-    between the code's colours and the picture's (see `colouring.error`), or None for a code without colours.
+    f1, iou: of the masks I > 0 on the whole canvas, in [0,1]; for a picture that others drew, I > 1/4, or I > 1/20
+    in a density that is grey inside. f1_1px: F1 within a pixel, with each mask compared to the other's dilation by 3×3
+    pixels; for a picture that others drew, at most the attractor's own, so that a camera cannot make a wrong code look
+    right. noise_ratio: the error of the rendering over the error between two renderings of the code with different
+    random points; about 1 for the true code. The error compares both images at several scales, see `methods.collage`.
+    colour: the mean CIEDE2000 difference between the code's colours and the picture's (see `colouring.error`), or None
+    for a code without colours.
     """
 
     f1: float
@@ -71,7 +72,7 @@ class Likeness:
             taken = own or seen_with(taken, estimated(image, taken, code, params, derive(seed, "likeness")))
         objective = ImageObjective(image, taken, params, derive(seed, "likeness"))
         rendering = objective.render(code)
-        least = 0.0 if taken.is_exact else params.camera.threshold
+        least = 0.0 if taken.is_exact else taken.lit
         masks = [(each > least).float()[None] for each in (rendering, image)]
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not taken.is_exact:

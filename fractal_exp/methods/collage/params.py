@@ -108,7 +108,7 @@ class CollageParams(Params):
     """What grey levels mean: the share of subpixels that the chaos game hits, the number of its points in a pixel
     up to a factor, the ink of as many dots, such a number through a tone curve (gamma or logarithm), the covered share
     of a pixel, or nothing (black and white). `auto` takes images that our renderer did not draw as coverage, or as
-    dots or a tone-mapped density if those explain them better in the end."""
+    dots or a tone-mapped density if those explain them better."""
     search: SearchParams = SearchParams()
     population: PopulationParams = PopulationParams()
     births: BirthParams = BirthParams()

@@ -53,10 +53,11 @@ class SearchProblem:
         """Whether populations of sets replace stages 1 and 2."""
         return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.most_maps
 
-    def masses_of(self, number: int) -> Tensor:
-        """The masses (R,R) on which a round searches."""
+    def masses_of(self, number: int, measured: Camera = ()) -> Tensor:
+        """The masses (R,R) on which a round searches, read from the image through a camera."""
         sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
-        return blurred(self.masses, sigma, self.params.camera)
+        masses = seen_with(self.levels, measured).measure(self.image) if measured else self.masses
+        return blurred(masses, sigma, self.params.camera)
 
     def restarts(self, number: int) -> int:
         """Number of restarts in a round."""
@@ -68,9 +69,10 @@ class SearchProblem:
         """Whether the search uses a smaller image than the given one."""
         return self.image is not self.given
 
-    def camera(self, code: IFS, seed: int) -> Camera:
-        """The camera of the image, estimated from a nearly right code; empty if the levels are exact."""
-        return estimated(self.image, self.levels, code, self.params, seed)
+    def camera(self, code: IFS, seed: int, measured: Camera = ()) -> Camera:
+        """The camera of the image, estimated from a nearly right code; empty if the levels are exact. measured: the
+        camera through which the search reads masses."""
+        return estimated(self.image, seen_with(self.levels, measured), code, self.params, seed)
 
     def objective(self, size: int, code: IFS, seed: int, renderings: int = 1, camera: Camera = ()
                   ) -> ImageObjective:
@@ -81,11 +83,11 @@ class SearchProblem:
         return ImageObjective(image, levels, self.params, seed, renderings)
 
     def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
-                     camera: Camera | None = None) -> ImageSearch:
+                     camera: Camera | None = None, measured: Camera = ()) -> ImageSearch:
         """The search by renderings, at the size of the problem's image. `code` is the best so far; without a camera,
         the one that suits the code best is estimated."""
         seed = derive(self.seed, *path)
-        camera = self.camera(code, seed) if camera is None else camera
+        camera = self.camera(code, seed, measured) if camera is None else camera
         objective = self.objective(len(self.image), code, seed, camera=camera)
         seen = objective.levels
         masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses

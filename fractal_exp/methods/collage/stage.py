@@ -12,6 +12,7 @@ from .image.crossing import Crossing
 from .image.search import ImageSearch
 from .measure.saturation import saturation_corrected
 from .measure.search import MeasureSearch, Regime
+from .measure.tones import seen_with
 from .problem import SearchProblem
 from .state import Candidate, Key, State
 
@@ -94,7 +95,8 @@ class Stage(ABC, Generic[Search]):
 
     def _measure_search(self, state: State, found: Candidate | None, regime: Regime, seed: int) -> MeasureSearch:
         """The search on the image's measure, which `found` corrects for saturation."""
-        problem, masses = self.problem, self.problem.masses_of(self.round)
+        masses = self.problem.masses_of(self.round, state.measured)
         if found is not None:
-            masses = saturation_corrected(masses, found.code, problem.levels, self.params.saturation, seed)
+            levels = seen_with(self.problem.levels, state.measured)
+            masses = saturation_corrected(masses, found.code, levels, self.params.saturation, seed)
         return MeasureSearch(masses, regime, self.params, seed, self._smaller_limit(state))

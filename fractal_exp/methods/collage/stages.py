@@ -18,7 +18,7 @@ from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
 from .image.search import ImageSearch
 from .measure.bins import attractor_points
-from .measure.stages import Detail, FromMixture, Populations, Restart
+from .measure.stages import Detail, FromMixture, Populations, Restart, Uncurved
 from .measure.tones import camera_of
 from .problem import SearchProblem
 from .recursion import Recursion, has_strokes
@@ -32,7 +32,8 @@ class Approach(Stage[ImageSearch]):
     name, ends_at = "approach", "approach_share"
 
     def open(self, state: State) -> None:
-        self.search = self.problem.image_search(state.leader.code, self.deadline, "approach", self.round)
+        self.search = self.problem.image_search(state.leader.code, self.deadline, "approach", self.round,
+                                                measured=state.measured)
 
     def begin(self, state: State) -> Candidate:
         return self.search.resume(state.leader)
@@ -60,10 +61,12 @@ class ImageMoves(Stage[ImageSearch]):
         return max(1, round(self.params.moves.recent * self.expected_moves))
 
     def open(self, state: State) -> None:
+        self.measured = state.measured
         self._open(state.leader, state.current and state.current.camera)
 
     def _open(self, best: Candidate, camera: tuple[str | float, ...] | None = None) -> None:
-        self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera)
+        self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera,
+                                                measured=self.measured)
 
     def begin(self, state: State) -> Candidate:
         return self.search.resume(state.leader)
@@ -87,7 +90,8 @@ class ImageMoves(Stage[ImageSearch]):
         problem = self.problem
         state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
-            self.search = problem.image_search(state.now.code, problem.deadline, "finish", self.round)
+            self.search = problem.image_search(state.now.code, problem.deadline, "finish", self.round,
+                                               measured=self.measured)
         found, before = self._finished(state.now), state.before and self._judged_again(state.before)
         best = found if before is None or found.score < before.score else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):
@@ -289,6 +293,8 @@ def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
     if problem.params.grows_at_once:
         return []
     restarts = [Restart(problem, number, restart) for restart in range(problem.restarts(number))]
+    if not number and Uncurved.may_help(problem):
+        restarts.insert(1, Uncurved(problem))
     search = [*restarts, FromMixture(problem, number), Detail(problem, number)]
     approach = [Approach(problem, number)] if problem.is_reduced else []
     moves = ImageMoves if problem.levels.is_exact else DrawnMoves

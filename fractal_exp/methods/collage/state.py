@@ -11,22 +11,23 @@ from torch import Tensor
 from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
 from .maps import WeightedMaps
+from .measure.tones import Camera
 
-VERSION = 9   # of the stages and their scores; stored in checkpoints
+VERSION = 10   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
 STAGES = ("population", "restart", "mixture", "detail", "approach", "strokes", "image", "full size", "last digits",
           "growth")   # in order; the last three come after all rounds
 
 
 class Key(NamedTuple):
-    """Which stage of which round, and which restart."""
+    """Which stage of which round, and which restart; half a number is a restart between two others."""
 
     round: int
     stage: str
-    restart: int = 0
+    restart: float = 0
 
     @property
-    def place(self) -> tuple[int, int, int]:
+    def place(self) -> tuple[int, int, float]:
         """Higher for later stages."""
         return self.round, STAGES.index(self.stage), self.restart
 
@@ -38,7 +39,7 @@ class Candidate(WeightedMaps):
 
     error: float
     score: float = float("inf")
-    camera: tuple[str | float, ...] = ()
+    camera: Camera = ()
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ class State:
     done: the last closed stage. step: moves made so far in the next stage; current: its candidate, None before it
     begins; halved: the move at which its error was last halved, and that error. best: the best candidate of this round;
     before: the best of earlier rounds; pool (M,6): the maps of all restarts; scores: those of this round's restarts, in
-    ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps.
+    ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps. measured: the
+    camera (see `measure.tones`) through which the search reads masses from the image; empty: the levels of the problem.
     """
 
     done: Key | None = None
@@ -68,6 +70,7 @@ class State:
     scores: tuple[float, ...] = ()
     stopped: str = ""
     curve: tuple[Grown, ...] = ()
+    measured: Camera = ()
 
     @property
     def now(self) -> Candidate:
@@ -123,7 +126,8 @@ class State:
         numbers = {name: [each.error, each.score, *each.camera] for name, each in kept.items()}
         numbers |= {"curve": [each.likeness for each in self.curve]}
         return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
-                                             "scores": list(self.scores), "stopped": self.stopped, **numbers})
+                                             "scores": list(self.scores), "stopped": self.stopped,
+                                             "measured": list(self.measured), **numbers})
 
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> State:
@@ -142,4 +146,4 @@ class State:
         curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
                       for i, likeness in enumerate(numbers["curve"]))
         return cls(done, snapshot.iteration, **kept, curve=curve, halved=halved, pool=tensors.get("pool"),
-                   scores=tuple(numbers["scores"]), stopped=numbers["stopped"])
+                   scores=tuple(numbers["scores"]), stopped=numbers["stopped"], measured=tuple(numbers["measured"]))

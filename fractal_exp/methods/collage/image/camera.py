@@ -8,7 +8,7 @@ from ....ifs.code import IFS
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..measure.levels import Levels
-from ..measure.pens import Drawn
+from ..measure.pens import Drawn, ToneMapped
 from ..measure.tones import LEVELS, Camera, camera_of, seen_with
 from ..params import CollageParams
 from .gauss_newton import polished
@@ -21,7 +21,8 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
     `CameraParams.estimate` is off.
 
     All values that the parameters list are tried. Dots are chosen only if they explain the image much better than a
-    pen, and a tone curve only if it explains it much better than both."""
+    pen, and a tone curve only if it explains it much better than both. If the search already measures the image through
+    a tone curve, the camera that explains it best is chosen."""
     if levels.is_exact or not levels.camera.estimate:
         return ()
 
@@ -31,6 +32,8 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
     if params.levels != "auto":
         return best(params.levels)[1]
     limits, pen, dots = levels.camera, best("coverage"), best("dots")
+    if isinstance(levels, ToneMapped):
+        return min(pen, dots, best("tonemapped"))[1]
     likely = dots if dots[0] < limits.dotted * pen[0] else pen
     if dots[0] <= limits.curved_from * pen[0]:
         curve = best("tonemapped")
@@ -47,6 +50,12 @@ def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, see
         key = levels.drawn(values)
         found[key] = min(tried, found.get(key, tried))
     return sorted(found.values())
+
+
+def unlike_density(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> float:
+    """The least angle of error between the image (R,R) and the density of a code, with or without a tone curve."""
+    return min(nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0][0]
+               for name in ("dots", "tonemapped"))
 
 
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE

@@ -110,6 +110,12 @@ class CameraParams(Params):
     """How fast ink covers the paper, per dot density relative to a uniform one on the canvas; null: estimated."""
     curved_from: Factor = 2.0
     """A tone curve is tried if the angle of error of dots is at most this factor times the pen's."""
+    grey_inside: Share = 0.5
+    """If more than this share of the lit pixels is grey although all neighbours are lit, the image is also searched as
+    a density behind a tone curve; 1: never."""
+    faint: Share = 0.05
+    """Grey level up to which a pixel of such an image counts as black. A pixel as near to white is not grey either. If
+    the camera is dots or a tone curve, every brighter pixel belongs to the shape."""
     gamma: Factor | None = None
     """Gamma of the tone curve of a density (`levels=tonemapped`); null: estimated."""
     usual_gamma: Factor = 2.2

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Self
 
 from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d
+from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
 from ....ifs.code import IFS
 from ....ops import cuda_launch
@@ -58,6 +58,11 @@ class Levels(ABC):
         """`image`, where levels were taken from one."""
         assert self.image is not None
         return self.image
+
+    @property
+    def lit(self) -> float:
+        """The grey level above which a pixel belongs to the shape."""
+        return self.camera.threshold
 
     @property
     def pen(self) -> float:
@@ -166,6 +171,14 @@ class Binary(Levels):
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
         # points are always independent: if a whole image were a little brighter, many pixels would turn white together
         return (super().render(code, resolution, seed, independent=True) > self.camera.threshold).float()
+
+
+def may_be_density(image: Tensor, camera: CameraParams) -> bool:
+    """Whether an image (R,R) is mostly grey even where all neighbours are lit, unlike most drawings."""
+    lit = image > camera.faint
+    inside = -max_pool2d(-lit.float()[None], 3, 1, 1)[0] > 0
+    grey = inside & (image < 1 - camera.faint)
+    return bool(grey.sum() > camera.grey_inside * lit.sum())
 
 
 def mean_of(image: Tensor, size: int) -> Tensor:

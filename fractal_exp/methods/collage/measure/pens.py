@@ -15,7 +15,7 @@ from torch.nn.functional import avg_pool2d
 
 from ....ifs.code import IFS
 from .blur import blurred
-from .levels import Coverage, Density
+from .levels import Coverage, Density, may_be_density
 from .tiles import tiled
 
 
@@ -83,6 +83,11 @@ class Dots(Density):
 
     is_exact = False
     numbers, lengths = ("gain",), ("blur_px",)
+
+    @property
+    def lit(self) -> float:
+        is_faint = self.image is not None and may_be_density(self.image, self.camera)
+        return self.camera.faint if is_faint else super().lit
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         if not self.values:

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....runtime.seeds import derive
+from ..image.camera import unlike_density
 from ..image.crossing import Crossing
 from ..image.objective import ImageObjective
+from ..problem import SearchProblem
 from ..stage import Stage
-from ..state import Candidate, State
+from ..state import Candidate, Key, State
+from .levels import may_be_density
+from .pens import Drawn
 from .search import MeasureSearch, Regime
 
 
@@ -47,6 +51,42 @@ class Restart(Stage[MeasureSearch]):
             candidates.append(self.search.mixed(pool))
         best = min(candidates, key=lambda candidate: candidate.score)
         return replace(state, best=best, scores=scores, pool=pool)
+
+
+class Uncurved(Restart):
+    """A restart on the image as a density behind a usual tone curve. The search stays with this measure if the code
+    that was found on it explains the image better as a density than the code of the restart before."""
+
+    MEASURED = ("tonemapped",)
+
+    @property
+    def key(self) -> Key:
+        """Between the first restart and the second, whose random numbers stay the same."""
+        return Key(self.round, self.part, self.restart + 0.5)
+
+    @staticmethod
+    def may_help(problem: SearchProblem) -> bool:
+        """Whether an image that others drew may be a density."""
+        params = problem.params
+        return (params.levels == "auto" and params.camera.estimate and isinstance(problem.levels, Drawn)
+                and may_be_density(problem.image, params.camera))
+
+    def is_wanted(self, state: State) -> bool:
+        return True
+
+    def open(self, state: State) -> None:
+        super().open(replace(state, measured=self.MEASURED))
+
+    def close(self, state: State) -> State:
+        found = state.now
+        if self._unlike(found) >= self._unlike(state.leader):
+            return state
+        return replace(state, best=found, scores=(found.score,), pool=state.pool_with(found.maps),
+                       measured=self.MEASURED)
+
+    def _unlike(self, found: Candidate) -> float:
+        problem = self.problem
+        return unlike_density(problem.image, problem.levels, found.code, self.params, derive(problem.seed, "uncurved"))
 
 
 class FromMixture(Stage[MeasureSearch]):

@@ -1,0 +1,107 @@
+"""The search on a picture that may be a density behind a tone curve."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from fractal_exp import codes
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.image.camera import estimated, nearest
+from fractal_exp.methods.collage.image.likeness import likeness_of_attractor
+from fractal_exp.methods.collage.measure.levels import may_be_density
+from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.measure.stages import Restart, Uncurved
+from fractal_exp.methods.collage.measure.tones import levels_of, seen_with
+from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.stages import stages_of
+from fractal_exp.methods.collage.state import Candidate, State
+
+SIDE, PARAMS = 128, CollageParams()
+CAMERA = PARAMS.camera
+FERN = attractor.normalize(codes.known("fern"))
+CURVED = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.04, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
+GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
+DRAWING = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 2 / SIDE, 0.0)).render(GASKET, SIDE, 1)
+
+
+def problem(image=CURVED, **options):
+    params = PARAMS.updated(**options)
+    return SearchProblem(image, levels_of(image, params.levels, params.camera), params)
+
+
+def kinds(given, number=0):
+    return [type(stage) for stage in stages_of(given, number)]
+
+
+def test_a_density_is_grey_inside_and_a_drawing_is_not():
+    koch = attractor.normalize(codes.known("koch_curve"))
+    thin = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 0.5 / SIDE, 1 / SIDE)).render(koch, SIDE, 1)
+    assert float((thin[thin > CAMERA.faint] < 0.95).float().mean()) > 0.9, "a thin line is grey"
+    assert may_be_density(CURVED, CAMERA)
+    assert not may_be_density(DRAWING, CAMERA) and not may_be_density(thin, CAMERA)
+    speckled = (DRAWING + 0.04 * torch.rand(SIDE, SIDE, generator=torch.Generator().manual_seed(0))).clamp(max=1)
+    assert not may_be_density(speckled, CAMERA), "noise near black and white is no grey"
+    assert not may_be_density(CURVED, CAMERA.updated(grey_inside=1.0))
+
+
+def test_only_the_first_round_of_such_a_picture_searches_it_as_a_density_too():
+    assert kinds(problem())[:3] == [Restart, Uncurved, Restart]
+    places = [stage.key.place for stage in stages_of(problem(), 0)]
+    assert places == sorted(set(places)) and [stage.restart for stage in stages_of(problem(), 0)[:3]] == [0, 0, 1]
+    assert Uncurved not in kinds(problem(), 1) + kinds(problem(DRAWING))
+    for options in ({"levels": "coverage"}, {"camera": {"estimate": False}}, {"camera": {"grey_inside": 1.0}}):
+        assert Uncurved not in kinds(problem(**options)), options
+
+
+@pytest.mark.parametrize("is_better", [True, False])
+def test_the_search_stays_with_the_measure_whose_code_explains_the_picture_better(is_better):
+    true, wrong = (Candidate(affine.from_code(code), None, 0.1, score)
+                   for code, score in ((FERN, 3.0), (FERN.similar(0.7, (0.1, 0.1)), 1.0)))
+    now, leader = (true, wrong) if is_better else (wrong, true)
+    state = State(current=now, best=leader, pool=leader.maps, scores=(leader.score,))
+    after = Uncurved(problem()).close(state)
+    assert (after.measured == ("tonemapped",)) == is_better and after.best is true
+    assert after.scores == (true.score,), "scores on different measures cannot be compared"
+    assert len(after.pool) == (8 if is_better else 4)
+    assert State.of(after.snapshot(), "cpu").measured == after.measured
+
+
+def test_later_stages_search_what_the_state_says():
+    given, curve = problem(), ToneMapped(CAMERA, CURVED)
+    assert torch.equal(given.masses_of(0, ("tonemapped",)), curve.measure(CURVED))
+    assert torch.equal(given.masses_of(0), given.masses)
+    errors = []
+    for measured in ((), ("tonemapped",)):
+        stage = Restart(given, 0, 0)
+        stage.open(State(measured=measured))
+        errors.append(stage.begin(State()).error)
+    assert errors[0] != errors[1]
+
+
+def test_behind_a_tone_curve_dots_have_no_advantage():
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.0)).render(FERN, SIDE, 1) ** (1 / 1.25)
+    dots, curve = (nearest(image, kind(CAMERA, image), FERN, PARAMS, 0)[0][0] for kind in (Dots, ToneMapped))
+    assert CAMERA.dotted * dots < curve < dots
+    levels = levels_of(image, "auto", CAMERA)
+    assert estimated(image, levels, FERN, PARAMS, 0)[0] == "dots"
+    assert estimated(image, seen_with(levels, ("tonemapped",)), FERN, PARAMS, 0)[0] == "tonemapped"
+
+
+def test_faint_pixels_of_a_density_belong_to_its_shape():
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.01, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
+    likeness = [likeness_of_attractor(FERN, image, kind(camera, image, values))
+                for camera in (CAMERA, CAMERA.updated(grey_inside=1.0))
+                for kind, values in ((ToneMapped, (0.01, 2.2, 0.0)), (Dots, (0.01, 0.0)))]
+    assert min(likeness[:2]) > 0.95 > max(likeness[2:])
+
+
+def test_a_resumed_search_keeps_its_measure():
+    stage, state = Uncurved(problem()), State(best=Candidate(affine.from_code(FERN), None, 0.1, 1.0))
+    stage.open(state)
+    begun = replace(state, current=stage.begin(state))
+    again = Uncurved(problem())
+    again.open(State.of(begun.snapshot(), "cpu"))
+    assert torch.equal(again.step(begun.now, 0).maps, stage.step(begun.now, 0).maps)

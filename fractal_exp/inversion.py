@@ -72,7 +72,7 @@ class Likeness:
             taken = own or seen_with(taken, estimated(image, taken, code, params, derive(seed, "likeness")))
         objective = ImageObjective(image, taken, params, derive(seed, "likeness"))
         rendering = objective.render(code)
-        least = 0.0 if taken.is_exact else taken.lit
+        least = 0.0 if taken.is_exact else taken.lit_above
         masks = [(each > least).float()[None] for each in (rendering, image)]
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not taken.is_exact:

@@ -1,7 +1,5 @@
 """The search on a picture that may be a density behind a tone curve."""
 
-from dataclasses import replace
-
 import pytest
 import torch
 
@@ -12,10 +10,12 @@ from fractal_exp.methods.collage.image.camera import estimated, nearest
 from fractal_exp.methods.collage.image.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.measure.levels import may_be_density
 from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
-from fractal_exp.methods.collage.measure.stages import Restart, Uncurved
+from fractal_exp.methods.collage.measure.saturation import correction
+from fractal_exp.methods.collage.measure.stages import Detail, Restart, Uncurved
 from fractal_exp.methods.collage.measure.tones import levels_of, seen_with
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.recursion import Recursion
 from fractal_exp.methods.collage.stages import stages_of
 from fractal_exp.methods.collage.state import Candidate, State
 
@@ -42,7 +42,7 @@ def test_a_density_is_grey_inside_and_a_drawing_is_not():
     assert float((thin[thin > CAMERA.faint] < 0.95).float().mean()) > 0.9, "a thin line is grey"
     assert may_be_density(CURVED, CAMERA)
     assert not may_be_density(DRAWING, CAMERA) and not may_be_density(thin, CAMERA)
-    speckled = (DRAWING + 0.04 * torch.rand(SIDE, SIDE, generator=torch.Generator().manual_seed(0))).clamp(max=1)
+    speckled = 0.96 * DRAWING + 0.04 * torch.rand(SIDE, SIDE, generator=torch.Generator().manual_seed(0))
     assert not may_be_density(speckled, CAMERA), "noise near black and white is no grey"
     assert not may_be_density(CURVED, CAMERA.updated(grey_inside=1.0))
 
@@ -99,9 +99,39 @@ def test_faint_pixels_of_a_density_belong_to_its_shape():
 
 
 def test_a_resumed_search_keeps_its_measure():
-    stage, state = Uncurved(problem()), State(best=Candidate(affine.from_code(FERN), None, 0.1, 1.0))
-    stage.open(state)
-    begun = replace(state, current=stage.begin(state))
-    again = Uncurved(problem())
-    again.open(State.of(begun.snapshot(), "cpu"))
-    assert torch.equal(again.step(begun.now, 0).maps, stage.step(begun.now, 0).maps)
+    best = Candidate(affine.from_code(FERN), None, 0.1, 1.0)
+    after = {}
+    for measured in ((), ("tonemapped",)):
+        for is_resumed in (False, True):
+            state = State(best=best, measured=measured)
+            stage = Detail(problem(), 0)
+            stage.open(State.of(state.snapshot(), "cpu") if is_resumed else state)
+            after[measured, is_resumed] = stage.begin(state).error
+        assert after[measured, False] == after[measured, True]
+    assert after[(), True] != after[("tonemapped",), True]
+
+
+def test_the_masses_of_a_large_picture_are_those_of_its_density():
+    large = CURVED.repeat_interleave(2, 0).repeat_interleave(2, 1)
+    large[1::2] = 0  # half of the light: as a density, half of the mass
+    given = problem(large, stages={"largest_side": SIDE})
+    assert given.image.shape == CURVED.shape
+    curve = ToneMapped(CAMERA, CURVED)
+    masses = given.masses_of(0, ("tonemapped",))
+    torch.testing.assert_close(masses, curve.measure(CURVED) / 2, rtol=0.02, atol=1e-3)
+
+
+def test_the_true_code_needs_hardly_any_correction_for_saturation():
+    curve = ToneMapped(CAMERA, CURVED)
+    image = curve.render(FERN, SIDE, 5)
+    assert float((image - CURVED).abs().mean()) > 0, "another gain"
+    factors = correction(curve.measure(image), FERN, curve, PARAMS.saturation, 0)
+    plain = Dots(CAMERA, CURVED)
+    expected = correction(plain.measure(plain.render(FERN, SIDE, 5)), FERN, plain, PARAMS.saturation, 0)
+    torch.testing.assert_close(factors, expected, rtol=0.02, atol=0.02)
+
+
+def test_no_strokes_are_sought_in_a_density():
+    given, far = problem(), Candidate(affine.from_code(FERN.similar(0.5, (0.0, 0.0))), None, 0.1, 1.0)
+    assert Recursion(given).is_wanted(State(best=far))
+    assert not Recursion(given).is_wanted(State(best=far, measured=("tonemapped",)))

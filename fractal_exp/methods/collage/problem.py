@@ -56,8 +56,12 @@ class SearchProblem:
     def masses_of(self, number: int, measured: Camera = ()) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""
         sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
-        masses = seen_with(self.levels, measured).measure(self.image) if measured else self.masses
-        return blurred(masses, sigma, self.params.camera)
+        return blurred(self._measured(seen_with(self.levels, measured)) if measured else self.masses, sigma,
+                       self.params.camera)
+
+    def _measured(self, levels: Levels) -> Tensor:
+        """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
+        return levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
 
     def restarts(self, number: int) -> int:
         """Number of restarts in a round."""

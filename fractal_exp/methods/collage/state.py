@@ -20,7 +20,7 @@ STAGES = ("population", "restart", "mixture", "detail", "approach", "strokes", "
 
 
 class Key(NamedTuple):
-    """Which stage of which round, and which restart; half a number is a restart between two others."""
+    """Which stage of which round, and which restart; a half-integer is a restart between two others."""
 
     round: int
     stage: str

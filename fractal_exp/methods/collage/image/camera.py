@@ -46,13 +46,13 @@ def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, see
     `Levels.drawn`, with its angle of error, the lowest first. Empty if such a camera cannot draw the code."""
     judge, found = ImageObjective(image, levels, params), {}
     for values, rendering in levels.candidates(code, len(image), derive(seed, "camera")):
-        tried = judge.angle(judge.error(rendering)), camera_of(levels, values)
+        tried = judge.angle(judge.error(rendering.to(image))), camera_of(levels, values)
         key = levels.drawn(values)
         found[key] = min(tried, found.get(key, tried))
     return sorted(found.values())
 
 
-def unlike_density(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> float:
+def angle_as_density(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> float:
     """The least angle of error between the image (R,R) and the density of a code, with or without a tone curve."""
     return min(nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0][0]
                for name in ("dots", "tonemapped"))

@@ -56,7 +56,7 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
 
     side = len(image)
     attractor = levels.occupied(code, side, 1, levels.points(side), 0, False).numpy() > 0
-    shape = (image > levels.lit).cpu().numpy()
+    shape = (image > levels.lit_above).cpu().numpy()
     if not attractor.any() or not shape.any():
         return 0.0
     pen, tile = levels.pen * side / 2, levels.smallest_part(code, side) * side / 2

@@ -130,8 +130,9 @@ class ImageObjective:
         return max(self.params.image.least_noise, other.error(self.render(code)))
 
     def likeness(self, rendering: Tensor) -> float:
-        """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `Levels.lit`."""
-        masks = ((image > self.levels.lit).float()[None] for image in (rendering, self.image))
+        """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `Levels.lit_above`."""
+        least = self.levels.lit_above
+        masks = ((image > least).float()[None] for image in (rendering, self.image))
         return float(metrics.f1_1px(*masks))
 
     def is_hopeless(self, error: float) -> bool:

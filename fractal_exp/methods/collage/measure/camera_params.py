@@ -114,8 +114,8 @@ class CameraParams(Params):
     """If more than this share of the lit pixels is grey although all neighbours are lit, the image is also searched as
     a density behind a tone curve; 1: never."""
     faint: Share = 0.05
-    """Grey level up to which a pixel of such an image counts as black. A pixel as near to white is not grey either. If
-    the camera is dots or a tone curve, every brighter pixel belongs to the shape."""
+    """Grey level up to which a pixel of such an image counts as black. A pixel equally close to white does not count as
+    grey. If the camera is dots or a tone curve, every brighter pixel belongs to the shape."""
     gamma: Factor | None = None
     """Gamma of the tone curve of a density (`levels=tonemapped`); null: estimated."""
     usual_gamma: Factor = 2.2

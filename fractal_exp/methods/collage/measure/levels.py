@@ -60,7 +60,7 @@ class Levels(ABC):
         return self.image
 
     @property
-    def lit(self) -> float:
+    def lit_above(self) -> float:
         """The grey level above which a pixel belongs to the shape."""
         return self.camera.threshold
 

@@ -85,9 +85,9 @@ class Dots(Density):
     numbers, lengths = ("gain",), ("blur_px",)
 
     @property
-    def lit(self) -> float:
+    def lit_above(self) -> float:
         is_faint = self.image is not None and may_be_density(self.image, self.camera)
-        return self.camera.faint if is_faint else super().lit
+        return self.camera.faint if is_faint else super().lit_above
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         if not self.values:
@@ -140,6 +140,10 @@ class ToneMapped(Dots):
     def blurs_px(self) -> Sequence[float]:
         return self.camera.curved_blurs_px
 
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        grey = super().render(code, resolution, seed, independent=independent)
+        return grey if self.values else curved(grey, self.gamma)
+
     def measure(self, image: Tensor) -> Tensor:
         return super().measure(image.clamp_min(0) ** self.gamma)
 
@@ -149,7 +153,7 @@ class ToneMapped(Dots):
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
         """The camera values whose rendering (R,R) has the histogram most like the image's, with this rendering. A map
         that is a little off hardly changes the histogram, but it moves light from pixel to pixel."""
-        wanted, gammas = self._levels_of(self.picture), given(self.camera.gamma, self.camera.gammas)
+        wanted, gammas = self._levels_of(self.picture.cpu()), given(self.camera.gamma, self.camera.gammas)
         found, least = [], math.inf
         for (gain, sigma), grey in super().candidates(code, resolution, seed):
             levels = self._levels_of(grey)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....runtime.seeds import derive
-from ..image.camera import unlike_density
+from ..image.camera import angle_as_density
 from ..image.crossing import Crossing
 from ..image.objective import ImageObjective
 from ..problem import SearchProblem
@@ -69,7 +69,7 @@ class Uncurved(Restart):
         """Whether an image that others drew may be a density."""
         params = problem.params
         return (params.levels == "auto" and params.camera.estimate and isinstance(problem.levels, Drawn)
-                and may_be_density(problem.image, params.camera))
+                and may_be_density(problem.given, params.camera))
 
     def is_wanted(self, state: State) -> bool:
         return True
@@ -79,14 +79,14 @@ class Uncurved(Restart):
 
     def close(self, state: State) -> State:
         found = state.now
-        if self._unlike(found) >= self._unlike(state.leader):
+        if self._angle(found) >= self._angle(state.leader):
             return state
         return replace(state, best=found, scores=(found.score,), pool=state.pool_with(found.maps),
                        measured=self.MEASURED)
 
-    def _unlike(self, found: Candidate) -> float:
-        problem = self.problem
-        return unlike_density(problem.image, problem.levels, found.code, self.params, derive(problem.seed, "uncurved"))
+    def _angle(self, found: Candidate) -> float:
+        problem, seed = self.problem, derive(self.problem.seed, "uncurved")
+        return angle_as_density(problem.image, problem.levels, found.code, self.params, seed)
 
 
 class FromMixture(Stage[MeasureSearch]):

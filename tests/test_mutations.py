@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from mutations.run import ROOT, Broken, Mutation, load
+from mutations.run import ROOT, Broken, Mutation, load, main
 
 
 def test_every_mutation_still_applies_and_names_tests_that_there_are():
@@ -24,3 +24,10 @@ def test_an_old_text_that_is_gone_or_stands_twice_is_said(tmp_path, text):
     Path(tmp_path, "module.py").write_text(text)
     with pytest.raises(Broken, match="exactly once in module.py"):
         Mutation("a name", "module.py", "a = 1", "a = 2", ["tests"]).applied(tmp_path)
+
+
+def test_the_outcome_of_some_is_not_recorded_as_that_of_all(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["run.py", "--only", "ifs", "--record", str(tmp_path / "all.jsonl")])
+    with pytest.raises(SystemExit):
+        main()
+    assert "leave one of them out" in capsys.readouterr().err and not any(tmp_path.iterdir())

@@ -139,9 +139,9 @@ def record(path: Path, noticed: dict[str, bool]) -> None:
     sys.path.insert(0, str(ROOT))
     from benchmarks.record import append
 
-    append(path, "mutations", {"caught": sum(noticed.values()), "survived": [
-        name for name, was_caught in noticed.items() if not was_caught]}, {
-        "share of mutations caught": sum(noticed.values()) / len(noticed)})
+    caught, survived = sum(noticed.values()), [name for name, was_caught in noticed.items() if not was_caught]
+    append(path, "mutations", {"caught": caught, "survived": survived},
+           {"share of mutations caught": caught / len(noticed)})
 
 
 def main() -> int:
@@ -149,8 +149,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", default=[""], metavar="PART", help="those with this in their names")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="copies that are worked on at once")
-    parser.add_argument("--record", type=Path, metavar="FILE", help="add the outcome to this file of JSON lines")
+    parser.add_argument("--record", type=Path, metavar="FILE",
+                        help="add the outcome of the whole list to this file of JSON lines")
     options = parser.parse_args()
+    if options.record and options.only != [""]:
+        parser.error("--record is for the whole list, but --only chooses some; leave one of them out")
     chosen = [mutation for mutation in load() if any(part in mutation.name for part in options.only)]
     if not chosen:
         parser.error(f"no mutation's name holds {' or '.join(options.only)}")

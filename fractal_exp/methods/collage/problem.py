@@ -53,13 +53,13 @@ class SearchProblem:
         """Whether populations of sets replace stages 1 and 2."""
         return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.most_maps
 
-    def masses_of(self, number: int, measured: Camera = ()) -> Tensor:
+    def masses_of(self, number: int, measured_through: Camera = ()) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""
         sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
-        return blurred(self._measured(seen_with(self.levels, measured)) if measured else self.masses, sigma,
-                       self.params.camera)
+        masses = self._masses(seen_with(self.levels, measured_through)) if measured_through else self.masses
+        return blurred(masses, sigma, self.params.camera)
 
-    def _measured(self, levels: Levels) -> Tensor:
+    def _masses(self, levels: Levels) -> Tensor:
         """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
         return levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
 
@@ -73,10 +73,10 @@ class SearchProblem:
         """Whether the search uses a smaller image than the given one."""
         return self.image is not self.given
 
-    def camera(self, code: IFS, seed: int, measured: Camera = ()) -> Camera:
-        """The camera of the image, estimated from a nearly right code; empty if the levels are exact. measured: the
-        camera through which the search reads masses."""
-        return estimated(self.image, seen_with(self.levels, measured), code, self.params, seed)
+    def camera(self, code: IFS, seed: int, measured_through: Camera = ()) -> Camera:
+        """The camera of the image, estimated from a nearly right code; empty if the levels are exact.
+        measured_through: the camera through which the search reads masses."""
+        return estimated(self.image, seen_with(self.levels, measured_through), code, self.params, seed)
 
     def objective(self, size: int, code: IFS, seed: int, renderings: int = 1, camera: Camera = ()
                   ) -> ImageObjective:
@@ -87,11 +87,11 @@ class SearchProblem:
         return ImageObjective(image, levels, self.params, seed, renderings)
 
     def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
-                     camera: Camera | None = None, measured: Camera = ()) -> ImageSearch:
+                     camera: Camera | None = None, measured_through: Camera = ()) -> ImageSearch:
         """The search by renderings, at the size of the problem's image. `code` is the best so far; without a camera,
         the one that suits the code best is estimated."""
         seed = derive(self.seed, *path)
-        camera = self.camera(code, seed, measured) if camera is None else camera
+        camera = self.camera(code, seed, measured_through) if camera is None else camera
         objective = self.objective(len(self.image), code, seed, camera=camera)
         seen = objective.levels
         masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses

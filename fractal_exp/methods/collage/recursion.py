@@ -52,7 +52,7 @@ class Recursion(Stage[Any]):
     def is_wanted(self, state: State) -> bool:
         if state.current is not None:
             return True
-        if state.measured:  # a density: no strokes
+        if state.measured_through:  # a density: no strokes
             return False
         self.open(state)
         return self._likeness(state.leader) < self.params.stages.unlike

@@ -95,8 +95,8 @@ class Stage(ABC, Generic[Search]):
 
     def _measure_search(self, state: State, found: Candidate | None, regime: Regime, seed: int) -> MeasureSearch:
         """The search on the image's measure, which `found` corrects for saturation."""
-        masses = self.problem.masses_of(self.round, state.measured)
+        masses = self.problem.masses_of(self.round, state.measured_through)
         if found is not None:
-            levels = seen_with(self.problem.levels, state.measured)
+            levels = seen_with(self.problem.levels, state.measured_through)
             masses = saturation_corrected(masses, found.code, levels, self.params.saturation, seed)
         return MeasureSearch(masses, regime, self.params, seed, self._smaller_limit(state))

@@ -33,7 +33,7 @@ class Approach(Stage[ImageSearch]):
 
     def open(self, state: State) -> None:
         self.search = self.problem.image_search(state.leader.code, self.deadline, "approach", self.round,
-                                                measured=state.measured)
+                                                measured_through=state.measured_through)
 
     def begin(self, state: State) -> Candidate:
         return self.search.resume(state.leader)
@@ -61,12 +61,12 @@ class ImageMoves(Stage[ImageSearch]):
         return max(1, round(self.params.moves.recent * self.expected_moves))
 
     def open(self, state: State) -> None:
-        self.measured = state.measured
+        self.measured_through = state.measured_through
         self._open(state.leader, state.current and state.current.camera)
 
     def _open(self, best: Candidate, camera: tuple[str | float, ...] | None = None) -> None:
         self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera,
-                                                measured=self.measured)
+                                                measured_through=self.measured_through)
 
     def begin(self, state: State) -> Candidate:
         return self.search.resume(state.leader)
@@ -91,7 +91,7 @@ class ImageMoves(Stage[ImageSearch]):
         state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
             self.search = problem.image_search(state.now.code, problem.deadline, "finish", self.round,
-                                               measured=self.measured)
+                                               measured_through=self.measured_through)
         found, before = self._finished(state.now), state.before and self._judged_again(state.before)
         best = found if before is None or found.score < before.score else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):

@@ -56,8 +56,9 @@ class State:
     done: the last closed stage. step: moves made so far in the next stage; current: its candidate, None before it
     begins; halved: the move at which its error was last halved, and that error. best: the best candidate of this round;
     before: the best of earlier rounds; pool (M,6): the maps of all restarts; scores: those of this round's restarts, in
-    ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps. measured: the
-    camera (see `measure.tones`) through which the search reads masses from the image; empty: the levels of the problem.
+    ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps.
+    measured_through: the camera (see `measure.tones`) through which the search reads masses from the image; empty: the
+    levels of the problem.
     """
 
     done: Key | None = None
@@ -70,7 +71,7 @@ class State:
     scores: tuple[float, ...] = ()
     stopped: str = ""
     curve: tuple[Grown, ...] = ()
-    measured: Camera = ()
+    measured_through: Camera = ()
 
     @property
     def now(self) -> Candidate:
@@ -127,7 +128,7 @@ class State:
         numbers |= {"curve": [each.likeness for each in self.curve]}
         return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
                                              "scores": list(self.scores), "stopped": self.stopped,
-                                             "measured": list(self.measured), **numbers})
+                                             "measured_through": list(self.measured_through), **numbers})
 
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> State:
@@ -146,4 +147,5 @@ class State:
         curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
                       for i, likeness in enumerate(numbers["curve"]))
         return cls(done, snapshot.iteration, **kept, curve=curve, halved=halved, pool=tensors.get("pool"),
-                   scores=tuple(numbers["scores"]), stopped=numbers["stopped"], measured=tuple(numbers["measured"]))
+                   scores=tuple(numbers["scores"]), stopped=numbers["stopped"],
+                   measured_through=tuple(numbers["measured_through"]))

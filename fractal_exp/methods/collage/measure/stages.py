@@ -75,14 +75,14 @@ class Uncurved(Restart):
         return True
 
     def open(self, state: State) -> None:
-        super().open(replace(state, measured=self.MEASURED))
+        super().open(replace(state, measured_through=self.MEASURED))
 
     def close(self, state: State) -> State:
         found = state.now
         if self._angle(found) >= self._angle(state.leader):
             return state
         return replace(state, best=found, scores=(found.score,), pool=state.pool_with(found.maps),
-                       measured=self.MEASURED)
+                       measured_through=self.MEASURED)
 
     def _angle(self, found: Candidate) -> float:
         problem, seed = self.problem, derive(self.problem.seed, "uncurved")

@@ -128,6 +128,15 @@ def test_what_was_spent_is_judged_with_the_scores_and_the_truth_where_it_is_aske
     assert spent.trivial["trivial/truth_f1"] == pytest.approx(untold.scores["eval/f1"], abs=.03)
 
 
+def test_a_code_off_the_frame_of_the_input_is_told_from_one_in_it_where_that_is_asked_for():
+    truth = codes.known("sierpinski_triangle")
+    off = truth.similar(.8, (.1, 0.))
+    options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
+               "device": "cpu"}
+    found = judge(CodeReconstruction(off), Target(TARGET, truth), options, Perceptual.load(), 2.0, in_frame=True)
+    assert found.scores["eval/f1"] > .9 > .6 > found.scores["eval/f1_frame"] > found.scores["eval/iou_frame"]
+
+
 def test_an_interrupted_search_has_the_code_of_its_last_stage():
     def interrupt(progress):
         if progress.step == 6:

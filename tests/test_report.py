@@ -26,7 +26,8 @@ def output(tmp_path_factory):
     return folder
 
 
-def log(uri, folder, name, scores, published, perceptual="none", trivial=("trivial/white_f1", "trivial/black_f1")):
+def log(uri, folder, name, scores, published, perceptual="none", trivial=("trivial/white_f1", "trivial/black_f1"),
+        in_frame=False):
     names = [f"{i},{row}" for i in range(len(scores["full"])) for row in scores] + ["9,full"]
     tags = {"kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": perceptual}
     with tracking.start_run(uri, "study", name, folder=folder, tags=tags) as parent:
@@ -43,6 +44,8 @@ def log(uri, folder, name, scores, published, perceptual="none", trivial=("trivi
                          **dict(zip(trivial, (.4, .1), strict=True))})
                 if perceptual == "fractal":
                     job.log({"eval/fractal_distance": 1 - value})
+                if in_frame:
+                    job.log({"eval/f1_frame": value - .2, "eval/iou_frame": value - .3})
                 job.image("result", np.full((8, 8), value, np.float32))
                 job.image("zoomed", np.zeros((8, 8), np.float32))
                 job.finish()
@@ -106,6 +109,19 @@ def test_the_distance_fractal_has_a_column_beside_the_published_lpips(tmp_path, 
     assert "LPIPS" in head and r"fractal\_distance" in head
 
 
+def test_both_alignments_stand_side_by_side(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-both", F1, "ablations", in_frame=True)
+    sweep = report.read_sweep(uri, "study")
+    text = report_text.markdown(sweep, report.summary(sweep))
+    head = next(line for line in text.splitlines() if line.startswith("|") and "F1, frame" in line)
+    assert [cell.strip() for cell in head.split("|")[2:6]] == ["F1", "F1, frame", "IoU, frame", "PSNR"]
+    full = next(line for line in text.splitlines() if line.startswith("| full"))
+    assert "| 0.700 [" in full and "| 0.500 [" in full and "| 0.400 [" in full
+    assert "in the frame of the input in the columns that say frame" in text
+
+
 def test_the_spread_has_a_cell_a_job(sweep):
     spread = report.spread(sweep)
     assert spread.shape == (3, 3) and spread.loc["naive", "fractal 1"] == pytest.approx(.9)
@@ -117,6 +133,7 @@ def test_the_texts_say_what_was_measured_and_what_was_not(sweep):
     text = report_text.markdown(sweep, table)
     rows = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
     assert "Measured at smoke scale on 3 samples" in text and "Published, not measured here" in text
+    assert "frame" not in text
     assert "0.700 [0.6" in text and "2, 1 failed" in text and "1/2" in text and "full, no_ssim" in text
     assert rows["no_mip"].count("0.363") == 1
     latex = report_text.latex(sweep, table)

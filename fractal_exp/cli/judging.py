@@ -25,15 +25,17 @@ from ..targets import Target
 if TYPE_CHECKING:
     import pandas as pd
 
-NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "ciede2000": "CIEDE2000"}
+NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "ciede2000": "CIEDE2000",
+         "f1_frame": "F1 in the frame", "iou_frame": "IoU in the frame"}
 
 
 @dataclass(frozen=True)
 class Judgement:
     """What a fit is worth.
 
-    per_view: one row a view; scores: their means as eval/…, time/fit_seconds, and time/evaluations where the method
-    counts them; trivial: the means of an all white and an all black image, as trivial/white_… and trivial/black_…, and
+    per_view: one row a view; scores: their means as eval/…, where it was asked for those of the code in the frame of
+    the input as eval/f1_frame and eval/iou_frame, time/fit_seconds, and time/evaluations where the method counts them;
+    trivial: the means of an all white and an all black image, as trivial/white_… and trivial/black_…, and
     where it was asked for those of the truth drawn with other random numbers, as trivial/truth_…; counts: views/judged,
     the views that the scores are means of, views/empty, those that are left out because nothing is on them, and
     views/left_out, those that the reconstruction cannot show, if there are any;
@@ -78,9 +80,10 @@ def check_options(options: Mapping[str, Any]) -> None:
 
 
 def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, Any], perceptual: Perceptual,
-          seconds: float, ceiling: bool = False) -> Judgement:
+          seconds: float, ceiling: bool = False, in_frame: bool = False) -> Judgement:
     """Score a reconstruction by the evaluation `options` of the configuration and a perceptual distance. ceiling:
-    whether the truth, drawn anew, is scored as well, if it is known: what no method can do better than.
+    whether the truth, drawn anew, is scored as well, if it is known: what no method can do better than. in_frame:
+    whether F1 and IoU are also measured in the frame of the input (align=none), if the truth is known.
 
     With a known code, on its seven views (see `fractal_exp.evaluation.score`); for a picture, on the whole view at
     the picture's own resolution.
@@ -95,6 +98,8 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
     measured = [name for name in dict.fromkeys((*NAMES, perceptual.column)) if name in per_view]
     means = per_view[measured].mean().dropna()
     scores = {f"eval/{name}": float(value) for name, value in means.items()} | {"time/fit_seconds": seconds}
+    if in_frame and target.truth is not None:
+        scores |= _in_frame(reconstruction, target.truth, options)
     if isinstance(reconstruction, CodeReconstruction) and reconstruction.evaluations is not None:
         scores["time/evaluations"] = float(reconstruction.evaluations)
     judged = len(without_empty(per_view))
@@ -114,6 +119,11 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
         means = again[again["view"].isin(per_view["view"])][measured].mean().dropna()
         trivial |= {f"trivial/truth_{name}": float(value) for name, value in means.items()}
     return Judgement(per_view, scores, trivial, counts, pictures)
+
+
+def _in_frame(reconstruction: Reconstruction, truth: IFS, options: Mapping[str, Any]) -> dict[str, float]:
+    framed = score(reconstruction, truth, **{**options, "align": "none"}).frame
+    return {f"eval/{name}_frame": float(framed[name].mean()) for name in ("f1", "iou")}
 
 
 def judge_course(course: Sequence[tuple[float, IFS]], truth: IFS, options: Mapping[str, Any]) -> list[dict[str, float]]:

@@ -118,7 +118,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
         sweep = config.sweep or {}
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds,
-                          ceiling=bool(sweep.get("ceiling")))
+                          ceiling=bool(sweep.get("ceiling")), in_frame=bool(sweep.get("in_frame")))
         if painted is not None and isinstance(reconstruction, CodeReconstruction):
             judgement = _keep_colours(folder, run, reconstruction, painted, config.seed, judgement)
         _keep(folder, run, judgement)

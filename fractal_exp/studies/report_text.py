@@ -12,7 +12,8 @@ from .report import MEASURED, PUBLISHED, TRIVIAL, Sweep, same_rows
 if TYPE_CHECKING:
     import pandas as pd
 
-TITLES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS"}
+TITLES = {"f1": "F1", "iou": "IoU", "f1_frame": "F1, frame", "iou_frame": "IoU, frame", "psnr": "PSNR", "ssim": "SSIM",
+          "lpips": "LPIPS"}
 DIGITS = {"psnr": 2}
 RELEASED = "released"  # the kind of views on which the published rows were judged
 
@@ -24,6 +25,8 @@ def describe(sweep: Sweep) -> str:
     means = (f"1 sample, mean over views{views}" if samples == 1 else
              f"{samples} samples, mean over views{views} and samples [bootstrap 95% interval over samples]")
     return (f"measured at {sweep.scale} scale on {means}"
+            + ("; codes aligned by their boxes, and left in the frame of the input in the columns that say frame"
+               if "f1_frame" in sweep.metrics else "")
             + (f"; {empty} of {empty + judged} views are empty in truth and result and are left out" if empty else "")
             + (f"; LPIPS with the backbone of {sweep.perceptual}" if "lpips" in sweep.metrics else "")
             + "".join(f"; {name} is no LPIPS, lower is better" for name in sweep.metrics if name.endswith("_distance")))

@@ -30,6 +30,7 @@ from fractal_exp import codes, suite
 from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.evaluation.summary import bootstrap_interval, without_empty
+from fractal_exp.ifs.code import IFS
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.deadline import Deadline
@@ -81,13 +82,17 @@ def fit(part: str, name: str, fractal: int | str, limit: float, resolution: int 
     start = time.process_time()
     code = method.reconstruct(image).code
     seconds = time.process_time() - start
+    return {"without": part, "set": name, "fractal": fractal, "suite": seed, "limit": limit, "resolution": resolution,
+            **judged(code, truth, resolution), "seconds": round(seconds, 2), "code": archive.plain(code),
+            **archive.here(), "machine": machine(), "date": time.strftime("%Y-%m-%d")}
+
+
+def judged(code: IFS, truth: IFS, resolution: int) -> dict:
+    """F1 in the frame of the code's own box and in the frame of the input, and whether the code is exact."""
     boxed, framed = (without_empty(evaluate(code, truth, align=align, resolution=resolution))["f1"].mean()
                      for align in ("bbox", "none"))
     exact = code_error(code, truth, align="none", resolution=resolution).exact
-    return {"without": part, "set": name, "fractal": fractal, "suite": seed, "limit": limit, "resolution": resolution,
-            "f1_box": round(float(boxed), 4), "f1_frame": round(float(framed), 4), "exact": bool(exact),
-            "seconds": round(seconds, 2), "code": archive.plain(code), **archive.here(), "machine": machine(),
-            "date": time.strftime("%Y-%m-%d")}
+    return {"f1_box": round(float(boxed), 4), "f1_frame": round(float(framed), 4), "exact": bool(exact)}
 
 
 def read(folder: Path) -> pd.DataFrame:

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks import comparisons
 from fractal_exp import InputError, tracking
 from fractal_exp.cli.report import main
 from fractal_exp.studies import course, report, report_text
@@ -257,3 +258,13 @@ def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch
     monkeypatch.setattr(tracking, "read_artifact", lambda *_: json.dumps(data["bad"]).encode())
     with pytest.raises(InputError, match=r"course.json of the run \w+ is damaged"):
         course.read_courses(uri, sweep)
+
+
+def test_a_sweep_is_kept_fit_by_fit(output, tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    comparisons.keep(output, "study", "smoke-new", tmp_path)
+    kept = [json.loads(line) for line in (tmp_path / "fits.jsonl").read_text().splitlines()]
+    assert [(each["row"], each["fractal"]) for each in kept[:3]] == [("full", 0), ("naive", 0), ("no_ssim", 0)]
+    assert len(kept) == 8, "only what has finished"
+    assert kept[0]["scores"] == {"f1": .6, "psnr": 6.0, "white/f1": .4, "black/f1": .1} and kept[0]["code"] is None
+    assert "| full " in (tmp_path / "report.md").read_text() and (tmp_path / "strips.png").exists()

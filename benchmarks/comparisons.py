@@ -1,0 +1,97 @@
+"""Keep what a sweep has found: one line a fit with its code and commit, and the report, to be committed.
+
+    fractal-sweep comparisons launch=joblib sweep.count=20 seconds=180      the fits; hours, restartable
+    python -m benchmarks.comparisons                                        benchmarks/results/comparisons_laptop
+    python -m benchmarks.comparisons --study as_released                    benchmarks/results/as_released_laptop
+
+Written: fits.jsonl, report.md, strips.png with the pictures of six fractals and, where the sweep has quality over time,
+course.png. Everything comes from the tracking store, so run this on the machine of the fits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from fractal_exp import tracking
+from fractal_exp.cli.tables import store_uri
+from fractal_exp.images.reading import write_image
+from fractal_exp.studies import course, report, report_text
+from fractal_exp.studies.report_figure import figure
+
+from .record import RESULTS, machine
+
+STRIPS, SIDE = 6, 96  # fractals whose pictures are kept, and the pixels of a picture
+
+
+def kept(uri: str, sweep: report.Sweep) -> list[dict[str, Any]]:
+    """A record of each finished job: row, fractal, scores, seconds, the code and its course, commit and machine."""
+    runs = tracking.runs_frame(uri, sweep.study, tracking.nested_below(sweep.run_id)).set_index("run_id")
+    courses = course.read_courses(uri, sweep)
+    records = []
+    for job in sweep.jobs[sweep.jobs["status"] == "FINISHED"].to_dict("records"):
+        run = runs.loc[job["run_id"]]
+        scores = {name.removeprefix("metric."): round(value, 4) for name, value in job.items()
+                  if name.startswith("metric.") and value == value}
+        points = courses[(courses["row"] == job["row"]) & (courses["sample"] == job["sample"])]
+        records.append({
+            "row": job["row"], "fractal": int(re.sub(r"\D", "", job["sample"])), "suite": _number(run, "target.seed"),
+            "scale": sweep.scale, "resolution": _number(run, "resolution"), "limit": _number(run, "method.seconds"),
+            "seconds": round(job["seconds"], 2),
+            "images": None if job["evaluations"] != job["evaluations"] else int(job["evaluations"]),
+            "scores": scores, "course": points[["seconds", "f1"]].round(4).values.tolist(),
+            "code": _code(uri, job["run_id"]), "commit": run.get("tags.git_commit"), "machine": machine(),
+            "date": run["start_time"].strftime("%Y-%m-%d")})
+    return records
+
+
+def _number(run: Any, name: str) -> float | None:
+    text = run.get(f"params.{name}")
+    return json.loads(text) if isinstance(text, str) and text != "None" else None
+
+
+def _code(uri: str, run_id: str) -> Any:
+    try:
+        return json.loads(tracking.read_artifact(uri, run_id, "code.json"))
+    except tracking.NoArtifact:  # super-resolution has none
+        return None
+
+
+def keep(output: Path, study: str, name: str | None, folder: Path) -> None:
+    """Write the newest sweep of a study, or the one of this name, into `folder`."""
+    uri = store_uri(output)
+    sweep = report.read_sweep(uri, study, name)
+    records = kept(uri, sweep)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "fits.jsonl").write_text("".join(json.dumps(record) + "\n" for record in records))
+    commits = sorted({str(record["commit"])[:9] for record in records})
+    limits = sorted({f"{record['limit']:g} s" for record in records if record["limit"]})
+    about = (f"Fitted by {', '.join(commits)} on {machine()}, one thread a fit"
+             f"{', at most ' + ', '.join(limits) + ' each' if limits else ''}; fits.jsonl has every fit.")
+    table = report_text.markdown(sweep, report.summary(sweep))
+    (folder / "report.md").write_text(f"{table}\n{about}\n")
+    sheet = figure(uri, sweep, samples=STRIPS, side=SIDE)
+    if sheet is not None:
+        write_image(folder / "strips.png", sheet)
+    courses = course.read_courses(uri, sweep)
+    if len(courses):
+        (folder / "course.png").write_bytes(course.drawn(sweep, courses))
+    print((folder / "report.md").read_text())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--study", default="comparisons")
+    parser.add_argument("--sweep", help="name of the sweep's folder (default: the newest)")
+    parser.add_argument("--output", type=Path, default=Path("outputs"), help="folder of the MLflow store")
+    parser.add_argument("--folder", type=Path, help="where to write (default: benchmarks/results/STUDY_SCALE)")
+    args = parser.parse_args()
+    scale = report.read_sweep(store_uri(args.output), args.study, args.sweep).scale
+    keep(args.output, args.study, args.sweep, args.folder or RESULTS / f"{args.study}_{scale}")
+
+
+if __name__ == "__main__":
+    main()

@@ -86,7 +86,20 @@ def test_the_ablations_are_the_papers_rows_each_one_difference_from_the_full_met
 
 def test_the_comparison_holds_every_method_there_is():
     methods = {path.stem for path in (SWEEPS.parent / "conf" / "method").glob("*.yaml")}
-    assert {job["sweep"]["row"] for job in jobs_of("comparisons", "sweep.count=1")} == methods
+    jobs = jobs_of("comparisons", "sweep.count=1")
+    assert {job["sweep"]["row"] for job in jobs} == methods
+    assert all(job["seconds"] == job["method"]["seconds"] == 90 for job in jobs), "36 fits of 90 s are half an hour"
+
+
+@pytest.mark.parametrize("words, seconds", [(["scale=paper"], None), (["seconds=7"], 7)])
+def test_a_comparison_is_only_cut_off_where_the_scale_or_the_user_says_so(words, seconds):
+    assert {job["method"]["seconds"] for job in jobs_of("as_released", "sweep.count=1", *words)} == {seconds}
+
+
+def test_what_the_released_defects_cost_is_shown_beside_the_sound_search():
+    jobs = {job["sweep"]["row"]: job["method"] for job in jobs_of("as_released", "sweep.count=1")}
+    assert {row: method["as_released"] for row, method in jobs.items()} == {
+        f"{name}, as_released={odd}": odd for name in ("evolutionary", "cuckoo") for odd in (False, True)}
 
 
 def test_names_of_jobs_say_what_varies_and_stay_apart():

@@ -88,7 +88,7 @@ def judge(kind: str, folder: Path) -> None:
     """Score the codes of a folder again, and write its lines anew."""
     lines = read(folder)
     for line in tqdm([line for line in lines if "error" not in line], "judging", unit="code"):
-        line |= _scores(kind, line["picture"], code_of(line), _target(kind, line))
+        line |= _scores(kind, line["picture"], code_of(line), target_of(kind, line))
     write_atomically(folder / FILE, "".join(f"{json.dumps(line)}\n" for line in lines))
 
 
@@ -96,7 +96,7 @@ def _scores(kind: str, name: str, code: IFS, read: ReadImage) -> dict[str, Any]:
     return {key: _rounded(value) for key, value in SETS[kind].score(name, code, read).items()}
 
 
-def _target(kind: str, line: Mapping[str, Any]) -> ReadImage:
+def target_of(kind: str, line: Mapping[str, Any]) -> ReadImage:
     """The picture of a line as `invert` read it."""
     options = {"resolution": RESOLUTION, **SETS[kind].options, **line["options"]}
     return read_target(SETS[kind].picture(line["picture"]), **{key: options[key] for key in READING if key in options})

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 from pathlib import Path
 from typing import Any
 
-from fractal_exp import tracking
+from fractal_exp import InputError, tracking
 from fractal_exp.cli.tables import store_uri
 from fractal_exp.images.reading import write_image
 from fractal_exp.studies import course, report, report_text
@@ -38,13 +37,14 @@ def kept(uri: str, sweep: report.Sweep) -> list[dict[str, Any]]:
                   if name.startswith("metric.") and value == value}
         points = courses[(courses["row"] == job["row"]) & (courses["sample"] == job["sample"])]
         records.append({
-            "row": job["row"], "fractal": int(re.sub(r"\D", "", job["sample"])), "suite": _number(run, "target.seed"),
+            "row": job["row"], "sample": job["sample"], "suite": _number(run, "target.seed"),
             "scale": sweep.scale, "resolution": _number(run, "resolution"), "limit": _number(run, "method.seconds"),
             "seconds": round(job["seconds"], 2),
             "images": None if job["evaluations"] != job["evaluations"] else int(job["evaluations"]),
             "scores": scores, "course": points[["seconds", "f1"]].round(4).values.tolist(),
-            "code": _code(uri, job["run_id"]), "commit": run.get("tags.git_commit"), "machine": machine(),
-            "date": run["start_time"].strftime("%Y-%m-%d")})
+            "stopped": _artifact(uri, job["run_id"], "history.json").get("stopped"),
+            "code": _artifact(uri, job["run_id"], "code.json") or None,
+            "commit": run.get("tags.git_commit"), "machine": machine(), "date": run["start_time"].strftime("%Y-%m-%d")})
     return records
 
 
@@ -53,11 +53,12 @@ def _number(run: Any, name: str) -> float | None:
     return json.loads(text) if isinstance(text, str) and text != "None" else None
 
 
-def _code(uri: str, run_id: str) -> Any:
+def _artifact(uri: str, run_id: str, name: str) -> dict[str, Any]:
+    """A file of JSON of a run; empty if there is none, as super-resolution has no code."""
     try:
-        return json.loads(tracking.read_artifact(uri, run_id, "code.json"))
-    except tracking.NoArtifact:  # super-resolution has none
-        return None
+        return json.loads(tracking.read_artifact(uri, run_id, name))
+    except tracking.NoArtifact:
+        return {}
 
 
 def keep(output: Path, study: str, name: str | None, folder: Path) -> None:
@@ -65,11 +66,15 @@ def keep(output: Path, study: str, name: str | None, folder: Path) -> None:
     uri = store_uri(output)
     sweep = report.read_sweep(uri, study, name)
     records = kept(uri, sweep)
+    if len(records) < len(sweep.jobs):
+        raise InputError(f"the sweep {sweep.name} has {len(records)} finished jobs of {len(sweep.jobs)}; the same "
+                         f"fractal-sweep {study} command again goes on, or name another sweep with --sweep")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "fits.jsonl").write_text("".join(json.dumps(record) + "\n" for record in records))
     commits = sorted({str(record["commit"])[:9] for record in records})
     limits = sorted({f"{record['limit']:g} s" for record in records if record["limit"]})
-    about = (f"Fitted by {', '.join(commits)} on {machine()}, one thread a fit"
+    at_once = _artifact(uri, sweep.run_id, "sweep.json").get("workers")
+    about = (f"Fitted by {', '.join(commits)} on {machine()}, {at_once} at a time"
              f"{', at most ' + ', '.join(limits) + ' each' if limits else ''}; fits.jsonl has every fit.")
     table = report_text.markdown(sweep, report.summary(sweep))
     (folder / "report.md").write_text(f"{table}\n{about}\n")
@@ -77,6 +82,7 @@ def keep(output: Path, study: str, name: str | None, folder: Path) -> None:
     if sheet is not None:
         write_image(folder / "strips.png", sheet)
     courses = course.read_courses(uri, sweep)
+    (folder / "course.png").unlink(missing_ok=True)
     if len(courses):
         (folder / "course.png").write_bytes(course.drawn(sweep, courses))
     print((folder / "report.md").read_text())
@@ -89,8 +95,11 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("outputs"), help="folder of the MLflow store")
     parser.add_argument("--folder", type=Path, help="where to write (default: benchmarks/results/STUDY_SCALE)")
     args = parser.parse_args()
-    scale = report.read_sweep(store_uri(args.output), args.study, args.sweep).scale
-    keep(args.output, args.study, args.sweep, args.folder or RESULTS / f"{args.study}_{scale}")
+    try:
+        scale = report.read_sweep(store_uri(args.output), args.study, args.sweep).scale
+        keep(args.output, args.study, args.sweep, args.folder or RESULTS / f"{args.study}_{scale}")
+    except InputError as error:
+        raise SystemExit(str(error)) from error
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ from fractal_exp.runtime import threads
 from fractal_exp.runtime.checkpoint import Snapshot
 
 from . import archive
-from .ablation import SCORES, SEED, CoreTime, judged
+from .ablation import SCORES, SEED, CoreTime, check_same, judged
 from .record import machine
 
 OUTPUT = "benchmarks/results/collage_starts_{limit:g}s"
@@ -72,13 +72,14 @@ STARTS: dict[str, Callable[[Tensor, CoreTime], Given]] = {RANDOM: random_maps, N
 
 
 def fit(start: str, fractal: int, limit: float, resolution: int) -> dict:
-    """Fit a fractal on one core, and judge the code. The network's time counts."""
+    """Fit a fractal on one core, and judge the code. The time of the start is part of the limit."""
     threads.use(1)
     truth = archive.true_code(fractal, SEED)
     image = suite.target(truth, resolution, "grey")
     method = CoreTime(seconds=limit, previews=0, search={"proposals": 1})
     began = time.process_time()
     given = STARTS[start](image, method)
+    method.seconds = max(limit - (time.process_time() - began), 0.1)
     code = method.reconstruct(image, checkpoint=given).code
     seconds = time.process_time() - began
     return {"start": start, "fractal": fractal, "suite": SEED, "limit": limit, "resolution": resolution,
@@ -89,8 +90,8 @@ def fit(start: str, fractal: int, limit: float, resolution: int) -> dict:
 def report(folder: Path) -> str:
     """Means of both starts and their paired differences with 95% intervals, written to report.md."""
     fits = pd.DataFrame(archive.read_lines(folder / archive.CODES))
-    if fits.empty:
-        raise SystemExit(f"{folder} holds no fits yet")
+    if fits.empty or set(fits["start"]) != set(STARTS):
+        raise SystemExit(f"{folder} does not hold fits with both starts yet")
     pairs = fits.pivot(index="fractal", columns="start", values=SCORES).astype(float).dropna()
     commits = sorted({commit[:9] for commit in fits["commit"]})
     lines = [f"{len(pairs)} fractals of the suite with seed {SEED}, at most {fits['limit'].max():g} s of one core a "
@@ -119,11 +120,11 @@ def main() -> None:
     if not args.report:
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / archive.CODES
-        done = {(fit["start"], fit["fractal"], fit["limit"]) for fit in archive.read_lines(path)}
+        check_same(pd.DataFrame(archive.read_lines(path)), args.limit, args.resolution, folder)
+        done = {(fit["start"], fit["fractal"]) for fit in archive.read_lines(path)}
         jobs = [(start, fractal) for fractal in range(args.count) for start in STARTS]
         with ProcessPoolExecutor(args.workers, get_context("spawn")) as pool:
-            running = [pool.submit(fit, *job, args.limit, args.resolution) for job in jobs
-                       if (*job, args.limit) not in done]
+            running = [pool.submit(fit, *job, args.limit, args.resolution) for job in jobs if job not in done]
             for job in tqdm(as_completed(running), "fitting", len(running), unit="fit"):
                 archive.append_line(path, job.result())
     print(report(folder))

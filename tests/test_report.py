@@ -1,10 +1,12 @@
 """Tables from tracked runs: known numbers in, known tables out."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from mlflow import MlflowClient
 
 from benchmarks import comparisons
 from fractal_exp import InputError, tracking
@@ -260,11 +262,35 @@ def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch
         course.read_courses(uri, sweep)
 
 
-def test_a_sweep_is_kept_fit_by_fit(output, tmp_path, monkeypatch):
+def test_a_sweep_is_kept_fit_by_fit(tmp_path, monkeypatch):
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    comparisons.keep(output, "study", "smoke-new", tmp_path)
-    kept = [json.loads(line) for line in (tmp_path / "fits.jsonl").read_text().splitlines()]
-    assert [(each["row"], each["fractal"]) for each in kept[:3]] == [("full", 0), ("naive", 0), ("no_ssim", 0)]
-    assert len(kept) == 8, "only what has finished"
-    assert kept[0]["scores"] == {"f1": .6, "psnr": 6.0, "white/f1": .4, "black/f1": .1} and kept[0]["code"] is None
-    assert "| full " in (tmp_path / "report.md").read_text() and (tmp_path / "strips.png").exists()
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-kept", {"full": [.6, .8]}, None)
+    sweep = report.read_sweep(uri, "study")
+    first, client = sweep.jobs["run_id"][0], MlflowClient(uri)
+    for name, value in {"code.json": {"linear": []}, "history.json": {"stopped": "done"},
+                        "course.json": [{"seconds": 1.0, "f1": .5}]}.items():
+        client.log_text(first, json.dumps(value), name)
+    client.log_param(first, "method.seconds", "90.0")
+    client.log_param(first, "target.seed", "2025")
+    one, other = comparisons.kept(uri, sweep)
+    assert (one["row"], one["sample"], one["limit"], one["suite"]) == ("full", "fractal 0", 90, 2025)
+    assert one["scores"] == {"f1": .6, "psnr": 6.0, "white/f1": .4, "black/f1": .1} and one["course"] == [[1, .5]]
+    assert one["code"] == {"linear": []} and one["stopped"] == "done"
+    assert (other["code"], other["limit"], other["stopped"], other["course"]) == (None, None, None, [])
+    with pytest.raises(InputError, match="2 finished jobs of 3; the same fractal-sweep study command again goes on"):
+        comparisons.keep(tmp_path, "study", None, tmp_path / "kept")
+    assert not (tmp_path / "kept").exists(), "an unfinished sweep takes no finished one's place"
+
+
+def test_a_finished_sweep_is_kept_with_its_pictures(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-kept", {"full": [.6]}, None)
+    whole = report.read_sweep(uri, "study")
+    whole = replace(whole, jobs=whole.jobs[whole.jobs["status"] == "FINISHED"])
+    monkeypatch.setattr(report, "read_sweep", lambda *_: whole)
+    folder = tmp_path / "kept"
+    comparisons.keep(tmp_path, "study", None, folder)
+    assert len((folder / "fits.jsonl").read_text().splitlines()) == 1 and (folder / "strips.png").exists()
+    assert "| full " in (folder / "report.md").read_text() and not (folder / "course.png").exists()

@@ -7,20 +7,35 @@ import torch
 
 from benchmarks import archive, starts
 from benchmarks.ablation import SEED, CoreTime
-from fractal_exp import suite
+from fractal_exp import IFS, suite
+from fractal_exp.ifs.attractor import normalize
 from fractal_exp.methods.amortized.method import Amortized
+from fractal_exp.methods.base import CodeReconstruction
+from fractal_exp.methods.collage.maps import from_code
+from fractal_exp.methods.collage.state import State
 
 
-def test_the_search_goes_on_from_the_networks_maps():
+def test_the_search_begins_with_the_answer_of_the_network(monkeypatch):
+    answer = IFS(torch.eye(2).expand(2, 2, 2) / 2, torch.tensor([[-.25, 0.], [.25, 0.]]))
+    monkeypatch.setattr(Amortized, "reconstruct", lambda self, image: CodeReconstruction(answer))
     image = suite.target(archive.true_code(3, SEED), 64, "grey")
-    method = CoreTime(seconds=None, previews=0)
-    snapshot = starts.network(image, method).load()
-    found = Amortized().reconstruct(image).code
-    assert 1 <= len(snapshot.tensors["current/maps"]) <= len(found)
-    nearest = torch.cdist(snapshot.tensors["current/maps"][:, 4:].double(), found.offset.double()).min(1).values
-    assert nearest.max() < .5, "descent moves a map, it does not put another one in its place"
-    assert snapshot.numbers["done"] is None and snapshot.iteration == 0
+    method = CoreTime(seconds=None, previews=0, search={"resume": {"steps": 0}, "pruning": False,
+                                                             "merging": False})
+    state = State.of(starts.network(image, method).load(), "cpu")
+    assert state.done is None and state.step == 0, "the first restart is the one that goes on"
+    assert torch.allclose(state.now.maps, from_code(answer))
     assert starts.random_maps(image, method).load() is None
+
+
+def test_both_searches_have_the_same_time(monkeypatch):
+    limits = []
+    monkeypatch.setattr(CoreTime, "reconstruct", lambda self, image, checkpoint: limits.append(self.seconds)
+                        or CodeReconstruction(normalize(archive.true_code(3, SEED))))
+    for start in starts.STARTS:
+        made = starts.fit(start, 3, 30, 64)
+        assert made["start"] == start and made["exact"] and made["f1_frame"] > .95
+    with_random, with_network = limits
+    assert with_random == pytest.approx(30, abs=.02) and with_network < with_random, "the network's time counts"
 
 
 def test_the_starts_are_compared_on_the_same_fractals(tmp_path):
@@ -34,5 +49,6 @@ def test_the_starts_are_compared_on_the_same_fractals(tmp_path):
     text = starts.report(tmp_path)
     assert "2 fractals" in text and "| f1_box | 0.650 | 0.775 | +0.125 [+0.100, +0.150] |" in text
     assert "| exact | 0.000 | 0.500 | +0.500" in text and (tmp_path / "report.md").read_text() == text
-    with pytest.raises(SystemExit, match="no fits yet"):
-        starts.report(tmp_path / "absent")
+    (tmp_path / archive.CODES).write_text(json.dumps(lines[0]) + "\n")
+    with pytest.raises(SystemExit, match="both starts yet"):
+        starts.report(tmp_path)

@@ -23,7 +23,7 @@ from fractal_exp.studies.report_figure import figure
 
 from .record import RESULTS, machine
 
-STRIPS, SIDE = 6, 96  # fractals whose pictures are kept, and the pixels of a picture
+STRIPS, SIDE = 6, 80  # fractals whose pictures are kept, and the pixels of a picture
 
 
 def kept(uri: str, sweep: report.Sweep) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@
     python -m docs.figures morph     docs/images/morph.webp, a film through several recovered codes
     python -m docs.figures stages    docs/images/stages.png: a target, and the code after each stage of collage search
     python -m docs.figures failures  docs/images/failures.png: pictures that others drew, on which collage search fails
+    python -m docs.figures comparisons  docs/images/comparisons*: all methods on six fractals, and quality over time
     python -m docs.figures retina outputs/fits   docs/images/retina.png, from what `make run` left
 """
 
@@ -206,6 +207,13 @@ def failures() -> None:
     _save(IMAGES / "failures.png", report.sheet([(kind, line) for _, kind, line in chosen], 180), 64)
 
 
+def comparisons() -> None:
+    """The two pictures that `benchmarks.comparisons` keeps, smaller."""
+    kept = ROOT / "benchmarks" / "results" / "comparisons_laptop"
+    _save(IMAGES / "comparisons.png", np.asarray(Image.open(kept / "strips.png").convert("L")), 12)
+    _save(IMAGES / "comparisons_course.png", np.asarray(Image.open(kept / "course.png").convert("RGB")), 64)
+
+
 def retina(folder: Path) -> None:
     """Target, result and difference of the fit of the retina's vessels."""
     views = next(folder.glob("retina-collage-*-laptop-*")) / "views"
@@ -231,7 +239,7 @@ def _run(command: str, *arguments: str) -> None:
 
 if __name__ == "__main__":
     parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "morph": morph, "stages": stages,
-             "failures": failures, "retina": retina}
+             "failures": failures, "comparisons": comparisons, "retina": retina}
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     parts[sys.argv[1]](*map(Path, sys.argv[2:]))

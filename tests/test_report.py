@@ -122,7 +122,7 @@ def test_both_alignments_stand_side_by_side(tmp_path, monkeypatch):
     assert [cell.strip() for cell in head.split("|")[2:6]] == ["F1", "F1, frame", "IoU, frame", "PSNR"]
     full = next(line for line in text.splitlines() if line.startswith("| full"))
     assert "| 0.700 [" in full and "| 0.500 [" in full and "| 0.400 [" in full
-    assert "in the frame of the input in the columns that say frame" in text
+    assert "stay in the frame of the input in the columns named frame" in text
 
 
 def test_the_spread_has_a_cell_a_job(sweep):

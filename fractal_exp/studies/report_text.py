@@ -25,7 +25,7 @@ def describe(sweep: Sweep) -> str:
     means = (f"1 sample, mean over views{views}" if samples == 1 else
              f"{samples} samples, mean over views{views} and samples [bootstrap 95% interval over samples]")
     return (f"measured at {sweep.scale} scale on {means}"
-            + ("; codes aligned by their boxes, and left in the frame of the input in the columns that say frame"
+            + ("; codes are aligned by their boxes, but stay in the frame of the input in the columns named frame"
                if "f1_frame" in sweep.metrics else "")
             + (f"; {empty} of {empty + judged} views are empty in truth and result and are left out" if empty else "")
             + (f"; LPIPS with the backbone of {sweep.perceptual}" if "lpips" in sweep.metrics else "")

@@ -11,7 +11,7 @@ from fractal_exp import suite
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.canonical.rounding import Rounding
 from fractal_exp.methods.collage.canonical.symmetry import symmetries
-from fractal_exp.methods.collage.image.camera import as_strokes, estimated
+from fractal_exp.methods.collage.image.camera import as_seen, estimated
 from fractal_exp.methods.collage.measure.bins import attractor_points
 from fractal_exp.methods.collage.measure.births import _wanted, candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population
@@ -97,8 +97,8 @@ def test_no_stroke_is_sought_where_that_is_off():
         given = problem(image, levels="coverage", maps=None, camera={"strokes": strokes})
         assert Recursion.may_help(given) == strokes
         seen = objective(image, seen_with(levels_of(image, "coverage", given.params.camera), ("coverage", 0, .01, .01)),
-                         camera={"strokes": strokes, "depths": 1, "sharpened_steps": 1})
-        assert bool(as_strokes(seen, seen.judge(affine.from_code(tree())), NO_DEADLINE)) == strokes
+                         camera={"strokes": strokes, "likeliest": 1, "sharpened_steps": 1})
+        assert bool(as_seen(seen, seen.judge(affine.from_code(tree())), "strokes", NO_DEADLINE)) == strokes
 
 
 def test_a_picture_that_others_drew_may_count_as_a_plain_rendering():

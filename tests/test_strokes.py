@@ -21,7 +21,7 @@ from fractal_exp.methods.collage.measure.tones import camera_of, described, leve
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
 from fractal_exp.methods.collage.recursion import Recursion
-from fractal_exp.methods.collage.stages import DrawnMoves, stages_of
+from fractal_exp.methods.collage.stages import DrawnLastDigits, DrawnMoves, stages_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -94,6 +94,19 @@ def test_a_code_is_polished_as_strokes_until_it_explains_the_drawing():
     assert camera_of(other.levels)[:3] == ("strokes", DEPTH, 0)
     assert found.error < 0.3 * objective.judge(start).error
     assert found.error < 1.2 * other.judge(true).error, "as near to the image as the true code"
+
+
+def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
+    image = drawing()
+    maps = affine.from_code(tree())
+    mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])
+    start = torch.cat([maps, affine.composed(maps[1], mirror)[None]])
+    start[1:, :4] *= 0.985
+    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
+    stage.objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    found = stage._rounded(stage.objective.judge(start))
+    assert len(found.maps) == 3
+    assert camera_of(stage.objective.levels)[:3] == ("strokes", DEPTH, 0)
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from ...runtime.seeds import derive
-from .image.camera import as_strokes, in_turns
+from .image.camera import as_seen, in_turns
 from .image.likeness import likeness_of
 from .image.objective import ImageObjective, Rendered
 from .maps import WeightedMaps
@@ -68,7 +68,7 @@ class Recursion(Stage[Any]):
 
     def step(self, now: Candidate, number: int) -> Candidate:
         few = self._few_maps(number)
-        found = min(as_strokes(self.objective, few, self.deadline), key=lambda each: each[1].error, default=None)
+        found = next(iter(as_seen(self.objective, few, "strokes", self.deadline)), None)
         enough = float("inf") if self._has_tiles(few) else self.params.camera.recursion_gain * few.error
         if found is None or found[1].error >= enough:
             return now

@@ -10,13 +10,14 @@ from .canonical.params import CanonicalParams
 from .canonical.rounding import Rounding
 from .canonical.symmetry import simplest, symmetries
 from .growth.stage import Growth
-from .image.camera import sharpened
+from .image.camera import Seen, angle_of, sharpened
 from .image.gauss_newton import fitted_into_frame, polished
 from .image.likeness import without_unseen
 from .image.objective import Rendered
 from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
 from .image.search import ImageSearch
+from .maps import WeightedMaps
 from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart, Uncurved
 from .measure.tones import camera_of
@@ -223,15 +224,10 @@ class DrawnMoves(ImageMoves):
 
     def _without_doubles(self, found: Candidate) -> Candidate:
         """The code without maps that only make lines thicker, if at least two others stay."""
-        if self.params.maps:
+        fewer = _without_doubles(self.problem, found)
+        if len(fewer.maps) == len(found.maps):
             return found
-        points = attractor_points(found.maps, found.probabilities, self.params.moves.parent_points, self.problem.seed,
-                                  self.params.camera)
-        near = 2 / len(self.problem.image) * self.params.moves.double_px
-        maps, weights = without_doubles(found.maps, found.probabilities, points, near)
-        if len(maps) < 2 or len(maps) == len(found.maps):
-            return found
-        return self._seen_anew(replace(found, maps=maps, weights=weights))
+        return self._seen_anew(replace(found, maps=fewer.maps, weights=fewer.weights))
 
     def _seen_anew(self, found: Candidate) -> Candidate:
         self._open(found)
@@ -263,29 +259,53 @@ class DrawnLastDigits(LastDigits):
         return self.params.canonical.of_drawn()
 
     def _rounded(self, start: Rendered) -> Rendered:
-        simple = self._simplest(start)
-        self.objective, simple = sharpened(self.objective, simple, self.problem.deadline)
-        last = super()._rounded(simple)
+        self.objective, seen = self._sharpened(start)
+        last = super()._rounded(seen)
         return pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
                       deadline=self.problem.deadline)
 
+    def _sharpened(self, start: Rendered) -> Seen:
+        """The simplest code with the camera that suits it, unless the code so far explains the picture notably better.
+        If its error is higher with the camera of the code so far, it must be lower with its own."""
+        objective, params, deadline = self.objective, self.params, self.problem.deadline
+        found = without_unseen(objective, start, params.maps or 0, deadline)
+        simple = self._simplest(found)
+        if simple.error <= params.canonical.drawn_worse * found.error:
+            return sharpened(objective, simple, deadline)
+        if objective.likeness(simple.image) >= params.stages.unlike:
+            seen = sharpened(objective, simple, deadline)
+            if angle_of(seen) <= objective.angle(found.error):
+                return seen
+        return sharpened(objective, found, deadline)
+
     def _simplest(self, found: Rendered) -> Rendered:
-        """The simplest code, unless its rendering is notably worse. Codes may differ by symmetries of the shape, by
-        parents in the place of maps, and by maps that nobody sees."""
+        """The simplest code for the shape. Codes may differ by symmetries of the shape, by parents in the place of
+        maps, and by maps that nobody sees."""
         objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
-        found = without_unseen(objective, found, self.params.maps or 0, deadline)
-        maps = simplest(found.maps, symmetries(objective.image.cpu(), params), params)
-        other = polished(objective, objective.judge(maps, found.weights), params.polish, deadline=deadline)
+        simple = WeightedMaps(simplest(found.maps, symmetries(objective.image.cpu(), params), params), found.weights)
+        single = _without_doubles(self.problem, simple)  # mirrored, two maps of a symmetric shape may be one
+        other = polished(objective, objective.judge(single.maps, single.weights), params.polish, deadline=deadline)
         if not self.params.maps:
             price = Price(0.0, self.params.moves.worth)
             other = with_fewer_maps(objective, other, price, params.polish, deadline)
         flat = objective.judge(flattened(objective, other), other.weights)
-        other = min(flat, other, key=lambda each: each.error)
-        return found if other.error > params.drawn_worse * found.error else other
+        return min(flat, other, key=lambda each: each.error)
 
     def _is_far(self, found: Candidate) -> bool:
         hasty = self.objective.hasty()
         return hasty.likeness(hasty.judge(found.maps, found.weights).image) < self.params.stages.unlike
+
+
+def _without_doubles(problem: SearchProblem, found: WeightedMaps) -> WeightedMaps:
+    """The maps of a code without doubles (see `pruning.without_doubles`), if at least two others stay and no number of
+    maps is asked for."""
+    if problem.params.maps:
+        return found
+    points = attractor_points(found.maps, found.probabilities, problem.params.moves.parent_points, problem.seed,
+                              problem.params.camera)
+    near = 2 / len(problem.image) * problem.params.moves.double_px
+    maps, weights = without_doubles(found.maps, found.probabilities, points, near)
+    return found if len(maps) < 2 or len(maps) == len(found.maps) else WeightedMaps(maps, weights)
 
 
 def stages_of(problem: SearchProblem, number: int) -> list[Stage]:

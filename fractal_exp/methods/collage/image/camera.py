@@ -8,12 +8,14 @@ from ....ifs.code import IFS
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..measure.levels import Levels
-from ..measure.pens import Drawn, ToneMapped
+from ..measure.pens import ToneMapped
 from ..measure.tones import LEVELS, Camera, camera_of, seen_with
 from ..params import CollageParams
 from .gauss_newton import polished
 from .jacobian import FromRenderings
 from .objective import ImageObjective, Rendered
+
+Seen = tuple[ImageObjective, Rendered]   # a code as a camera sees it; the objective has this camera
 
 
 def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> Camera:
@@ -58,29 +60,48 @@ def angle_as_density(image: Tensor, levels: Levels, code: IFS, params: CollagePa
                for name in ("dots", "tonemapped"))
 
 
-def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE
-              ) -> tuple[ImageObjective, Rendered]:
-    """Polish the code by its renderings and estimate the camera again, in turns, as long as the error falls. Return the
-    code and the objective with the last camera. Strokes are tried where a pen drew lines. A code of many maps or for a
-    large image stays as it is, because this would take too long."""
+def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Seen:
+    """Polish the code together with its camera, starting from the likeliest cameras of each kind. Return the code and
+    the objective with the best of these cameras. A code of many maps or for a large image stays as it is, because this
+    would take too long.
+
+    Both are polished together because one makes up for the other: with a pen that is too thin, the best attractor is
+    too large.
+    """
     camera, levels = objective.params.camera, objective.levels
     if (levels.is_exact or not levels.values or deadline.passed or len(found.maps) > camera.sharpened_maps
             or len(objective.image) > camera.sharpened_side):
         return objective, found
-    strokes = as_strokes(objective, found, deadline) if isinstance(objective.levels, Drawn) else []
-    least = min((shown.error for _, shown in strokes), default=found.error)
-    starts = [start for start in strokes if start[1].error <= least / camera.plausible] \
-        if least < camera.stroked * found.error else [(objective, found)]
-    return min((in_turns(*start, deadline) for start in starts), key=lambda end: end[1].error)
+    if isinstance(levels, ToneMapped):
+        return in_turns(objective, found, deadline)
+    kinds = ["coverage", "dots"] if objective.params.levels == "auto" else [objective.params.levels]
+    starts = [start for kind in kinds for start in _starts(objective, found, kind, deadline)]
+    least = min(map(angle_of, starts), default=0.0)
+    likely = [start for start in starts if angle_of(start) ** 2 <= least**2 / camera.plausible]
+    return min((in_turns(*start, deadline) for start in likely), key=angle_of, default=(objective, found))
 
 
-def in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) -> tuple[ImageObjective, Rendered]:
-    """Polish the code and estimate its camera, of the same kind, in turns."""
+def _starts(objective: ImageObjective, found: Rendered, kind: str, deadline: Deadline) -> list[Seen]:
+    """The code as the likeliest cameras of a kind see it. Strokes are tried where a pen drew lines or areas, and
+    replace it if they explain the picture much better."""
+    camera = objective.params.camera
+    starts = as_seen(objective, found, kind, deadline)
+    if kind == "coverage" and starts:
+        strokes = as_seen(objective, found, "strokes", deadline)
+        if strokes and strokes[0][1].error <= camera.stroked * starts[0][1].error:
+            return strokes
+    return starts
+
+
+def in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) -> Seen:
+    """Polish the code with its camera and estimate this camera again, of the same kind, in turns."""
     params = objective.params
     for _ in range(params.camera.turns):
         if deadline.passed:
             break
-        found = polished(objective, found, params.camera.sharpened_steps, deadline=deadline, jacobian=FromRenderings)
+        found = polished(objective, found, params.camera.sharpened_steps, deadline=deadline, jacobian=FromRenderings,
+                         camera=True)
+        objective = objective.seen_with(found.levels)
         tried = nearest(objective.image, objective.levels, found.code, params, objective.seed)
         if not tried:
             break
@@ -92,13 +113,22 @@ def in_turns(objective: ImageObjective, found: Rendered, deadline: Deadline) -> 
     return objective, found
 
 
-def as_strokes(objective: ImageObjective, found: Rendered, deadline: Deadline
-                ) -> list[tuple[ImageObjective, Rendered]]:
-    """The code polished as strokes of a recursion that ended, once for each of the likeliest depths."""
-    params, levels, tried = objective.params, objective.levels, []
-    strokes = LEVELS["strokes"].of(objective.image, params.camera)
-    for _, camera in nearest(objective.image, strokes, found.code, params, objective.seed)[:params.camera.depths]:
-        other = objective.seen_with(seen_with(levels, camera))
-        tried.append((other, polished(other, other.judge(found.maps, found.weights), params.camera.sharpened_steps,
-                                      deadline=deadline)))
-    return tried
+def as_seen(objective: ImageObjective, found: Rendered, kind: str, deadline: Deadline) -> list[Seen]:
+    """The code polished together with each of the likeliest cameras of a kind, the best first; empty if no such camera
+    can draw it."""
+    image, params, seen = objective.image, objective.params, []
+    levels = LEVELS[kind].of(image, params.camera)
+    for _, camera in nearest(image, levels, found.code, params, objective.seed)[:params.camera.likeliest]:
+        if deadline.passed:
+            break
+        other = ImageObjective(image, seen_with(levels, camera), params, objective.seed)
+        shown = polished(other, other.judge(found.maps, found.weights), params.camera.sharpened_steps,
+                         deadline=deadline, camera=True)
+        seen.append((other.seen_with(shown.levels), shown))
+    return sorted(seen, key=angle_of)
+
+
+def angle_of(seen: Seen) -> float:
+    """The angle of error, by which cameras of all kinds can be compared."""
+    objective, shown = seen
+    return objective.angle(shown.error)

@@ -20,13 +20,14 @@ from .objective import ImageObjective, Rendered
 
 def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
              patience: int | None = None, deadline: Deadline = NO_DEADLINE, jacobian: type[Jacobian] | None = None,
-             alone: bool = False, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
+             alone: bool = False, fixed: Collection[tuple[int, int]] = (), camera: bool = False) -> Rendered:
     """The code after at most `steps` Levenberg-Marquardt steps. It is never worse than before.
 
     moving: the maps that may move, None: all; patience: steps without gain, in a row, before the end, None: as in
     `GaussNewtonParams`; jacobian: its class, None: `FromPoints`, or `FromCounts` for linear grey levels; alone: whether
     each parameter is tried by itself if all together lead nowhere, as is always done for a single map; fixed: entries
-    (map, column) that stay. A fixed offset needs a fixed matrix row, because matrices act about the attractor's mean.
+    (map, column) that stay; camera: whether the open values of the camera move as well, so that the result may have
+    other levels. A fixed offset needs a fixed matrix row, because matrices act about the attractor's mean.
     """
     params = objective.params.gauss_newton
     moving = [i for i in (moving if moving is not None else range(len(rendered.maps)))
@@ -39,7 +40,8 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
     for number in range(steps):
         if deadline.passed or idle == patience:
             break
-        change = jacobian(objective, rendered, moving, number, fixed)
+        objective = objective.seen_with(rendered.levels) if camera else objective
+        change = jacobian(objective, rendered, moving, number, fixed, camera)
         before = rendered.error
         for _ in range(params.tries):
             better = _stride(objective, rendered, change, change.solve(damping))
@@ -73,7 +75,8 @@ def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, s
     """The code after the step or its best multiple; None if the step raises the error."""
     best = None
     for factor in objective.params.gauss_newton.strides:
-        tried = objective.judge(jacobian.moved(factor * step), jacobian.weighed(factor * step))
+        seen = jacobian.seen(objective, factor * step)
+        tried = seen.judge(jacobian.moved(factor * step), jacobian.weighed(factor * step))
         if tried.error >= (best or rendered).error:
             break
         best = tried

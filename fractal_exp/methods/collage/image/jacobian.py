@@ -16,11 +16,13 @@ from ....runtime.seeds import derive
 from .. import maps as affine
 from ..measure.bins import attractor_points, point_bins, trajectories
 from ..measure.blur import blurred
+from ..measure.levels import Levels
 from ..measure.linear import Linear
 from .frame import Frame
 from .objective import ImageObjective, Rendered
 
 WEIGHT = 6                 # the column of a map's probability, after its six entries
+CAMERA = 7                 # stands for a value of the camera: (index of the value, CAMERA, step)
 BILINEAR = 1 / 12          # variance, cells², that bilinear bins add, compared with sharp bins
 ROWS = 2**21               # numbers of a Jacobian that are multiplied at once, to limit the memory
 
@@ -28,10 +30,10 @@ ROWS = 2**21               # numbers of a Jacobian that are multiplied at once, 
 class Jacobian(ABC):
     """Derivatives of the stabilised rendering by the parameters of some maps, each in units of a pixel's displacement.
     They are kept as normal equations over all grids, and over the frame if the objective has one. fixed: entries (map,
-    column) that stay."""
+    column) that stay; camera: whether the open values of the camera move as well."""
 
     def __init__(self, objective: ImageObjective, rendered: Rendered, moving: Sequence[int], number: int,
-                 fixed: Collection[tuple[int, int]] = ()):
+                 fixed: Collection[tuple[int, int]] = (), camera: bool = False):
         self.params = objective.params.gauss_newton
         self.maps, self.side = rendered.maps, objective.side
         self.seed = derive(objective.seed, "jacobian", number)
@@ -45,6 +47,7 @@ class Jacobian(ABC):
         self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
                       if (i, j) not in fixed] + self.weight_units(moving)
+        self.units += self.camera_units(rendered.levels) if camera else []
         count = len(self.units)
         self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
         grids = self.grids(objective, rendered)
@@ -62,9 +65,19 @@ class Jacobian(ABC):
         """Probabilities that move too: (map, 6, step of their logarithm). None if the rendering saturates."""
         return []
 
+    def camera_units(self, levels: Levels) -> list[tuple[int, int, float]]:
+        """Open values of the camera: lengths move by pixels, logarithms of other values by steps of `log_step`."""
+        pixel = 2 / self.side
+        return [(k, CAMERA, self.params.log_step if k < len(levels.numbers) else pixel) for k in levels.open_values]
+
     def weighed(self, step: Tensor) -> Tensor | None:
         """The weights (N,) after a step; None if they are tied."""
         return self.weights
+
+    def seen(self, objective: ImageObjective, step: Tensor) -> ImageObjective:
+        """The objective after a step of the camera."""
+        moved = {k: value * unit for value, (k, j, unit) in zip(step.tolist(), self.units, strict=True) if j == CAMERA}
+        return objective.seen_with(objective.levels.adjusted(moved)) if moved else objective
 
     @abstractmethod
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
@@ -97,7 +110,7 @@ class Jacobian(ABC):
         """The maps (N,6) after a step. A matrix acts about the attractor's mean."""
         maps = self.maps.tolist()  # tensors are slow number by number, and slower still on a GPU
         for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
-            if j == WEIGHT:
+            if j >= WEIGHT:
                 continue
             maps[i][j] += value * unit
             if j < 4:
@@ -106,9 +119,17 @@ class Jacobian(ABC):
 
     def nudged(self, parameter: int, step: float) -> Tensor:
         """The maps (N,6) after a step of one parameter."""
+        return self.moved(self._alone(parameter, step))
+
+    def rendering(self, objective: ImageObjective, parameter: int, step: float) -> Tensor:
+        """The rendering (R,R) after a step of one parameter."""
+        alone = self._alone(parameter, step)
+        return self.seen(objective, alone).render(affine.to_code(self.moved(alone), self.weights))
+
+    def _alone(self, parameter: int, step: float) -> Tensor:
         alone = torch.zeros(len(self.units))
         alone[parameter] = step
-        return self.moved(alone)
+        return alone
 
 
 class FromPoints(Jacobian):
@@ -122,9 +143,13 @@ class FromPoints(Jacobian):
         kappa = -(1 - smooth).log() / self._smooth(known).clamp_min(1e-12)
         kappa = torch.where(known > 0, kappa, 0)
         slope = objective.levels.unlit(greys[0], smooth) * kappa
-        moved = torch.stack([self.nudged(k, step) for k in range(len(self.units))])
+        entries = [k for k, (_, j, _) in enumerate(self.units) if j < WEIGHT]
+        moved = torch.stack([self.nudged(k, step) for k in entries])
         columns = orbit_bins(moved, rendered.probabilities, self.side, seed=self.seed, **self.game)
         columns.sub_(known).div_(step).mul_(slope)
+        camera = [(objective.grids(self.rendering(objective, k, step))[0] - greys[0]) / step
+                  for k in range(len(entries), len(self.units))]
+        columns = torch.cat([columns, *(column[None] for column in camera)])
         for k, grey in enumerate(greys):
             if k:
                 columns = avg_pool2d(columns, 2, ceil_mode=True)
@@ -204,8 +229,7 @@ class FromRenderings(Jacobian):
         nudge = self.params.nudge_px if objective.levels.is_graded else self.params.binary_nudge_px
         columns = [grid.new_empty(len(self.units), *grid.shape) for grid in objective.stable]
         for k in range(len(self.units)):
-            fro, to = (objective.stabilized(objective.render(affine.to_code(self.nudged(k, step), rendered.weights)))
-                       for step in (-nudge, nudge))
+            fro, to = (objective.stabilized(self.rendering(objective, k, step)) for step in (-nudge, nudge))
             for column, before, after in zip(columns, fro, to, strict=True):
                 column[k] = (after - before) / (2 * nudge)
         for column in columns:

@@ -20,10 +20,12 @@ from .frame import Frame
 
 @dataclass(frozen=True)
 class Rendered(affine.WeightedMaps):
-    """A code with its rendering (R,R) and the rendering's error (see `ImageObjective`)."""
+    """A code with its rendering (R,R), the rendering's error (see `ImageObjective`), and the levels that it was
+    rendered with."""
 
     image: Tensor
     error: float
+    levels: Levels
 
 
 class ImageObjective:
@@ -97,7 +99,7 @@ class ImageObjective:
     def judge(self, maps: Tensor, weights: Tensor | None = None) -> Rendered:
         """The code of these maps, rendered and compared."""
         image = self.render(affine.to_code(maps, weights))
-        rendered = Rendered(maps, weights, image, self.error(image))
+        rendered = Rendered(maps, weights, image, self.error(image), self.levels)
         if self.frame is None:
             return rendered
         misses, _ = self.frame.penalty(self.frame.misfit(maps, rendered.probabilities))

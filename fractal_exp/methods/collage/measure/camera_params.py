@@ -64,6 +64,8 @@ class CameraParams(Params):
     """Minimum and maximum number of cells per side of this grid. Between them, it has a cell for each subpixel."""
     tile_lit: Share = 0.5
     """Share of the highest level on this grid above which a cell belongs to a tile."""
+    tile_usual: Share = 0.65
+    """Quantile of the levels of these cells that tells a thin grey line from a white area."""
     beside_px: Amount = 1.5
     """Distance between the centres of two pixels, pixels, below which an attractor's pixel counts as beside one of the
     shape. All eight neighbours are nearer."""
@@ -84,10 +86,11 @@ class CameraParams(Params):
     """Maximum number of points that draw these strokes. With fewer strokes, points are a subpixel apart."""
     stroked: PositiveShare = 0.9
     """Strokes are taken if their error is below this factor times the error of a pen that draws the attractor."""
-    depths: Positive = 3
-    """Number of depths, the likeliest ones, at which the code is polished first."""
+    likeliest: Positive = 3
+    """Number of cameras of each kind, the likeliest ones, with which the code is polished first: pens and tile sizes,
+    or depths of strokes."""
     plausible: PositiveShare = 0.7
-    """Only depths whose error is at most the least error divided by this are polished further."""
+    """Only cameras whose error is at most the least error divided by this are polished further."""
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (3, 4)
     """Maximum number of maps in each search for a trunk and its branches, in a picture that the maps of stage 2 do not
     draw; empty: no such search."""

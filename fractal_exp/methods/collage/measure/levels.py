@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Self
 
 from torch import Tensor
@@ -73,6 +74,19 @@ class Levels(ABC):
         """The size, canvas units, of the smallest parts of a construction that ended early; 0 if the attractor itself
         is drawn."""
         return 0.0
+
+    @property
+    def open_values(self) -> list[int]:
+        """The indices of the values that the user left to be estimated and that may change by any small amount."""
+        names = (*self.numbers, *self.lengths)[:len(self.values)]
+        return [k for k, name in enumerate(names) if getattr(self.camera, name, self) is None]
+
+    def adjusted(self, steps: Mapping[int, float]) -> Self:
+        """The same levels with changed values, by index. A step is added to a length, canvas units, which stays
+        positive or 0; of any other value it is added to the logarithm."""
+        values = [max(0.0, value + steps.get(k, 0.0)) if k >= len(self.numbers) else value * math.exp(steps.get(k, 0.0))
+                  for k, value in enumerate(self.values)]
+        return type(self)(self.camera, self.image, tuple(values))
 
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The camera values that define what is drawn of a code, without those that define how."""

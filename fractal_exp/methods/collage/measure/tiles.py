@@ -45,10 +45,24 @@ def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int, *, 
         return image.new_zeros(resolution, resolution)
     order = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))  # any, but always the same
     places, shown = _initiator(image, found[order[:camera.tile_words_seen]], cells, camera.tile_side)
-    lit = shown > camera.tile_lit * shown.max().clamp_min(1e-6)
+    lit = _inked(shown, camera)
     occupied = np.zeros((resolution * fine,) * 2, np.float32)
     mark(found.numpy(), places[lit].numpy(), occupied)
     return avg_pool2d(torch.from_numpy(occupied).to(image.device)[None], fine)[0]
+
+
+def _inked(levels: Tensor, camera: CameraParams) -> Tensor:
+    """Which cells (K,) a tile covers that shows these mean levels.
+
+    Cells above a share of the highest level belong to the tile. If a tile is white inside, all of them are covered. A
+    line thinner than a pixel is grey, so its brightest cells are covered: as large a share of all as the usual level.
+    """
+    order = levels.argsort(descending=True, stable=True)
+    inside = int((levels > camera.tile_lit * levels.max().clamp_min(1e-6)).sum())
+    usual = float(levels[order[int((1 - camera.tile_usual) * inside)]].clamp(0, 1))
+    lit = torch.zeros(len(levels), dtype=torch.bool)
+    lit[order[:math.ceil(usual * inside)]] = True
+    return lit
 
 
 def _initiator(image: Tensor, found: Tensor, cells: int, side: float) -> tuple[Tensor, Tensor]:

@@ -8,9 +8,10 @@ import fractal_exp.conf
 import numpy as np
 import pytest
 import torch
-from networks_helpers import TRAININGS, Stop, composed, each_training, resumed, run, stopped_after
+from networks_helpers import TRAININGS, Stop, composed, each_training, resumed, run, saved, stopped_after
 from test_configuration import options, plain
 
+from benchmarks import networks
 from fractal_exp import InputError, tracking
 from fractal_exp.cli import configuration, pretrain
 from fractal_exp.cli.train import NOT_PART_OF_A_FIT
@@ -222,3 +223,17 @@ def test_a_training_that_cannot_begin_leaves_nothing(words, message, tmp_path):
     with pytest.raises(InputError, match=message):
         run(*SMOKE, *words, f"output={tmp_path}", "tracking=none")
     assert not list(tmp_path.iterdir())
+
+
+@each_training
+def test_a_network_is_judged_code_by_code_beside_a_trivial_answer(name, tmp_path):
+    row = networks.judged(name, str(saved(tmp_path / "net", name)))
+    training = TRAININGS[name]()
+    with torch.no_grad():
+        scores = training.judge(training.network().eval(), "cpu")
+    assert row["codes"] == training.params.held_out
+    assert row["held_out"] == pytest.approx(scores["held_out"], rel=1e-3), "weights are kept as float16"
+    assert row["trivial_error"] == pytest.approx(scores[row["trivial"]], rel=1e-3)
+    assert row["difference"] == pytest.approx(row["held_out"] - row["trivial_error"])
+    assert row["low"] <= row["difference"] <= row["high"]
+    assert name in networks.told(row)

@@ -75,7 +75,7 @@ class Pretrained(Method):
         """
         if self._loaded is None:
             try:
-                found = self._read()
+                found = self.read()
                 self._compare(found)
                 network = self._described(found)
                 found.fill(network)
@@ -95,7 +95,8 @@ class Pretrained(Method):
         return (f"`{self.command()}` trains them, and `fractal-train method={self.name} weights.{self.name}=FILE` "
                 "takes the file that it writes")
 
-    def _read(self) -> files.Weights:
+    def read(self) -> files.Weights:
+        """The weights as their file holds them. Raises `InputError` if there are none, or the file is damaged."""
         if self.params.weights is not None:
             return files.load(self.params.weights, self.name)
         shipped = resources.files("fractal_exp.data") / f"{self.name}.safetensors"

@@ -70,12 +70,12 @@ class AmortizedTraining(EpochTraining):
         presence = F.binary_cross_entropy_with_logits(logits, there, reduction="none").mean(1)
         return torch.stack(errors) + self.params.presence * presence
 
-    def judge(self, network: nn.Module, device: str) -> dict[str, float]:
+    def errors(self, network: nn.Module, device: str) -> dict[str, Tensor]:
         images, numbers = (part.to(device) for part in self.held_out)
         found = [network(some) for some in images.split(self.params.batch)]
         maps, logits = (torch.cat(parts) for parts in zip(*found, strict=True))
         other = maps.roll(1, 0), logits.roll(1, 0)
-        return {name: float(self.set_loss(answers, numbers).detach().double().mean())
+        return {name: self.set_loss(answers, numbers).detach()
                 for name, answers in (("held_out", (maps, logits)), ("other_pictures", other))}
 
     def numbers(self, code: Maps) -> Tensor:

@@ -95,8 +95,12 @@ class Training(ABC):
         """What is lowered."""
 
     @abstractmethod
+    def errors(self, network: nn.Module, device: str) -> dict[str, Tensor]:
+        """The loss on each held-out code (B,) as `held_out`, and that of a trivial answer under a name of its own."""
+
     def judge(self, network: nn.Module, device: str) -> dict[str, float]:
-        """The loss on held-out codes as `held_out`, and that of a trivial answer on them under a name of its own."""
+        """The means of `errors`."""
+        return {name: float(values.double().mean()) for name, values in self.errors(network, device).items()}
 
 
 @dataclass(frozen=True)

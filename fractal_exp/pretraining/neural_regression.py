@@ -87,17 +87,17 @@ class RegressionTraining(EpochTraining):
         images, numbers = batch
         return (network(images) - numbers).square().mean()
 
-    def judge(self, network: nn.Module, device: str) -> dict[str, float]:
+    def errors(self, network: nn.Module, device: str) -> dict[str, Tensor]:
         images, numbers = (part.to(device) for part in self.held_out)
         errors = torch.cat([(network(some) - truth).square().mean((1, 2)) for some, truth in
                             zip(images.split(self.params.batch), numbers.split(self.params.batch), strict=True)])
-        return {"held_out": float(errors.double().mean()), "mean_code": self.mean_code_loss}
+        return {"held_out": errors, "mean_code": self.mean_code_errors}
 
     @cached_property
-    def mean_code_loss(self) -> float:
+    def mean_code_errors(self) -> Tensor:
         """Of the mean of the codes that are learnt from, as the answer to every held-out picture."""
         known = torch.stack([self.numbers(self.code(number)) for number in range(self.params.codes)]).double()
-        return float((self.held_out[1] - known.mean(0)).square().mean())
+        return (self.held_out[1] - known.mean(0)).square().mean((1, 2))
 
     def numbers(self, code: Maps) -> Tensor:
         """(N,6)."""

@@ -107,10 +107,10 @@ class SuperResolutionTraining(Training):
         coarse, fine = batch
         return (network(coarse) - fine).abs().mean()
 
-    def judge(self, network: nn.Module, device: str) -> dict[str, float]:
+    def errors(self, network: nn.Module, device: str) -> dict[str, Tensor]:
         errors = [(network(coarse.to(device)).cpu() - fine).abs().mean((1, 2)) for coarse, fine in
                   zip(*(part.split(self.params.batch) for part in self._held_out), strict=True)]
-        return {"held_out": float(torch.cat(errors).double().mean()), "bicubic": self._bicubic_loss}
+        return {"held_out": torch.cat(errors), "bicubic": self._bicubic_errors}
 
     @cached_property
     def _held_out(self) -> Batch:
@@ -118,10 +118,10 @@ class SuperResolutionTraining(Training):
         return self._pieces([self._made(pictures.HELD_OUT, number) for number in range(self.params.held_out)], rng)
 
     @cached_property
-    def _bicubic_loss(self) -> float:
+    def _bicubic_errors(self) -> Tensor:
         coarse, fine = self._held_out
         enlarged = torch.nn.functional.interpolate(coarse[:, None], scale_factor=self.params.factor, mode="bicubic")
-        return float((enlarged[:, 0].clamp(0, 1) - fine).abs().double().mean())
+        return (enlarged[:, 0].clamp(0, 1) - fine).abs().mean((1, 2))
 
     def _pieces(self, codes: list[Maps], rng: np.random.Generator) -> Batch:
         """A piece (S,S) of each code's picture about a random point of the attractor, and the same (fS,fS)."""

@@ -12,7 +12,7 @@ from .canonical.symmetry import simplest, symmetries
 from .growth.stage import Growth
 from .image.camera import Seen, angle_of, sharpened
 from .image.gauss_newton import fitted_into_frame, polished
-from .image.likeness import without_unseen
+from .image.likeness import likeness_of, without_unseen, worst_error
 from .image.objective import Rendered
 from .image.parents import flattened, with_fewer_maps
 from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
@@ -259,10 +259,14 @@ class DrawnLastDigits(LastDigits):
         return self.params.canonical.of_drawn()
 
     def _rounded(self, start: Rendered) -> Rendered:
+        before = self.objective
         self.objective, seen = self._sharpened(start)
-        last = super()._rounded(seen)
-        return pruned(self.objective, last, Price(0.0, self.params.moves.worth), self.params.maps or 0,
-                      deadline=self.problem.deadline)
+        last = pruned(self.objective, super()._rounded(seen), Price(0.0, self.params.moves.worth),
+                      self.params.maps or 0, deadline=self.problem.deadline)
+        if likeness_of(last, self.objective) >= min(self.params.stages.unlike, likeness_of(start, before)):
+            return last
+        self.objective = before  # tiles may draw the picture of a code whose attractor is another shape
+        return start
 
     def _sharpened(self, start: Rendered) -> Seen:
         """The simplest code with the camera that suits it, unless the code so far explains the picture notably better.
@@ -270,7 +274,7 @@ class DrawnLastDigits(LastDigits):
         objective, params, deadline = self.objective, self.params, self.problem.deadline
         found = without_unseen(objective, start, params.maps or 0, deadline)
         simple = self._simplest(found)
-        if simple.error <= params.canonical.drawn_worse * found.error:
+        if simple.error <= worst_error(objective, found):
             return sharpened(objective, simple, deadline)
         if objective.likeness(simple.image) >= params.stages.unlike:
             seen = sharpened(objective, simple, deadline)

@@ -61,6 +61,9 @@ class CanonicalParams(Params):
     """`near_px` in a picture that others drew."""
     drawn_worse: Amount = 1.5
     """`worse` and `symmetric_worse` in such a picture; the limit also holds for codes with fewer or simpler maps."""
+    drawn_noise: Amount = 0.06
+    """Error of a rendering, radians rms, that counts as noise in such a picture: a code with fewer or simpler maps may
+    have up to `drawn_worse` times the error of this angle, even if the code so far has less."""
     drawn_denominators: Annotated[tuple[Positive, ...], Some] = tuple(range(1, 7))
     """`denominators` in such a picture."""
     least_side: Positive = 256

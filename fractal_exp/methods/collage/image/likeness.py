@@ -26,10 +26,10 @@ def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadl
     """Remove maps that nobody sees, one at a time, and polish the others.
 
     Such maps compensate for an imperfect camera, for instance for the widths of a tree's branches. A map is removed if
-    the likeness stays within `MoveParams.unseen` of the initial one, and the error within
-    `CanonicalParams.drawn_worse` times the initial one. At least `least` maps stay.
+    the likeness stays within `MoveParams.unseen` of the initial one, and the error within `worst_error`. At least
+    `least` maps stay.
     """
-    params, worst = objective.params, objective.params.canonical.drawn_worse * shown.error
+    params, worst = objective.params, worst_error(objective, shown)
     if params.moves.unseen is None:
         return shown
     goal = likeness_of(shown, objective) - params.moves.unseen
@@ -40,6 +40,12 @@ def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadl
             break
         shown = polished(objective, min(alike, key=error_of), params.canonical.polish, deadline=deadline)
     return shown
+
+
+def worst_error(objective: ImageObjective, shown: Rendered) -> float:
+    """The highest error with which a simpler code may replace a code of a picture that others drew."""
+    canonical = objective.params.canonical
+    return canonical.drawn_worse * max(shown.error, objective.error_at(canonical.drawn_noise))
 
 
 def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:

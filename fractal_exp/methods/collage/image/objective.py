@@ -120,6 +120,10 @@ class ImageObjective:
         """The root mean square of arcsin sqrt I - arcsin sqrt J, in radians, that corresponds to an error."""
         return (error / (2 * self.subpixels)) ** 0.5
 
+    def error_at(self, angle: float) -> float:
+        """The error that corresponds to an angle."""
+        return 2 * self.subpixels * angle**2
+
     def noise(self, code: IFS) -> float:
         """The error that the true code would have by chance, estimated from renderings of this code."""
         if self.levels.is_linear:  # renderings have less noise than the image

@@ -127,9 +127,10 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
     maps = affine.from_code(GASKET)
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
     doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
-    levels = Drawn(CAMERA, drawn_by(Drawn(CAMERA, None, PEN), GASKET))
-    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, PARAMS))
-    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), PARAMS)
+    levels, params = Drawn(CAMERA, drawn_by(Drawn(CAMERA, None, PEN), GASKET)), PARAMS.updated(
+        moves={"parent_maps": 0, "pruning": False, "unseen": None})  # nothing else leaves maps out
+    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
+    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), params)
     found = stage._rounded(stage.objective.judge(doubled))
     assert len(found.maps) == 3
     assert torch.allclose(found.maps[:, :4], torch.tensor([0.5, 0, 0, 0.5]).expand(3, 4), atol=0.01)

@@ -334,7 +334,8 @@ def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
     assert len(found.maps) == 3
     assert torch.allclose(found.maps, maps, atol=PIXEL)
     assert len(without_unseen(judge, shown, 4).maps) == 4
-    exact = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS.updated(canonical={"drawn_worse": 0.1, "drawn_noise": 0}))
+    none = PARAMS.updated(canonical={"drawn_worse": 0.1, "drawn_noise": 0})
+    exact = ImageObjective(image, Drawn(CAMERA, image, pen), none)
     assert len(without_unseen(exact, exact.judge(shown.maps), 0).maps) == 4, "no code has a tenth of the error"
     rough = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS.updated(canonical={"drawn_worse": 0.1}))
     assert len(without_unseen(rough, rough.judge(shown.maps), 0).maps) == 3, "less than the noise of a picture"

@@ -278,3 +278,15 @@ def test_a_tone_curve_keeps_the_order_of_counts_and_its_true_code_is_recovered()
     scores = SETS["tone_curves"].score("fern-flame", truth, None)
     assert scores["exact"] and scores.keys() & {*MAIN_SCORES}
     assert SETS["tone_curves"].score("fern-flame", other, None)["missed"] == 4
+
+
+@pytest.mark.parametrize("name", ["gasket-4-black", "spiral_dots-blue"])
+def test_a_redrawn_picture_shows_the_same_fractal_elsewhere(name):
+    first, again = SETS["textbook"], SETS["textbook_redrawn"]
+    assert first.roles() == again.roles()
+    pictures = first.picture(name), again.picture(name)
+    assert pictures[0].shape != pictures[1].shape or not np.array_equal(*pictures)
+    for set_, picture in zip((first, again), pictures, strict=True):
+        read = read_target(picture, 128)
+        truth = textbook.pictures()[name].draw(0 if set_ is first else 1).truth_on(read.placement)
+        assert set_.score(name, truth.code, read)["exact"]

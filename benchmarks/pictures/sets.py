@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,9 +34,16 @@ class PictureSet:
     shown: Callable[[IFS, np.ndarray], tuple[np.ndarray, np.ndarray]] = judging.shapes
 
 
-def _score_textbook(name: str, code: IFS, read: ReadImage) -> Scores:
+def _textbook(seed: int) -> PictureSet:
+    """The textbook pictures of a seed."""
+    return PictureSet(lambda: {name: each.role for name, each in textbook.pictures().items()},
+                      lambda name: textbook.pictures()[name].draw(seed).pixels, partial(_score_textbook, seed),
+                      tables.textbook)
+
+
+def _score_textbook(seed: int, name: str, code: IFS, read: ReadImage) -> Scores:
     picture = textbook.pictures()[name]
-    truth = picture.draw().truth_on(read.placement)
+    truth = picture.draw(seed).truth_on(read.placement)
     return {"family": picture.family, "depth": picture.depth, "ink": picture.ink, "tool": picture.tool,
             "jpeg": picture.jpeg, "deepest": picture.deepest, **judging.likeness(code, read.image.numpy()),
             **judging.against_truth(code, truth, read.image.shape[-1])}
@@ -74,8 +82,8 @@ def _score_binary(name: str, code: IFS, read: ReadImage) -> Scores:
 
 
 SETS: dict[str, PictureSet] = {
-    "textbook": PictureSet(lambda: {name: each.role for name, each in textbook.pictures().items()},
-                           lambda name: textbook.pictures()[name].draw().pixels, _score_textbook, tables.textbook),
+    "textbook": _textbook(0),
+    "textbook_redrawn": _textbook(1),
     "density": PictureSet(lambda: {name: "reporting" if name.startswith("published") else "tuning"
                                    for name in density_maps.names()},
                           lambda name: density_maps.picture(density_maps.problem(name)[1]), _score_density,

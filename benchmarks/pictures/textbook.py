@@ -3,7 +3,7 @@
 The constructions are the twelve of FractalBench (arXiv 2511.06522), at growing depths and in five colours; the scatter
 plots have 60 000 dots and textbook probabilities. Each family of pictures is for tuning or only for reporting: see
 `TUNING` and `REPORTING`. The same name and seed give the same picture; the seed moves the fractal on the page, changes
-its size, and draws the dots.
+its size, and draws the dots. The set `textbook_redrawn` has the pictures of a second seed.
 """
 
 from __future__ import annotations

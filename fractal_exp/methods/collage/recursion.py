@@ -1,8 +1,8 @@
-"""A drawing of a recursion that ended after few steps: found as few maps, and seen as strokes."""
+"""A drawing of a recursion that ended after few steps: found as few maps, and seen as tiles or strokes."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ...runtime.seeds import derive
@@ -10,6 +10,7 @@ from .image.camera import as_seen, in_turns
 from .image.likeness import likeness_of
 from .image.objective import ImageObjective, Rendered
 from .maps import WeightedMaps
+from .measure.blur import blurred
 from .measure.pens import Drawn
 from .measure.search import MeasureSearch, Regime
 from .measure.tones import camera_of, seen_with
@@ -17,13 +18,25 @@ from .problem import SearchProblem
 from .stage import Stage
 from .state import Candidate, State
 
+TILES, STROKES = "coverage", "strokes"
+
+
+@dataclass(frozen=True)
+class _Try:
+    """A search for at most so many maps on the measure, blurred (pixels), and the camera that its code is seen with."""
+
+    maps: int
+    blur_px: float
+    camera: str
+
 
 class Recursion(Stage[Any]):
-    """Searches for few maps, each looked at as strokes.
+    """Searches for few maps, each looked at as tiles or as strokes.
 
-    A tree of four levels is a lattice of lines. Many maps explain it better than its trunk and two branches do, unless
-    it is known that the twigs end. So few maps are searched for, and seen as strokes of the depth that suits them. The
-    code is taken if it draws the picture; the moves by renderings are then left out. A move is a search.
+    A dragon or a tree of few levels is a lattice of lines. Many maps explain it better than its true code does, unless
+    it is known that the construction ends. From afar it looks like its attractor, so two maps are searched for on a
+    blurred measure, and seen as tiles. A tree needs a trunk too, and is seen as strokes of the depth that suits them.
+    The code is taken if it draws the picture; the moves by renderings are then left out. A move is a search.
     """
 
     name, ends_at = "strokes", "approach_share"
@@ -31,6 +44,9 @@ class Recursion(Stage[Any]):
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)
         self._objective: ImageObjective | None = None
+        camera = problem.params.camera
+        self._tries = [*(_Try(camera.tiled_maps, blur, TILES) for blur in camera.recursion_blurs_px),
+                       *(_Try(most, 0.0, STROKES) for most in camera.recursion_maps if camera.strokes)]
 
     @property
     def objective(self) -> ImageObjective:
@@ -40,19 +56,20 @@ class Recursion(Stage[Any]):
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
-        """Whether an image may show strokes: lines and areas that others drew, not too many pixels of them."""
+        """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them."""
         camera = problem.params.camera
-        sought = camera.estimate and camera.strokes and camera.recursion_maps and isinstance(problem.levels, Drawn)
-        return bool(sought) and not problem.is_reduced and not problem.params.maps
+        sought = camera.recursion_blurs_px or (camera.strokes and camera.recursion_maps)
+        return (bool(camera.estimate and sought and isinstance(problem.levels, Drawn))
+                and not problem.is_reduced and not problem.params.maps)
 
     @property
     def expected_moves(self) -> int:
-        return len(self.params.camera.recursion_maps)
+        return len(self._tries)
 
     def is_wanted(self, state: State) -> bool:
         if state.current is not None:
             return True
-        if state.measured_through:  # a density: no strokes
+        if state.measured_through:  # a density: no construction
             return False
         self.open(state)
         return self._likeness(state.leader) < self.params.stages.unlike
@@ -67,27 +84,29 @@ class Recursion(Stage[Any]):
         return _candidate(self.objective, self.objective.judge(state.leader.maps, state.leader.weights))
 
     def step(self, now: Candidate, number: int) -> Candidate:
-        few = self._few_maps(number)
-        found = next(iter(as_seen(self.objective, few, "strokes", self.deadline)), None)
-        enough = float("inf") if self._has_tiles(few) else self.params.camera.recursion_gain * few.error
-        if found is None or found[1].error >= enough:
+        tried = self._tries[number]
+        few = self._few_maps(tried, number)
+        seen = as_seen(self.objective, few, tried.camera, self.deadline)
+        if not seen or seen[0][1].error >= self._enough(few, tried):
             return now
-        best = _candidate(*in_turns(*found, self.deadline))
+        best = _candidate(*in_turns(*seen[0], self.deadline))
         return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
 
     def is_settled(self, state: State) -> bool:
-        return self._is_explained(state.now)
+        """Once tiles explain the picture, strokes are not tried. All blurs are."""
+        left = {each.camera for each in self._tries[state.step:]}
+        return self._is_explained(state.now) and (has_strokes(state.now) or TILES not in left)
 
     def close(self, state: State) -> State:
         return replace(state, best=state.current) if self._is_explained(state.now) else state
 
-    def _few_maps(self, number: int) -> Rendered:
+    def _few_maps(self, tried: _Try, number: int) -> Rendered:
         """What a search for few maps finds."""
-        most = self.params.camera.recursion_maps[number]
-        most = min(most, self.params.most_maps or most)
-        few = self.params.updated(at_most=most, bytes=None, likeness=None)
-        search = MeasureSearch(self.problem.masses_of(self.round), Regime.whole(few), few,
-                               derive(self.problem.seed, "recursion", number), few.camera.recursion_contraction)
+        few = self.params.updated(at_most=min(tried.maps, self.params.most_maps or tried.maps), bytes=None,
+                                  likeness=None)
+        masses = blurred(self.problem.masses_of(self.round), tried.blur_px, few.camera)
+        search = MeasureSearch(masses, Regime.whole(few), few, derive(self.problem.seed, "recursion", number),
+                               few.camera.recursion_contraction)
         found = search.start()
         for move in range(few.search.moves):
             if self.deadline.passed:
@@ -95,8 +114,14 @@ class Recursion(Stage[Any]):
             found = search.step(found, move)
         return self.objective.judge(found.maps)
 
+    def _enough(self, few: Rendered, tried: _Try) -> float:
+        """The error below which a code is polished with its camera."""
+        if tried.camera == TILES or self._has_tiles(few):
+            return float("inf")
+        return self.params.camera.recursion_gain * few.error
+
     def _error_to_beat(self, now: Candidate) -> float:
-        if has_strokes(now):
+        if self._is_explained(now):
             return now.error
         return float("inf") if self._has_tiles(now) else self.params.camera.stroked * now.error
 
@@ -105,14 +130,22 @@ class Recursion(Stage[Any]):
         return self.objective.levels.smallest_part(found.code, len(self.objective.image)) > 0
 
     def _is_explained(self, found: Candidate) -> bool:
-        return has_strokes(found) and self._likeness(found) >= self.params.stages.unlike
+        """Whether a code draws the picture as strokes, or as tiles of so few maps that this is no accident."""
+        if not is_construction(found, self.params.camera.tiled_maps):
+            return False
+        least = self.params.stages.unlike if has_strokes(found) else self.params.moves.alike
+        shown, objective = self._shown(found)
+        return objective.likeness(shown.image) >= least and likeness_of(shown, objective) >= self.params.stages.unlike
 
     def _likeness(self, found: Candidate) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
+        return likeness_of(*self._shown(found))
+
+    def _shown(self, found: Candidate) -> tuple[Rendered, ImageObjective]:
         objective = self.objective
         if found.camera:
             objective = objective.seen_with(seen_with(objective.levels, found.camera))
-        return likeness_of(objective.judge(found.maps, found.weights), objective)
+        return objective.judge(found.maps, found.weights), objective
 
 
 def _candidate(objective: ImageObjective, shown: Rendered) -> Candidate:
@@ -121,4 +154,10 @@ def _candidate(objective: ImageObjective, shown: Rendered) -> Candidate:
 
 def has_strokes(found: Candidate) -> bool:
     """Whether a code was last judged by what it draws as strokes."""
-    return found.camera[:1] == ("strokes",)
+    return found.camera[:1] == (STROKES,)
+
+
+def is_construction(found: Candidate, most: int) -> bool:
+    """Whether a code was last judged by strokes, or by tiles of at most so many maps."""
+    has_tiles = found.camera[:1] == (TILES,) and float(found.camera[1]) > 0
+    return has_strokes(found) or has_tiles and len(found.maps) <= most

@@ -22,7 +22,7 @@ from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart, Uncurved
 from .measure.tones import camera_of
 from .problem import SearchProblem
-from .recursion import Recursion, has_strokes
+from .recursion import Recursion, is_construction
 from .stage import Stage
 from .state import Candidate, State
 
@@ -207,8 +207,8 @@ class DrawnMoves(ImageMoves):
     reached = "the code draws the shape to within a pixel"
 
     def is_wanted(self, state: State) -> bool:
-        """False if `Recursion` has explained the picture by strokes."""
-        return state.best is None or not has_strokes(state.best)
+        """False if `Recursion` has explained the picture by tiles or strokes."""
+        return state.best is None or not is_construction(state.best, self.params.camera.tiled_maps)
 
     @property
     def expected_moves(self) -> int:

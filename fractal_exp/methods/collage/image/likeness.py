@@ -54,9 +54,9 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
     Precision is the share of the attractor within a pixel of the shape. Recall is the share of the shape within a pixel
     of what the camera's pen draws around the attractor, or within half a tile or twig of the attractor.
 
-    Precision also allows for half a tile, but at most for half of `CameraParams.small_tile_px`: the attractor of a tree
-    fills what a drawing of few steps shows as a lattice. Large tiles look like the picture itself, so allowing for half
-    of their size would make a wrong code look right.
+    Precision also allows for half a tile: the attractor of a dragon fills what a drawing of few steps shows as a
+    lattice. Large tiles look like the picture itself, and would make a wrong code look right. So the allowance is at
+    most half of `CameraParams.small_tile_px`, except for a code of `CameraParams.tiled_maps` or fewer.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -67,7 +67,8 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
         return 0.0
     pen, tile = levels.pen * side / 2, levels.smallest_part(code, side) * side / 2
     beside = levels.camera.beside_px
-    near, inside = max(beside + pen, tile / 2), max(beside, min(tile, levels.camera.small_tile_px) / 2)
+    largest = tile if len(code) <= levels.camera.tiled_maps else levels.camera.small_tile_px
+    near, inside = max(beside + pen, tile / 2), max(beside, min(tile, largest) / 2)
     off, away = (np.asarray(distance_transform_edt(~mask), np.float32) for mask in (shape, attractor))
     precision, recall = float((off[attractor] < inside).mean()), float((away[shape] < near).mean())
     return 2 * precision * recall / max(precision + recall, 1e-9)

@@ -71,7 +71,10 @@ class CameraParams(Params):
     shape. All eight neighbours are nearer."""
     small_tile_px: Amount = 8.0
     """Tile size, pixels, up to which an attractor may lie off the shape by half a tile. For larger tiles, the limit
-    is half of this size."""
+    is half of this size, except for a code of `tiled_maps`."""
+    tiled_maps: Count = 2
+    """Maximum number of maps of a code whose attractor may lie off the shape by half of any tile: so few maps do not
+    draw a picture by chance."""
     strokes: bool = True
     """Whether strokes are tried: the drawing of a recursion that ended, as of a tree."""
     stroke: Amount = 0.06
@@ -94,6 +97,9 @@ class CameraParams(Params):
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (3, 4)
     """Maximum number of maps in each search for a trunk and its branches, in a picture that the maps of stage 2 do not
     draw; empty: no such search."""
+    recursion_blurs_px: tuple[Amount, ...] = (3.0, 6.0)
+    """Blurs of the measure, pixels, in searches for two maps in such a picture, whose codes are then seen as tiles;
+    empty: no such search."""
     recursion_gain: Share = 0.3
     """Strokes are polished with their camera if their error is below this share of a pen's, for the same maps."""
     recursion_contraction: SingularValue = 0.75

@@ -94,7 +94,7 @@ def test_a_shape_without_symmetries_has_the_identity(triangle):
 def test_no_stroke_is_sought_where_that_is_off():
     image = drawing(4)
     for strokes in True, False:
-        given = problem(image, levels="coverage", maps=None, camera={"strokes": strokes})
+        given = problem(image, levels="coverage", maps=None, camera={"strokes": strokes, "recursion_blurs_px": []})
         assert Recursion.may_help(given) == strokes
         seen = objective(image, seen_with(levels_of(image, "coverage", given.params.camera), ("coverage", 0, .01, .01)),
                          camera={"strokes": strokes, "likeliest": 1, "sharpened_steps": 1})

@@ -20,7 +20,7 @@ from fractal_exp.methods.collage.measure.strokes import Strokes
 from fractal_exp.methods.collage.measure.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.recursion import Recursion
+from fractal_exp.methods.collage.recursion import Recursion, is_construction
 from fractal_exp.methods.collage.stages import DrawnLastDigits, DrawnMoves, stages_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
@@ -203,6 +203,40 @@ def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
     assert "strokes" in [stage.name for stage in stages_of(problem, 0)]
     polishing = replace_params(problem, **OPTIONS)
     assert "strokes" not in [stage.name for stage in stages_of(polishing, 0)] and polishing.rounds == 1
+
+
+@pytest.mark.parametrize("depth", [8, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
+    """Heighway's dragon as lines: a lattice, not yet the filled attractor."""
+    dragon = attractor.normalize(codes.known("heighway_dragon"))
+    maps = affine.from_code(dragon).double()
+    ends = torch.stack([torch.linalg.solve(torch.eye(2).double() - one[:4].reshape(2, 2), one[4:]) for one in maps])
+    parts = ends[None]
+    for _ in range(depth):
+        parts = torch.cat([parts @ one[:4].reshape(2, 2).T + one[4:] for one in maps])
+    picture, fine = Image.new("L", (8 * SIDE,) * 2), 4 * SIDE
+    pen = ImageDraw.Draw(picture)
+    for start, end in ((parts * torch.tensor([1.0, -1])).add(1) * fine).tolist():
+        pen.line([tuple(start), tuple(end)], fill=255, width=6)
+    image = torch.from_numpy(np.asarray(picture, np.float32).reshape(SIDE, 8, SIDE, 8).mean((1, 3)) / 255)
+    stage = Recursion(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS), 0)
+    state = State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))
+    assert stage.is_wanted(state)
+    state = replace(state, current=stage.begin(state))
+    while not stage.is_settled(state) and state.step < stage.expected_moves:
+        state = stage.moved(state)
+    best = stage.close(state).best
+    assert len(best.maps) == 2 and best.camera[0] == "coverage" and best.camera[1] > 0
+    drawn, true = (attractor.visible_box(each) for each in (best.code, dragon))
+    assert max(abs(a - b) for a, b in zip(drawn, true, strict=True)) < 2 * PIXEL
+    assert not DrawnMoves(stage.problem, 0).is_wanted(replace(state, best=best, current=None))
+
+
+def test_tiles_of_many_maps_explain_nothing():
+    few, many = (Candidate(affine.from_code(tree()).repeat(n, 1)[:2 * n], None, 1.0, 1.0, ("coverage", 0.1, 0.0, 0.0))
+                 for n in (1, 2))
+    assert is_construction(few, CAMERA.tiled_maps) and not is_construction(many, CAMERA.tiled_maps)
+    assert not is_construction(replace(few, camera=("coverage", 0.0, 0.1, 0.0)), CAMERA.tiled_maps), "a pen"
 
 
 def test_a_code_that_draws_the_picture_is_not_searched_again():

@@ -8,8 +8,8 @@ from .maps import from_code
 from .measure.stages import Detail
 from .state import Candidate, Key, State
 
-# Another round, growth, and the search for the few maps of a tree would begin without the code.
-OPTIONS = {"rounds": 1, "growth": {"enabled": False}, "camera": {"recursion_maps": []}}
+# Another round, growth, and the search for the few maps of a construction would begin without the code.
+OPTIONS = {"rounds": 1, "growth": {"enabled": False}, "camera": {"recursion_maps": [], "recursion_blurs_px": []}}
 
 
 def found_already(code: IFS) -> Snapshot:

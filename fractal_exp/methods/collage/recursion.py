@@ -11,6 +11,7 @@ from .image.likeness import likeness_of
 from .image.objective import ImageObjective, Rendered
 from .maps import WeightedMaps
 from .measure.blur import blurred
+from .measure.camera_params import CameraParams
 from .measure.pens import Drawn
 from .measure.search import MeasureSearch, Regime
 from .measure.tones import camera_of, seen_with
@@ -44,9 +45,7 @@ class Recursion(Stage[Any]):
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)
         self._objective: ImageObjective | None = None
-        camera = problem.params.camera
-        self._tries = [*(_Try(camera.tiled_maps, blur, TILES) for blur in camera.recursion_blurs_px),
-                       *(_Try(most, 0.0, STROKES) for most in camera.recursion_maps if camera.strokes)]
+        self._tries = _tries(problem.params.camera)
 
     @property
     def objective(self) -> ImageObjective:
@@ -58,8 +57,7 @@ class Recursion(Stage[Any]):
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them."""
         camera = problem.params.camera
-        sought = camera.recursion_blurs_px or (camera.strokes and camera.recursion_maps)
-        return (bool(camera.estimate and sought and isinstance(problem.levels, Drawn))
+        return (camera.estimate and bool(_tries(camera)) and isinstance(problem.levels, Drawn)
                 and not problem.is_reduced and not problem.params.maps)
 
     @property
@@ -81,15 +79,15 @@ class Recursion(Stage[Any]):
             self._objective = problem.objective(len(problem.image), state.leader.code, seed, camera=camera)
 
     def begin(self, state: State) -> Candidate:
-        return _candidate(self.objective, self.objective.judge(state.leader.maps, state.leader.weights))
+        return self._candidate(self.objective, self.objective.judge(state.leader.maps, state.leader.weights))
 
     def step(self, now: Candidate, number: int) -> Candidate:
         tried = self._tries[number]
         few = self._few_maps(tried, number)
         seen = as_seen(self.objective, few, tried.camera, self.deadline)
-        if not seen or seen[0][1].error >= self._enough(few, tried):
+        if not seen or self._error(*seen[0]) >= self._enough(few, tried):
             return now
-        best = _candidate(*in_turns(*seen[0], self.deadline))
+        best = self._candidate(*in_turns(*seen[0], self.deadline))
         return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
 
     def is_settled(self, state: State) -> bool:
@@ -118,7 +116,7 @@ class Recursion(Stage[Any]):
         """The error below which a code is polished with its camera."""
         if tried.camera == TILES or self._has_tiles(few):
             return float("inf")
-        return self.params.camera.recursion_gain * few.error
+        return self.params.camera.recursion_gain * self._error(self.objective, few)
 
     def _error_to_beat(self, now: Candidate) -> float:
         if self._is_explained(now):
@@ -148,8 +146,20 @@ class Recursion(Stage[Any]):
         return objective.judge(found.maps, found.weights), objective
 
 
-def _candidate(objective: ImageObjective, shown: Rendered) -> Candidate:
-    return Candidate(shown.maps, shown.weights, shown.error, shown.error, camera_of(objective.levels))
+    def _candidate(self, objective: ImageObjective, shown: Rendered) -> Candidate:
+        error = self._error(objective, shown)
+        return Candidate(shown.maps, shown.weights, error, error, camera_of(objective.levels))
+
+    def _error(self, objective: ImageObjective, shown: Rendered) -> float:
+        """The error by which pens, tiles, strokes and dots are compared: that of a pen for the same angle."""
+        return 2 * self.problem.levels.supersample**2 * objective.angle(shown.error) ** 2
+
+
+def _tries(camera: CameraParams) -> list[_Try]:
+    """The searches, those for tiles first; none for tiles where the user knows the pen."""
+    has_tiles = camera.tiles_px and camera.pen_px is None
+    return [*(_Try(camera.tiled_maps, blur, TILES) for blur in (camera.recursion_blurs_px if has_tiles else ())),
+            *(_Try(most, 0.0, STROKES) for most in (camera.recursion_maps if camera.strokes else ()))]
 
 
 def has_strokes(found: Candidate) -> bool:

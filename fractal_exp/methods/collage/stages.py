@@ -208,7 +208,8 @@ class DrawnMoves(ImageMoves):
 
     def is_wanted(self, state: State) -> bool:
         """False if `Recursion` has explained the picture by tiles or strokes."""
-        return state.best is None or not is_construction(state.best, self.params.camera.tiled_maps)
+        tiled = self.params.camera.tiled_maps
+        return state.best is None or self.problem.is_reduced or not is_construction(state.best, tiled)
 
     @property
     def expected_moves(self) -> int:
@@ -257,6 +258,10 @@ class DrawnLastDigits(LastDigits):
     @property
     def canonical(self) -> CanonicalParams:
         return self.params.canonical.of_drawn()
+
+    def open(self, state: State) -> None:
+        super().open(state)
+        self.objective = self.objective.hasty()  # the camera is less certain than the points of one rendering
 
     def _rounded(self, start: Rendered) -> Rendered:
         before = self.objective

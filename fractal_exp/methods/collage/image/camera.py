@@ -62,8 +62,8 @@ def angle_as_density(image: Tensor, levels: Levels, code: IFS, params: CollagePa
 
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Seen:
     """Polish the code together with its camera, starting from the likeliest cameras of each kind. Return the code and
-    the objective with the best of these cameras. A code of many maps or for a large image stays as it is, because this
-    would take too long.
+    the objective with the best of these cameras, or both as they are if none is better. A code of many maps or for a
+    large image stays as it is, because this would take too long.
 
     Both are polished together because one makes up for the other: with a pen that is too thin, the best attractor is
     too large.
@@ -74,11 +74,18 @@ def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = N
         return objective, found
     if isinstance(levels, ToneMapped):
         return in_turns(objective, found, deadline)
-    kinds = ["coverage", "dots"] if objective.params.levels == "auto" else [objective.params.levels]
-    starts = [start for kind in kinds for start in _starts(objective, found, kind, deadline)]
+    starts = [start for kind in _kinds(objective.params) for start in _starts(objective, found, kind, deadline)]
     least = min(map(angle_of, starts), default=0.0)
     likely = [start for start in starts if angle_of(start) ** 2 <= least**2 / camera.plausible]
-    return min((in_turns(*start, deadline) for start in likely), key=angle_of, default=(objective, found))
+    return min([(objective, found), *(in_turns(*start, deadline) for start in likely)], key=angle_of)
+
+
+def _kinds(params: CollageParams) -> list[str]:
+    """The kinds of camera that are tried. A pen that the user knows excludes dots, and a gain excludes pens."""
+    if params.levels != "auto":
+        return [params.levels]
+    known = {"coverage": params.camera.gain is None, "dots": params.camera.pen_px is None}
+    return [kind for kind, is_open in known.items() if is_open]
 
 
 def _starts(objective: ImageObjective, found: Rendered, kind: str, deadline: Deadline) -> list[Seen]:

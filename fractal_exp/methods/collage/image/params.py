@@ -72,7 +72,7 @@ class MoveParams(Params):
     drawn_least: Count = 8
     """Moves after which the code of such a picture may be settled."""
     alike: Share = 0.985
-    """F1 within 1 px from which the code of such a picture is settled."""
+    """F1 within 1 px from which the code of such a picture is settled, and at which two maps explain it by tiles."""
     longest: Annotated[int, Field(ge=1)] = 3
     """Maximum number of moves as a multiple of `count`, while the error keeps being halved."""
     recent: Share = 2 / 3
@@ -249,8 +249,8 @@ class GaussNewtonParams(Params):
     least_spread: Factor = 1e-3
     """Lower limit, canvas units, of the attractor's standard deviation, in which steps of a matrix are measured."""
     log_step: Factor = 0.1
-    """Step in the logarithm of a probability that counts as much as a pixel. Probabilities move if grey levels are
-    linear."""
+    """Step in the logarithm of a probability, a gain or a gamma that counts as much as a pixel. Probabilities move if
+    grey levels are linear."""
     least_weight: PositiveShare = 1e-3
     """Lower limit of a probability that moves, as a share of the largest."""
     letters: Positive = 8

@@ -71,8 +71,8 @@ class CameraParams(Params):
     shape. All eight neighbours are nearer."""
     small_tile_px: Amount = 8.0
     """Tile size, pixels, up to which an attractor may lie off the shape by half a tile. For larger tiles, the limit
-    is half of this size, except for a code of `tiled_maps`."""
-    tiled_maps: Count = 2
+    is half of this size, except for a code of at most `tiled_maps` maps."""
+    tiled_maps: Annotated[int, Field(ge=2)] = 2
     """Maximum number of maps of a code whose attractor may lie off the shape by half of any tile: so few maps do not
     draw a picture by chance."""
     strokes: bool = True

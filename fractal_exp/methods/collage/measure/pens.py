@@ -1,6 +1,6 @@
 """Pictures that others drew, with a pen or dots of unknown width and grey levels of unknown gain.
 
-The unknown values of the camera are estimated with a nearly right code, by trying all of them.
+The unknown values of the camera are estimated with a nearly right code, by trying all of them, and polished with it.
 """
 
 from __future__ import annotations

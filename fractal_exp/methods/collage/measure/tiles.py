@@ -59,7 +59,7 @@ def _inked(levels: Tensor, camera: CameraParams) -> Tensor:
     """
     order = levels.argsort(descending=True, stable=True)
     inside = int((levels > camera.tile_lit * levels.max().clamp_min(1e-6)).sum())
-    usual = float(levels[order[int((1 - camera.tile_usual) * inside)]].clamp(0, 1))
+    usual = float(levels[order[min(int((1 - camera.tile_usual) * inside), inside - 1)]].clamp(0, 1))
     lit = torch.zeros(len(levels), dtype=torch.bool)
     lit[order[:math.ceil(usual * inside)]] = True
     return lit

@@ -144,3 +144,12 @@ def test_a_number_of_maps_that_was_asked_for_stays():
     stage = DrawnLastDigits(SearchProblem(levels.picture, levels, asked))
     stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), asked)
     assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
+
+
+def test_a_known_pen_excludes_dots_and_a_known_gain_excludes_pens():
+    image = drawn_by(Dots(CAMERA, None, (0.16, 0.7 * PIXEL)), GASKET)
+    for known, kind in ({"pen_px": 0.5}, "coverage"), ({"gain": 0.16}, "dots"):
+        params = PARAMS.updated(camera=known)
+        pen = ImageObjective(image, Drawn(params.camera, image, (0.0, 0.5 * PIXEL, 0.5 * PIXEL)), params)
+        objective, _ = sharpened(pen, pen.judge(affine.from_code(GASKET)))
+        assert camera_of(objective.levels)[0] == kind

@@ -1,4 +1,4 @@
-"""A code and its camera polished together, the ink of tiles, and doubles that a symmetry hides."""
+"""A code and its camera polished together, and the ink of tiles."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from PIL import Image, ImageDraw
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.image import camera
 from fractal_exp.methods.collage.image.camera import angle_of, as_seen, nearest, sharpened
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
@@ -16,8 +17,6 @@ from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
 from fractal_exp.methods.collage.measure.tiles import tiled
 from fractal_exp.methods.collage.measure.tones import camera_of
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.stages import DrawnLastDigits
 from fractal_exp.runtime.deadline import NO_DEADLINE
 
 PARAMS, SIDE = CollageParams(), 128
@@ -85,11 +84,10 @@ def test_a_length_stays_positive_and_a_number_changes_by_a_factor():
 def test_a_thin_line_is_drawn_by_thin_tiles():
     image = koch_lines(3, 0.6)
     angles = {}
-    for camera in (found for _, found in nearest(image, Drawn.of(image, CAMERA), KOCH, PARAMS, 0)):
-        levels = Drawn(CAMERA, image, camera[1:])
-        angles[camera[1]] = nearest(image, levels, KOCH, PARAMS, 0)[0][0]
-        if 0.05 < camera[1] < 0.2:  # not the whole picture, and not less than its segments
-            ink = float(tiled(image, KOCH, camera[1], SIDE, 3, camera=CAMERA).sum())
+    for angle, (_, size, *_) in nearest(image, Drawn.of(image, CAMERA), KOCH, PARAMS, 0):
+        angles[size] = angle
+        if 0.05 < size < 0.2:  # not the whole picture, and not less than its segments
+            ink = float(tiled(image, KOCH, size, SIDE, 3, camera=CAMERA).sum())
             assert ink == pytest.approx(float(image.sum()), rel=0.6)
     assert min(angles.values()) < 0.15
     assert min(angles, key=angles.get) > 0, "tiles explain the picture better than any pen"
@@ -123,29 +121,6 @@ def test_the_likeliest_cameras_of_a_kind_come_best_first():
     assert len({each[0].levels.values[0] for each in seen}) == len(seen), "one for each tile size"
 
 
-def test_two_maps_that_a_symmetry_makes_one_are_one():
-    maps = affine.from_code(GASKET)
-    mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
-    doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
-    levels, params = Drawn(CAMERA, drawn_by(Drawn(CAMERA, None, PEN), GASKET)), PARAMS.updated(
-        moves={"parent_maps": 0, "pruning": False, "unseen": None})  # nothing else leaves maps out
-    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
-    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), params)
-    found = stage._rounded(stage.objective.judge(doubled))
-    assert len(found.maps) == 3
-    assert torch.allclose(found.maps[:, :4], torch.tensor([0.5, 0, 0, 0.5]).expand(3, 4), atol=0.01)
-
-
-def test_a_number_of_maps_that_was_asked_for_stays():
-    maps = affine.from_code(GASKET)
-    doubled = torch.cat([maps, maps[:1]])
-    asked = PARAMS.updated(maps=4)
-    levels = Drawn(CAMERA, drawn_by(Drawn(CAMERA, None, PEN), GASKET))
-    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, asked))
-    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), asked)
-    assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
-
-
 def test_a_known_pen_excludes_dots_and_a_known_gain_excludes_pens():
     image = drawn_by(Dots(CAMERA, None, (0.16, 0.7 * PIXEL)), GASKET)
     for known, kind in ({"pen_px": 0.5}, "coverage"), ({"gain": 0.16}, "dots"):
@@ -153,3 +128,19 @@ def test_a_known_pen_excludes_dots_and_a_known_gain_excludes_pens():
         pen = ImageObjective(image, Drawn(params.camera, image, (0.0, 0.5 * PIXEL, 0.5 * PIXEL)), params)
         objective, _ = sharpened(pen, pen.judge(affine.from_code(GASKET)))
         assert camera_of(objective.levels)[0] == kind
+
+
+def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(monkeypatch):
+    image = drawn_by(Dots(CAMERA, None, (0.16, 0.7 * PIXEL)), GASKET)
+    dots = ImageObjective(image, Dots(CAMERA, image, (0.16, 0.7 * PIXEL)), PARAMS)
+    start = dots.judge(affine.from_code(GASKET))
+    rough = ImageObjective(image, Drawn(CAMERA, image, (0.0, 2 * PIXEL, 0.0)), PARAMS)
+    monkeypatch.setattr(camera, "as_seen", lambda *rest: [(rough, rough.judge(start.maps))])
+    assert angle_of(sharpened(dots, start)) <= angle_of((dots, start))
+
+
+@pytest.mark.parametrize("usual", [0.0, 0.65, 1.0])
+def test_a_tile_that_is_white_all_over_is_drawn_whole(usual):
+    image = torch.ones(SIDE, SIDE)
+    drawn = tiled(image, GASKET, 0.25, SIDE, 3, camera=CAMERA.updated(tile_usual=usual))
+    assert float(drawn.max()) == 1.0 and float(tiled(image * 0, GASKET, 0.25, SIDE, 3, camera=CAMERA).max()) == 0.0

@@ -200,9 +200,9 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
 
 def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
     problem = SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS)
-    assert "strokes" in [stage.name for stage in stages_of(problem, 0)]
+    assert "construction" in [stage.name for stage in stages_of(problem, 0)]
     polishing = replace_params(problem, **OPTIONS)
-    assert "strokes" not in [stage.name for stage in stages_of(polishing, 0)] and polishing.rounds == 1
+    assert "construction" not in [stage.name for stage in stages_of(polishing, 0)] and polishing.rounds == 1
 
 
 @pytest.mark.parametrize("depth", [8, pytest.param(10, marks=pytest.mark.slow)])
@@ -248,3 +248,31 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
 
 def replace_params(problem, **options):
     return SearchProblem(problem.given, problem.levels, problem.params.updated(**options))
+
+
+def test_dots_and_pens_are_compared_by_their_angles():
+    """Dots have sixteen times as many subpixels as a pen, so their errors are as many times as large."""
+    image = drawing(4)
+    stage = Recursion(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
+    pen, dots = (judged(image, *each) for each in (("coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0)),
+                                                    ("dots", ("dots", 0.08, 0.5 * PIXEL))))
+    shown, other = pen.judge(affine.from_code(tree())), dots.judge(affine.from_code(tree()))
+    assert stage._error(pen, shown) == pytest.approx(shown.error)
+    assert stage._error(dots, other) == pytest.approx(other.error / 16)
+
+
+def test_no_tiles_are_sought_with_a_known_pen():
+    image = drawing(4)
+    tried = ({}, {"coverage", "strokes"}), ({"pen_px": 0.8}, {"strokes"}), ({"tiles_px": []}, {"strokes"})
+    for known, cameras in tried:
+        problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS.updated(camera=known))
+        assert {each.camera for each in Recursion(problem)._tries} == cameras
+
+
+def test_a_shrunk_picture_is_not_taken_for_a_construction_that_was_not_sought():
+    image = drawing(4)
+    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS.updated(
+        stages={"largest_side": 64, "full_side": 128}))
+    state = State(best=Candidate(affine.from_code(tree())[:2], None, 1.0, 1.0, ("coverage", 0.1, 0.0, 0.0)))
+    assert problem.is_reduced and not Recursion.may_help(problem)
+    assert DrawnMoves(problem).is_wanted(state)

@@ -40,7 +40,7 @@ class Recursion(Stage[Any]):
     The code is taken if it draws the picture; the moves by renderings are then left out. A move is a search.
     """
 
-    name, ends_at = "strokes", "approach_share"
+    name, ends_at = "construction", "approach_share"
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)
@@ -144,7 +144,6 @@ class Recursion(Stage[Any]):
         if found.camera:
             objective = objective.seen_with(seen_with(objective.levels, found.camera))
         return objective.judge(found.maps, found.weights), objective
-
 
     def _candidate(self, objective: ImageObjective, shown: Rendered) -> Candidate:
         error = self._error(objective, shown)

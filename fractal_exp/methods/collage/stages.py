@@ -288,8 +288,8 @@ class DrawnLastDigits(LastDigits):
         return sharpened(objective, found, deadline)
 
     def _simplest(self, found: Rendered) -> Rendered:
-        """The simplest code for the shape. Codes may differ by symmetries of the shape, by parents in the place of
-        maps, and by maps that nobody sees."""
+        """The simplest code for the shape. Codes may differ by symmetries of the shape, by doubles, and by parents in
+        the place of maps."""
         objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
         simple = WeightedMaps(simplest(found.maps, symmetries(objective.image.cpu(), params), params), found.weights)
         single = _without_doubles(self.problem, simple)  # mirrored, two maps of a symmetric shape may be one
@@ -301,8 +301,8 @@ class DrawnLastDigits(LastDigits):
         return min(flat, other, key=lambda each: each.error)
 
     def _is_far(self, found: Candidate) -> bool:
-        hasty = self.objective.hasty()
-        return hasty.likeness(hasty.judge(found.maps, found.weights).image) < self.params.stages.unlike
+        shown = self.objective.judge(found.maps, found.weights)
+        return self.objective.likeness(shown.image) < self.params.stages.unlike
 
 
 def _without_doubles(problem: SearchProblem, found: WeightedMaps) -> WeightedMaps:

@@ -15,7 +15,7 @@ from .measure.tones import Camera
 
 VERSION = 11   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
-STAGES = ("population", "restart", "mixture", "detail", "approach", "strokes", "image", "full size", "last digits",
+STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "last digits",
           "growth")   # in order; the last three come after all rounds
 
 

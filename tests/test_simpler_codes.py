@@ -1,0 +1,128 @@
+"""Simpler codes for one shape: its symmetries, parents of maps, doubles, and maps that nobody sees."""
+
+import pytest
+import torch
+from test_drawn_pictures import at, triangles
+
+from fractal_exp import codes
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.canonical.flat import on_their_line
+from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
+from fractal_exp.methods.collage.image.likeness import without_unseen
+from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents
+from fractal_exp.methods.collage.image.pruning import Price, without_doubles
+from fractal_exp.methods.collage.measure.bins import attractor_points
+from fractal_exp.methods.collage.measure.pens import Drawn
+from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.stages import DrawnLastDigits
+
+PARAMS, SIDE = CollageParams(), 128
+CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
+GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
+PEN = (0.0, 1.0 * PIXEL, 0.5 * PIXEL)
+
+
+
+def test_the_symmetries_of_a_triangle_are_found():
+    group = symmetries(at(triangles(4)), PARAMS.canonical)
+    assert len(group) == 6
+    assert torch.equal(group[0][:4], torch.tensor([1.0, 0, 0, 1]))
+
+
+def test_of_the_codes_of_a_symmetric_shape_the_textbook_has_the_simplest():
+    group = symmetries(at(triangles(5)), PARAMS.canonical)
+    maps = affine.from_code(GASKET)
+    turned = torch.stack([affine.composed(one, group[k]) for one, k in zip(maps, (1, 3, 5), strict=True)])
+    assert not torch.allclose(turned, maps, atol=0.01)
+    assert torch.allclose(simplest(turned, group, PARAMS.canonical), maps, atol=0.02)
+
+
+def test_a_map_takes_the_place_of_its_compositions():
+    dragon = attractor.normalize(codes.known("heighway_dragon"))
+    first, second = affine.from_code(dragon)
+    parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 0.5 * PIXEL, 0.0)).render(dragon, SIDE, 0)
+    levels = Drawn(CAMERA, image, (0.0, 0.5 * PIXEL, 0.0))
+    judge = ImageObjective(image, levels, PARAMS)
+    best = min(with_parents(judge, judge.judge(parts)), key=lambda each: each.error)
+    assert sorted(best.maps.tolist()) == [pytest.approx(each, abs=1e-4) for each in sorted([first.tolist(),
+                                                                                            second.tolist()])]
+
+
+def test_doubles_are_one_map_with_both_weights():
+    maps = affine.from_code(GASKET)
+    doubled = torch.cat([maps, maps[:1] + 0.3 * PIXEL * torch.tensor([0, 0, 0, 0, 1.0, 1])])
+    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0, CAMERA)
+    kept, weights = without_doubles(doubled, torch.tensor([.3, .3, .3, .1]), points, 2 * PIXEL)
+    assert torch.equal(kept, maps)
+    assert weights.tolist() == pytest.approx([.4, .3, .3])
+
+
+def test_a_map_must_lower_the_error_by_its_price():
+    assert Price(0.1).score(1.0, 3) == pytest.approx(1.3)
+    assert Price(0.0, 0.1).score(1.0, 2) == pytest.approx(1.21)
+    assert Price(0.0, 0.1).spares(1.05, 1.0) and not Price(0.0, 0.1).spares(1.2, 1.0)
+
+
+def test_what_maps_do_across_a_line_does_not_keep_their_parent_from_being_found():
+    """Cantor's set: f1, and what f2 makes of f1 and of itself, each with something else across the line."""
+    first, second = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
+    cantor = affine.to_code(torch.stack([first, second]))
+    parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
+    parts[:, [1, 3]] = torch.tensor([[0.7, 0.1], [-0.4, 0.9], [-0.4, 0.3]])  # what y does cannot be seen
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, PIXEL, 0.0)).render(cantor, SIDE, 0)
+    judge = ImageObjective(image, Drawn(CAMERA, image, (0.0, PIXEL, 0.0)), PARAMS)
+    fewer = with_fewer_maps(judge, judge.judge(parts), Price(0.0, 0.1), 4)
+    assert len(fewer.maps) == 2
+    lines = fewer.maps[:, [0, 4]].abs()  # a set that is its own mirror image: either sign
+    assert torch.allclose(lines, torch.tensor([[1 / 3, 0.5]]).expand(2, 2), atol=0.01)
+
+
+def test_maps_of_a_shape_that_is_no_line_stay():
+    maps = affine.from_code(GASKET)
+    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0, CAMERA)
+    assert on_their_line(maps, points, PIXEL) is maps
+
+
+def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
+    maps = affine.from_code(GASKET)
+    tiny = torch.tensor([[.02, 0, 0, .02, *maps[0, 4:]]])  # within the image of the first
+    pen = (0.0, 0.5 * PIXEL, 0.0)
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(GASKET, SIDE, 0)
+    judge = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS)
+    shown = judge.judge(torch.cat([maps, tiny]))
+    found = without_unseen(judge, shown, 0)
+    assert len(found.maps) == 3
+    assert torch.allclose(found.maps, maps, atol=PIXEL)
+    assert len(without_unseen(judge, shown, 4).maps) == 4
+    none = PARAMS.updated(canonical={"drawn_worse": 0.1, "drawn_noise": 0})
+    exact = ImageObjective(image, Drawn(CAMERA, image, pen), none)
+    assert len(without_unseen(exact, exact.judge(shown.maps), 0).maps) == 4, "no code has a tenth of the error"
+    rough = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS.updated(canonical={"drawn_worse": 0.1}))
+    assert len(without_unseen(rough, rough.judge(shown.maps), 0).maps) == 3, "less than the noise of a picture"
+
+
+def test_two_maps_that_a_symmetry_makes_one_are_one():
+    maps = affine.from_code(GASKET)
+    mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
+    doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
+    levels, params = Drawn(CAMERA, Drawn(CAMERA, None, PEN).render(GASKET, SIDE, 0)), PARAMS.updated(
+        moves={"parent_maps": 0, "pruning": False, "unseen": None})  # nothing else leaves maps out
+    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
+    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), params)
+    found = stage._rounded(stage.objective.judge(doubled))
+    assert len(found.maps) == 3
+    assert torch.allclose(found.maps[:, :4], torch.tensor([0.5, 0, 0, 0.5]).expand(3, 4), atol=0.01)
+
+
+def test_a_number_of_maps_that_was_asked_for_stays():
+    maps = affine.from_code(GASKET)
+    doubled = torch.cat([maps, maps[:1]])
+    asked = PARAMS.updated(maps=4)
+    levels = Drawn(CAMERA, Drawn(CAMERA, None, PEN).render(GASKET, SIDE, 0))
+    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, asked))
+    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), asked)
+    assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4

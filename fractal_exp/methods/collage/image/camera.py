@@ -89,8 +89,8 @@ def _kinds(params: CollageParams) -> list[str]:
 
 
 def _starts(objective: ImageObjective, found: Rendered, kind: str, deadline: Deadline) -> list[Seen]:
-    """The code as the likeliest cameras of a kind see it. Strokes are tried where a pen drew lines or areas, and
-    replace it if they explain the picture much better."""
+    """The code as the likeliest cameras of a kind see it. Strokes are tried beside pens and tiles. They
+    replace them if they explain the picture much better."""
     camera = objective.params.camera
     starts = as_seen(objective, found, kind, deadline)
     if kind == "coverage" and starts:

@@ -52,10 +52,10 @@ def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int, *, 
 
 
 def _inked(levels: Tensor, camera: CameraParams) -> Tensor:
-    """Which cells (K,) a tile covers that shows these mean levels.
+    """The cells (K,) that a tile covers, from the mean level (K,) of each.
 
-    Cells above a share of the highest level belong to the tile. If a tile is white inside, all of them are covered. A
-    line thinner than a pixel is grey, so its brightest cells are covered: as large a share of all as the usual level.
+    Cells above a share of the highest level belong to the tile. If the tile is white inside, it covers all of them. A
+    line thinner than a pixel is grey. Of its cells, the brightest are covered, and their share is the usual level.
     """
     order = levels.argsort(descending=True, stable=True)
     inside = int((levels > camera.tile_lit * levels.max().clamp_min(1e-6)).sum())

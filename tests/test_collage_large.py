@@ -64,5 +64,5 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
     whole = problem(given.image)
     names = [each.name for each in (*stages_of(whole, 0), *last_stages(whole))]
-    strokes = [] if kind == "binary" else ["strokes"]   # grey levels that were reduced look like a drawing's
-    assert names == ["search", "search", "detail", *strokes, "image", "last digits"]
+    sought = [] if kind == "binary" else ["construction"]   # grey levels that were reduced look like a drawing's
+    assert names == ["search", "search", "detail", *sought, "image", "last digits"]

@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from fractal_exp import IFS, InputError
+from fractal_exp.cli.folders import FitFolder
 from fractal_exp.images.reading import write_image
 from fractal_exp.runtime import files
 from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
@@ -61,6 +62,17 @@ def test_what_a_killed_process_left_goes_with_a_later_write_but_not_what_is_bein
         monkeypatch.setattr(files, "_looked_through", set())  # another process
         write_atomically(tmp_path / "file", b"whole")
         assert not left.exists() and others.exists() and mine.exists()
+
+
+def test_a_fit_that_begins_removes_what_a_killed_one_left_and_nothing_else(tmp_path):
+    folder = FitFolder.open(tmp_path, "fit")
+    left = [folder.path / ".checkpoint.safetensors.0123456789ab.partial",
+            folder.views / ".preview.png.ba9876543210.partial"]
+    kept = [folder.checkpoint, folder.path / ".notes.partial", folder.path / ".lock"]
+    for path in (*left, *kept):
+        path.write_bytes(b"half")
+    folder.begin("seed: 0")
+    assert not any(path.exists() for path in left) and all(path.exists() for path in kept)
 
 
 def test_a_write_that_fails_leaves_the_file_before_and_says_why_in_one_line(tmp_path):

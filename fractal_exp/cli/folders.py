@@ -19,7 +19,7 @@ from ..ifs.code import IFS
 from ..images.reading import write_image
 from ..methods.history import StageRecord
 from ..runtime.checkpoint import compare
-from ..runtime.files import alone_in, check_scores, read_record, write_atomically
+from ..runtime.files import alone_in, check_scores, read_record, remove_partial, write_atomically
 from ..tracking.addresses import shown
 from ..verdict import Verdict
 from . import records
@@ -87,7 +87,10 @@ class FitFolder:
         self.checkpoint.unlink(missing_ok=True)
 
     def begin(self, config: str) -> None:
-        """Note the configuration (YAML) of the fit that begins, and forget that an earlier one finished here."""
+        """Note the configuration (YAML) of the fit that begins, forget that an earlier one finished here, and remove
+        what a killed one had not finished writing."""
+        for each in (self.path, self.views):
+            remove_partial(each)
         write_atomically(self.path / "config.yaml", config.encode())
         self._finished.unlink(missing_ok=True)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
+import math
 import os
 import re
 import reprlib
@@ -81,11 +82,17 @@ def _remove_abandoned(folder: Path, now: float) -> None:
     if folder in _looked_through:
         return
     _looked_through.add(folder)
+    remove_partial(folder, now - ABANDONED_AFTER)
+
+
+def remove_partial(folder: Path, before: float = math.inf) -> None:
+    """Remove the partial files of a folder that were last written before a time; all of them where nobody else
+    writes."""
     with contextlib.suppress(OSError), os.scandir(folder) as entries:  # which may be closed to us
         for entry in entries:
             if PARTIAL.fullmatch(entry.name):
                 with contextlib.suppress(OSError):  # another process was quicker, or it belongs to somebody else
-                    if entry.stat().st_mtime < now - ABANDONED_AFTER:
+                    if entry.stat().st_mtime < before:
                         os.unlink(entry.path)
 
 

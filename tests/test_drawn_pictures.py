@@ -106,6 +106,20 @@ def test_a_construction_is_explained_by_tiles_of_its_depth_under_the_true_code_a
     assert true < 0.5 * other and true < 0.5 * pen
 
 
+def test_tiles_are_taken_only_if_they_suit_the_code_much_better_than_a_pen():
+    image = at(triangles(4))
+    levels = levels_of(image, "coverage", CAMERA)
+    tried = nearest(image, levels, GASKET, PARAMS, 0)
+    pen, tile = (next(each for each in tried if seen_with(levels, each[1]).shows_attractor is kind)
+                 for kind in (True, False))
+    ratio = tile[0] / pen[0]
+    assert ratio < CAMERA.tiled, "this is a construction of few steps"
+    for tiled_below, expected in ((1.01 * ratio, tile), (0.99 * ratio, pen)):
+        params = CollageParams(camera={"tiled": tiled_below})
+        seen = estimated(image, levels_of(image, "coverage", params.camera), GASKET, params, 0)
+        assert seen == expected[1]
+
+
 def test_the_pen_of_a_line_drawing_is_found():
     values = (0.0, 1.5 * PIXEL, 0.5 * PIXEL)
     image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), values).render(GASKET, SIDE, 1)

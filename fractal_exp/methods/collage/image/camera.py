@@ -22,14 +22,16 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
     """The camera with which the rendering of a code comes closest to the image (R,R); empty if the levels are exact or
     `CameraParams.estimate` is off.
 
-    All values that the parameters list are tried. Dots are chosen only if they explain the image much better than a
-    pen, and a tone curve only if it explains it much better than both. If the search already measures the image through
-    a tone curve, the camera that explains it best is chosen."""
+    All values that the parameters list are tried. Tiles are chosen only if they explain the image much better than a
+    pen that draws the attractor, dots only if they explain it much better than both, and a tone curve only if it
+    explains it much better than all. If the search already measures the image through a tone curve, the camera that
+    explains it best is chosen."""
     if levels.is_exact or not levels.camera.estimate:
         return ()
 
     def best(name: str) -> tuple[float, Camera]:
-        return nearest(image, LEVELS[name].of(image, levels.camera), code, params, seed)[0]
+        kind = LEVELS[name].of(image, levels.camera)
+        return _likely(kind, nearest(image, kind, code, params, seed))
 
     if params.levels != "auto":
         return best(params.levels)[1]
@@ -52,6 +54,13 @@ def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, see
         key = levels.drawn(values)
         found[key] = min(tried, found.get(key, tried))
     return sorted(found.values())
+
+
+def _likely(levels: Levels, tried: list[tuple[float, Camera]]) -> tuple[float, Camera]:
+    """The camera that comes closest, but one that draws the attractor unless tiles come much closer: tiles show the
+    picture itself, so they suit a wrong code too."""
+    whole = [each for each in tried if seen_with(levels, each[1]).shows_attractor]
+    return tried[0] if not whole or tried[0][0] < levels.camera.tiled * whole[0][0] else whole[0]
 
 
 def angle_as_density(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> float:

@@ -75,6 +75,8 @@ class CameraParams(Params):
     tiled_maps: Annotated[int, Field(ge=2)] = 2
     """Maximum number of maps of a code whose attractor may lie off the shape by half of any tile: so few maps do not
     draw a picture by chance."""
+    tiled: PositiveShare = 0.7
+    """In stage 3, tiles are taken if their angle of error is below this factor times the angle of a pen."""
     strokes: bool = True
     """Whether strokes are tried: the drawing of a recursion that ended, as of a tree."""
     stroke: Amount = 0.06

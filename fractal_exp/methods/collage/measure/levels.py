@@ -88,6 +88,11 @@ class Levels(ABC):
                   for k, value in enumerate(self.values)]
         return type(self)(self.camera, self.image, tuple(values))
 
+    @property
+    def shows_attractor(self) -> bool:
+        """Whether the image shows the attractor itself, rather than a step of its construction."""
+        return True
+
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The camera values that define what is drawn of a code, without those that define how."""
         return ()

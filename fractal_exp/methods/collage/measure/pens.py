@@ -31,6 +31,10 @@ class Drawn(Coverage):
     def pen(self) -> float:
         return self.values[-2] if self.values else 0.0
 
+    @property
+    def shows_attractor(self) -> bool:
+        return not (self.values and self.values[0])
+
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The tile size."""
         return values[:1]

@@ -34,6 +34,10 @@ class Strokes(Drawn):
         found = self._generations(code, resolution, int(self.values[0])) if self.values else []
         return found[-1].length if found else 0.0
 
+    @property
+    def shows_attractor(self) -> bool:
+        return False
+
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The depth, and whether the pen shrinks."""
         return values[:2]

@@ -41,10 +41,11 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     on black, centred, padded, and resized to (resolution, resolution). The code is in the frame of that image: the
     shape's longer side spans [-0.75, 0.75]. The result's `placement` maps it back to the picture's pixels. A
     `ReadImage` from `read_target` is used as it is. frame: "keep" keeps the frame of a square picture, such as one from
-    `render` or `suite.target`; fitting it again would resample its grey levels. invert, threshold, clean, crop: see
-    `read_target`. colour: give each map of the code found a colour and a blend, so that the code is drawn in the
-    picture's colours (see `ifs.Colours` and `colouring.fitted`). The search, and so the shape, is the same without. It
-    needs scikit-image. seconds: a time limit, after which the best code so far is returned.
+    `render`; fitting it again would resample its grey levels. A `suite.target` of this resolution stays as it is.
+    invert, threshold, clean, crop: see `read_target`. colour: give each map of the code found a colour and a blend, so
+    that the code is drawn in the picture's colours (see `ifs.Colours` and `colouring.fitted`). The search, and so the
+    shape, is the same without. It needs scikit-image. seconds: a time limit, after which the best code so far is
+    returned.
     progress: show a bar. on_step: called with a `Progress` after every step. keep_interrupted: an interruption (Ctrl-C)
     returns the best code so far, if there is one, instead of raising KeyboardInterrupt. checkpoint: where the work is
     saved, also at an interruption, and where it goes on from if that says so; `seconds` count from now.

@@ -228,6 +228,7 @@ def test_a_camera_is_described_in_pixels_and_taken_up_again():
 def test_our_own_grey_levels_are_known_and_others_are_not():
     own = suite.target(GASKET, SIDE, "grey")
     assert guess_levels(own, CAMERA) == "density"
+    assert guess_levels((own * 65535).round() / 65535, CAMERA) == "density"
     assert guess_levels((own * 255).round() / 255, CAMERA) == "coverage"
     assert guess_levels((own > 0.25).float(), CAMERA) == "binary"
     assert guess_levels(at(np.float32(own > 0.25), SIDE // 2), CAMERA) == "coverage"  # shrunk: quarters

@@ -7,8 +7,8 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import InputError
-from fractal_exp.images.reading import read_target
+from fractal_exp import InputError, codes, suite
+from fractal_exp.images.reading import read_target, write_image
 
 
 def rectangle(height, width, x0, y0, x1, y1):
@@ -176,6 +176,25 @@ def test_keep_frame_leaves_a_framed_target_alone():
     torch.testing.assert_close(halved, torch.nn.functional.avg_pool2d(image[None], 2)[0])
     odd = read_target(image, 35, frame="keep", invert=False).image
     assert float(odd.mean()) == pytest.approx(float(image.mean()), rel=1e-5)
+
+
+def test_a_target_of_our_own_stays_as_it_is(tmp_path):
+    image = suite.target(codes.known("fern"), 64)
+    written = write_image(tmp_path / "fern.png", image, bits=16)
+    for source, atol in ((image, 0), (image.numpy(), 0), (written, 1e-5)):
+        read = read_target(source, 64)
+        assert (read.image - image).abs().max() <= atol and read.crop_box == (0, 0, 64, 64)
+    assert any("a target of this package" in note for note in read.notes)
+
+
+@pytest.mark.parametrize("picture", [
+    suite.target(codes.known("fern"), 64, "binary"),
+    (suite.target(codes.known("fern"), 64) * 255).round() / 255,
+    torch.nn.functional.avg_pool2d(suite.target(codes.known("fern"), 128, "binary")[None], 2)[0],
+    torch.nn.functional.pad(suite.target(codes.known("fern"), 64)[8:-8, 8:-8], (0, 16, 0, 16)),
+], ids=["binary", "8 bits", "shrunk", "in a corner"])
+def test_other_pictures_of_a_targets_size_are_fitted(picture):
+    assert read_target(picture, 64, invert=False).crop_box != (0, 0, 64, 64)
 
 
 @pytest.mark.parametrize("dtype", ["bool", "uint8", "uint16", "float16", "float32", "float64", ">f4", ">u2"])

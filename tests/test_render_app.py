@@ -126,7 +126,7 @@ def test_what_a_user_can_mend_is_one_line(tmp_path, monkeypatch, capsys, argumen
 
 
 def test_a_suite_in_files(tmp_path):
-    suite_app.main([str(tmp_path / "suite"), "--count", "3", "--resolution", "32", "--seed", "5", "--bits", "16"])
+    suite_app.main([str(tmp_path / "suite"), "--count", "3", "--resolution", "32", "--seed", "5"])
     folder = tmp_path / "suite"
     code = random_suite(3, 5)[2]
     saved = IFS.load(folder / "codes" / "002.json")

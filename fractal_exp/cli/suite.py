@@ -41,7 +41,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=SUITE_SEED, help="of the suite")
     parser.add_argument("--resolution", type=int, default=1024, help="pixels a side")
     parser.add_argument("--binary", action="store_true", help="black and white (above 0.25) instead of grey")
-    parser.add_argument("--bits", type=int, choices=(8, 16), default=8, help="of the images")
+    parser.add_argument("--bits", type=int, choices=(8, 16),
+                        help="of the images (default: 16, as 8 would round grey levels; 8 with --binary)")
     command("fractal-suite", write_suite, parser, arguments)
 
 
@@ -52,13 +53,13 @@ def write_suite(options: argparse.Namespace) -> None:
         raise InputError(f"the resolution must be from 1 to 16384, got {options.resolution}")
     folder = make_folder(options.folder)
     codes, targets = make_folder(folder / "codes"), make_folder(folder / "targets")
-    kind = TARGET_KINDS[options.binary]
+    kind, bits = TARGET_KINDS[options.binary], options.bits or (8 if options.binary else 16)
     threads.use()
     small, names = [], [f"{index:03d}" for index in range(len(suite))]
     for name, code in zip(tqdm(names, "drawing", unit="fractal"), suite, strict=True):
         attractor.normalize(code).save(codes / f"{name}.json")
         image = target(code, options.resolution, kind)
-        write_image(targets / f"{name}.png", image, bits=options.bits)
+        write_image(targets / f"{name}.png", image, bits=bits)
         small.append(_small(image))
     write_image(folder / "sheet.png", contact_sheet(small, names))
     facts = {"count": options.count, "seed": options.seed, "resolution": options.resolution, "kind": kind}

@@ -21,7 +21,7 @@ from .checks import MIN_SIDE, Notes, check_crop, check_options, check_pixels, ch
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
 from .parts import beside_the_shape
 from .placement import Placement
-from .sampling import resample, window
+from .sampling import is_target, resample, window
 
 __all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_target", "write_image"]
 
@@ -84,8 +84,9 @@ def read_target(
     padding: in [0,1), the share of the canvas that the shape's longer side leaves free.
     frame: "fit" centres the shape's bounding box on the canvas. The box holds all pixels that exceed the background by
     a tenth of the contrast and by six standard deviations of the border's noise, so that JPEG artefacts do not count.
-    Its edge pixels count by their level, so smooth edges are found between pixels. "keep" keeps a square picture's
-    frame.
+    Its edge pixels count by their level, so smooth edges are found between pixels. A grey `suite.target` of this
+    resolution stays as it is, unless 8 bits rounded it: its levels tell the code exactly. "keep" keeps the frame of
+    any square picture.
     clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
     levels are distances from the background's colour, with 1 for the pen's colour. The background and its noise become
     0; a shape of one flat colour becomes 1. Axes, frames, text, specks and all but the largest of several solid shapes
@@ -113,6 +114,9 @@ def read_target(
         shape = shape.binary(threshold, name)
         notes.append(f"binary at the threshold {threshold:g}")
     scale = pixels.scale
+    if width == height == resolution and frame == "fit" and is_target(shape.grey, shape.profile, padding):
+        frame = "keep"
+        notes.append("a target of this package in its frame: it stays as it is")
     x, y, side = (0.0, 0.0, float(width)) if frame == "keep" else window(shape.profile, shape.level, padding, notes,
                                                                         scale, pixels.origin)
     _warn(notes, resolution / side / scale, shape.level)

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
+TARGET_SUBPIXELS = 16**2                 # of a pixel of `suite.target`
+ROUNDED = 0.0025                         # subpixels by which 16 bits round such a level; 8 bits round by up to 1
+FRAMED = 0.45, 0.6                       # farthest lit pixel from the centre, of the frame's side: tips are faint
 
 
 def window(profile: Profile, level: float, padding: float, notes: list[str], scale: float = 1.0,
@@ -36,6 +39,23 @@ def window(profile: Profile, level: float, padding: float, notes: list[str], sca
     notes.append(f"the shape spans {scale * (x1 - x0):.1f}×{scale * (y1 - y0):.1f} px of {width}×{height}, "
                  f"centred at ({origin[0] + scale * (x0 + x1) / 2:.1f}, {origin[1] + scale * (y0 + y1) / 2:.1f})")
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side
+
+
+def is_target(grey: Bands, profile: Profile, padding: float) -> bool:
+    """Whether a picture (R,R) is a grey target of this package in its frame: all levels are whole numbers of
+    subpixels, not all even as in a shrunk binary target, and the lit pixels nearly fill the frame."""
+    lit = [np.flatnonzero(each[1] > 0) for each in (profile.columns, profile.rows)]
+    farthest = max(np.abs(each + 0.5 - grey.width / 2).max() for each in lit)
+    if not FRAMED[0] <= farthest / ((1 - padding) * grey.width) <= FRAMED[1]:
+        return False
+    some_odd = False
+    for band in grey:
+        shares = band * np.float32(TARGET_SUBPIXELS)
+        whole = np.rint(shares)
+        if np.abs(shares - whole).max() > ROUNDED:
+            return False
+        some_odd |= bool((whole % 2 == 1).any())
+    return some_odd
 
 
 def resample(grey: Bands, x: float, y: float, side: float, resolution: int, fill: float) -> np.ndarray:

@@ -27,8 +27,9 @@ class CameraParams(Params):
     """Minimum number of points per pixel in a rendering that judges a code by a linear image."""
     deblur_steps: Count = 10
     """Steps of Richardson (1972) and Lucy (1974) that sharpen a blurred image before the search."""
-    rounding: Amount = 1e-3
-    """Maximum deviation from a whole number of subpixels for a grey level of our own renderer."""
+    rounding: Amount = 0.0025
+    """Maximum deviation from a whole number of subpixels for a grey level of our own renderer: 16 bits round by up to
+    0.002."""
     unlit: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """Minimum number of unlit subpixels in a pixel of a density. A white pixel would have an infinite mass."""
     least_variance: Factor = 1e-4

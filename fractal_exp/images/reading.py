@@ -85,8 +85,7 @@ def read_target(
     frame: "fit" centres the shape's bounding box on the canvas. The box holds all pixels that exceed the background by
     a tenth of the contrast and by six standard deviations of the border's noise, so that JPEG artefacts do not count.
     Its edge pixels count by their level, so smooth edges are found between pixels. A grey `suite.target` of this
-    resolution stays as it is, unless 8 bits rounded it: its levels tell the code exactly. "keep" keeps the frame of
-    any square picture.
+    resolution stays as it is, unless it was rounded to 8 bits. "keep" keeps the frame of any square picture.
     clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
     levels are distances from the background's colour, with 1 for the pen's colour. The background and its noise become
     0; a shape of one flat colour becomes 1. Axes, frames, text, specks and all but the largest of several solid shapes
@@ -114,11 +113,7 @@ def read_target(
         shape = shape.binary(threshold, name)
         notes.append(f"binary at the threshold {threshold:g}")
     scale = pixels.scale
-    if width == height == resolution and frame == "fit" and is_target(shape.grey, shape.profile, padding):
-        frame = "keep"
-        notes.append("a target of this package in its frame: it stays as it is")
-    x, y, side = (0.0, 0.0, float(width)) if frame == "keep" else window(shape.profile, shape.level, padding, notes,
-                                                                        scale, pixels.origin)
+    x, y, side = _square(shape, frame, resolution, padding, notes, scale, pixels.origin)
     _warn(notes, resolution / side / scale, shape.level)
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
     crop_box = (left + scale * x, top + scale * y, left + scale * (x + side), top + scale * (y + side))
@@ -132,6 +127,18 @@ def _check_sides(width: int, height: int, frame: str, name: str) -> None:
         raise InputError(f"{name} must be at least {MIN_SIDE} px on each side, got {width}×{height}; take a larger one")
     if frame == "keep" and height != width:
         raise InputError(f'frame="keep" needs a square picture, {name} is {width}×{height}; use frame="fit" or crop it')
+
+
+def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: Notes, scale: float,
+            origin: tuple[int, int]) -> tuple[float, float, float]:
+    """The square (x, y, side) of the picture that fills the canvas: all of it, or the shape's."""
+    whole = 0.0, 0.0, float(shape.grey.width)
+    if frame == "keep":
+        return whole
+    if shape.grey.width == shape.grey.height == resolution and is_target(shape.grey, shape.profile, padding):
+        notes.append("a target of this package in its frame: it stays as it is")
+        return whole
+    return window(shape.profile, shape.level, padding, notes, scale, origin)
 
 
 def _warn(notes: Notes, enlarged: float, level: float) -> None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
+from ..suite import has_target_levels
 from .bands import Bands, Profile
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
-TARGET_SUBPIXELS = 16**2                 # of a pixel of `suite.target`
-ROUNDED = 0.0025                         # subpixels by which 16 bits round such a level; 8 bits round by up to 1
 FRAMED = 0.45, 0.6                       # farthest lit pixel from the centre, of the frame's side: tips are faint
 
 
@@ -42,20 +42,11 @@ def window(profile: Profile, level: float, padding: float, notes: list[str], sca
 
 
 def is_target(grey: Bands, profile: Profile, padding: float) -> bool:
-    """Whether a picture (R,R) is a grey target of this package in its frame: all levels are whole numbers of
-    subpixels, not all even as in a shrunk binary target, and the lit pixels nearly fill the frame."""
+    """Whether a picture (R,R) is a grey target of this package in its frame, with the levels that its code gave it."""
     lit = [np.flatnonzero(each[1] > 0) for each in (profile.columns, profile.rows)]
     farthest = max(np.abs(each + 0.5 - grey.width / 2).max() for each in lit)
-    if not FRAMED[0] <= farthest / ((1 - padding) * grey.width) <= FRAMED[1]:
-        return False
-    some_odd = False
-    for band in grey:
-        shares = band * np.float32(TARGET_SUBPIXELS)
-        whole = np.rint(shares)
-        if np.abs(shares - whole).max() > ROUNDED:
-            return False
-        some_odd |= bool((whole % 2 == 1).any())
-    return some_odd
+    is_framed = FRAMED[0] <= farthest / ((1 - padding) * grey.width) <= FRAMED[1]
+    return is_framed and has_target_levels(torch.from_numpy(np.concatenate(list(grey))))
 
 
 def resample(grey: Bands, x: float, y: float, side: float, resolution: int, fill: float) -> np.ndarray:

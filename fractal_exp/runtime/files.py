@@ -86,8 +86,7 @@ def _remove_abandoned(folder: Path, now: float) -> None:
 
 
 def remove_partial(folder: Path, before: float = math.inf) -> None:
-    """Remove the partial files of a folder that were last written before a time; all of them where nobody else
-    writes."""
+    """Remove the partial files of a folder, or only those that were last written before a time."""
     with contextlib.suppress(OSError), os.scandir(folder) as entries:  # which may be closed to us
         for entry in entries:
             if PARTIAL.fullmatch(entry.name):

@@ -57,8 +57,8 @@ def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, see
 
 
 def _likely(levels: Levels, tried: list[tuple[float, Camera]]) -> tuple[float, Camera]:
-    """The camera that comes closest, but one that draws the attractor unless tiles come much closer: tiles show the
-    picture itself, so they suit a wrong code too."""
+    """The best camera that draws the attractor, unless tiles come much closer. Tiles show the picture itself, so they
+    suit a wrong code too."""
     whole = [each for each in tried if seen_with(levels, each[1]).shows_attractor]
     return tried[0] if not whole or tried[0][0] < levels.camera.tiled * whole[0][0] else whole[0]
 

@@ -7,13 +7,14 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, below, check_order
+from ....suite import TARGET_ROUNDING, TARGET_SUPERSAMPLE
 from ..fields import Factor, PositiveShare, SingularValue, Some, ascending
 
 
 class CameraParams(Params):
     """How the image is assumed to have been rendered from a code. The defaults describe the suite's targets."""
 
-    supersample: Positive = 16
+    supersample: Positive = TARGET_SUPERSAMPLE
     """Subpixels per side of a pixel of a density or a binary image (Section 5 of the paper)."""
     coverage_supersample: Positive = 4
     """Subpixels per side of a pixel of an anti-aliased image."""
@@ -27,7 +28,7 @@ class CameraParams(Params):
     """Minimum number of points per pixel in a rendering that judges a code by a linear image."""
     deblur_steps: Count = 10
     """Steps of Richardson (1972) and Lucy (1974) that sharpen a blurred image before the search."""
-    rounding: Amount = 0.0025
+    rounding: Amount = TARGET_ROUNDING
     """Maximum deviation from a whole number of subpixels for a grey level of our own renderer: 16 bits round by up to
     0.002."""
     unlit: Annotated[float, Field(gt=0, lt=1)] = 0.5

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
+from ....suite import has_target_levels
 from .camera_params import CameraParams
 from .levels import Binary, Density, Levels
 from .linear import Linear
@@ -62,7 +63,4 @@ def guess_levels(image: Tensor, camera: CameraParams) -> str:
     are odd, unlike in a shrunk picture; else "coverage", for pictures that others drew."""
     if bool(((image == 0) | (image == 1)).all()):
         return "binary"
-    shares = image * camera.supersample**2
-    whole = shares.round()
-    is_own = bool(((shares - whole).abs() < camera.rounding).all()) and bool((whole % 2 == 1).any())
-    return "density" if is_own else "coverage"
+    return "density" if has_target_levels(image, camera.supersample, camera.rounding) else "coverage"

@@ -12,11 +12,10 @@ from torch import Tensor
 from .errors import InputError
 from .ifs import attractor
 from .ifs.code import IFS
+from .images.target_levels import TARGET_SUPERSAMPLE
 from .rendering.still import points_per_view, render
 
 TARGET_KINDS = ("grey", "binary")
-TARGET_SUPERSAMPLE = 16
-TARGET_ROUNDING = 0.0025  # subpixels; 16 bits round a grey level by up to 0.002, 8 bits by up to 1
 THRESHOLD = 0.25  # of a binary target
 SUITE_SEED = 2025  # of the project's results; any other seed makes another suite of the same distribution
 SUITE_COUNT = 100
@@ -59,14 +58,6 @@ def target(code: IFS, resolution: int = 1024, kind: str = "grey", *, seed: int =
     image = render(framed, resolution=resolution, points_in_view=points_per_view(resolution),
                    supersample=TARGET_SUPERSAMPLE, seed=seed)
     return image if kind == "grey" else (image > THRESHOLD).float()
-
-
-def has_target_levels(image: Tensor, supersample: int = TARGET_SUPERSAMPLE, rounding: float = TARGET_ROUNDING) -> bool:
-    """Whether the levels of an image (R,R) in [0,1] are those of a grey target: whole numbers of subpixels, up to a
-    rounding in subpixels. Some of them must be odd, unlike in a binary target that was shrunk."""
-    shares = image * supersample**2
-    whole = shares.round()
-    return bool(((shares - whole).abs() <= rounding).all()) and bool((whole % 2 == 1).any())
 
 
 def draw_code(rng: np.random.Generator, meta: dict[str, Any]) -> IFS:

@@ -6,8 +6,8 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from ....images.target_levels import TARGET_ROUNDING, TARGET_SUPERSAMPLE
 from ....runtime.params import NAME, Amount, Count, ParamError, Params, Positive, Share, below, check_order
-from ....suite import TARGET_ROUNDING, TARGET_SUPERSAMPLE
 from ..fields import Factor, PositiveShare, SingularValue, Some, ascending
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
-from ....suite import has_target_levels
+from ....images.target_levels import has_target_levels
 from .camera_params import CameraParams
 from .levels import Binary, Density, Levels
 from .linear import Linear

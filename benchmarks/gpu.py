@@ -2,6 +2,7 @@
 
     python -m benchmarks.gpu --json benchmarks/results/gpu_h200.json
     python -m benchmarks.gpu --perceptual lpips_squeeze --weights PATH --iterations 15000
+    python -m benchmarks.gpu --only collage       one part, or several: checks, operations, views, iteration, fit, ...
     python -m benchmarks.gpu --rehearse           the same script on the CPU at toy sizes: does it still run?
 
 Times are device milliseconds between events, the median of --repeats, each of a CUDA graph's replay (`graph`) and of
@@ -261,25 +262,22 @@ def time_views(sizes: Sizes, rates: dict[str, float]) -> list[dict]:
     return rows
 
 
-def time_collage(sizes: Sizes, count: int) -> list[dict]:
-    """Wall seconds of collage search on the first fractals of the suite, after each of its stages, and the F1 of the
-    whole view of what it had found by then, judged on the CPU."""
-    rows = []
-    for index, truth in enumerate(random_suite(count)):
-        target, start, found = suite.target(truth, sizes.resolution), time.perf_counter(), []
+def time_collage(sizes: Sizes, index: int) -> list[dict]:
+    """Wall seconds of collage search on a fractal of the suite, after each of its stages, and the F1 of the whole view
+    of what it had found by then, judged on the CPU."""
+    truth, found = random_suite(index + 1)[index], []
+    target, start = suite.target(truth, sizes.resolution), time.perf_counter()
 
-        def keep(progress: Progress, start: float = start, found: list = found) -> None:
-            if progress.code is not None:
-                found.append((progress.stage, time.perf_counter() - start, progress.code))
+    def keep(progress: Progress) -> None:
+        if progress.code is not None:
+            found.append((progress.stage, time.perf_counter() - start, progress.code))
 
-        small = QUICK if sizes == TOYS else {}
-        Collage(device=sizes.device, previews=0, **small).reconstruct(target, on_step=keep)
-        drawings = [inner_crop(render(attractor.normalize(code), resolution=sizes.laptop, seed=seed))[None]
-                    for seed, code in enumerate([truth, *(code.to("cpu") for _, _, code in found)])]
-        rows += [{"fractal": index, "stage": stage, "seconds": seconds, "maps": len(code),
-                  "f1": float(f1(drawing, drawings[0]))}
-                 for (stage, seconds, code), drawing in zip(found, drawings[1:], strict=True)]
-    return rows
+    small = QUICK if sizes == TOYS else {}
+    Collage(device=sizes.device, previews=0, **small).reconstruct(target, on_step=keep)
+    drawings = [inner_crop(render(attractor.normalize(code), resolution=sizes.laptop, seed=seed))[None]
+                for seed, code in enumerate([truth, *(code.to("cpu") for _, _, code in found)])]
+    return [{"stage": stage, "seconds": seconds, "maps": len(code), "f1": float(f1(drawing, drawings[0]))}
+            for (stage, seconds, code), drawing in zip(found, drawings[1:], strict=True)]
 
 
 def check() -> dict:
@@ -300,10 +298,12 @@ def main() -> None:
     parser.add_argument("--weights", default="random", help="file of its weights (default: random, for timing alone)")
     parser.add_argument("--iterations", type=int, default=1500, help="of the whole fit that is timed (default 1500)")
     parser.add_argument("--no-checks", action="store_true", help="times only")
+    parser.add_argument("--only", nargs="+", metavar="PART", help="parts whose names begin with these words")
     parser.add_argument("--rehearse", action="store_true", help="on the CPU, at toy sizes, without checks")
     arguments = parser.parse_args()
 
     sizes = TOYS if arguments.rehearse else Sizes()
+    timer = Timer(sizes.device, 3 if arguments.rehearse else arguments.repeats)
     report: dict = {}
 
     def note(name: str, measure: Callable[[], object]) -> None:
@@ -317,21 +317,25 @@ def main() -> None:
             arguments.json.write_text(json.dumps(report, indent=1) + "\n")
 
     note("environment", lambda: environment(sizes.device))
-    if not (arguments.no_checks or arguments.rehearse):
-        note("checks", check)
-    timer = Timer(sizes.device, 3 if arguments.rehearse else arguments.repeats)
     rates = measured_rates(sizes, timer)
     note("rates", lambda: rates)
-    note("operations", lambda: [time_operation(case, timer, rates) for case in operations(sizes)])
-    note("views", lambda: time_views(sizes, rates))
     term = perceptual_term(arguments.perceptual, arguments.weights)
     name = {"perceptual": "none" if term is None else term.name}
-    note("iteration", lambda: name | time_iteration(sizes, term, timer, rates))
-    note("iteration without a perceptual term", lambda: time_iteration(sizes, None, timer, rates))
-    note("fit", lambda: name | time_fit(sizes, term, 10 if arguments.rehearse else arguments.iterations))
-    note("descents", lambda: descents(suite.target(random_suite(1)[0], 256).to(sizes.device),
-                                      rates["flops_per_second"], 3 if arguments.rehearse else 20))
-    note("collage", lambda: time_collage(sizes, 1 if arguments.rehearse else 4))
+    parts: dict[str, Callable[[], object]] = {
+        "checks": check,
+        "operations": lambda: [time_operation(case, timer, rates) for case in operations(sizes)],
+        "views": lambda: time_views(sizes, rates),
+        "iteration": lambda: name | time_iteration(sizes, term, timer, rates),
+        "iteration without a perceptual term": lambda: time_iteration(sizes, None, timer, rates),
+        "fit": lambda: name | time_fit(sizes, term, 10 if arguments.rehearse else arguments.iterations),
+        "descents": lambda: descents(suite.target(random_suite(1)[0], 256).to(sizes.device),
+                                     rates["flops_per_second"], 3 if arguments.rehearse else 20),
+    } | {f"collage, fractal {index}": lambda index=index: time_collage(sizes, index)
+         for index in range(1 if arguments.rehearse else 4)}
+    left_out = {"checks"} if arguments.no_checks or arguments.rehearse else set()
+    for part, measure in parts.items():
+        if part not in left_out and (not arguments.only or any(part.startswith(word) for word in arguments.only)):
+            note(part, measure)
     note("goals_ms", lambda: GOALS_MS)
     if any("failed" in part or part.get("passed") is False for part in report.values() if isinstance(part, dict)):
         raise SystemExit(1)

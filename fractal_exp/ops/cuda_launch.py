@@ -49,7 +49,7 @@ def _stream(handle: int) -> Any:
     from numba import cuda
 
     # Chaos games are few and long, so their grids are small on purpose.
-    warnings.filterwarnings("ignore", message="Grid size")
+    warnings.filterwarnings("ignore", message=".*Grid size")
     return cuda.external_stream(handle) if handle else cuda.default_stream()
 
 

@@ -11,6 +11,7 @@ from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.evaluation.summary import without_empty
 from fractal_exp.ifs.code import IFS
+from fractal_exp.rendering.still import points_per_view, render
 
 from .. import archive
 
@@ -31,6 +32,13 @@ def truth(name: str) -> IFS:
 def picture(name: str) -> np.ndarray:
     """The picture (256,256) in [0,1], white on black, as it is framed."""
     return suite.target(truth(name), RESOLUTION, "binary").numpy()
+
+
+def drawn(code: IFS) -> np.ndarray:
+    """The picture (256,256) of a code that is in the frame already, drawn as `picture` draws the true ones."""
+    image = render(code, resolution=RESOLUTION, points_in_view=points_per_view(RESOLUTION),
+                   supersample=suite.TARGET_SUPERSAMPLE)
+    return (image > suite.THRESHOLD).float().numpy()
 
 
 def score(name: str, code: IFS) -> dict[str, float | bool]:

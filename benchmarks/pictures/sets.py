@@ -81,6 +81,10 @@ def _score_binary(name: str, code: IFS, read: ReadImage) -> Scores:
     return {**judging.likeness(code, read.image.numpy()), **binary.score(name, code)}
 
 
+def _thresholded(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return image, binary.drawn(code)
+
+
 SETS: dict[str, PictureSet] = {
     "textbook": _textbook(0),
     "textbook_redrawn": _textbook(1),
@@ -92,7 +96,7 @@ SETS: dict[str, PictureSet] = {
     "shapes": PictureSet(lambda: {name: each.role for name, each in shapes().items()},
                          lambda name: shapes()[name].make(0), _score_shape, tables.shapes),
     "binary": PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(binary.names())},
-                         binary.picture, _score_binary, tables.binary, {"frame": "keep"}),
+                         binary.picture, _score_binary, tables.binary, {"frame": "keep"}, _thresholded),
     "tone_curves": PictureSet(lambda: {name: role for name, (_, _, role) in tone_curves.problems().items()},
                               tone_curves.picture, lambda name, code, read: tone_curves.score(name, code),
                               tables.tone_curves, {"frame": "keep"}),

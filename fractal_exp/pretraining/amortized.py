@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 from pydantic import Field, model_validator
@@ -60,15 +61,12 @@ class AmortizedTraining(EpochTraining):
     def set_loss(self, found: tuple[Tensor, Tensor], numbers: Tensor) -> Tensor:
         """Of each code (B,): the mean squared error of the matched maps, and the weighted cross-entropy."""
         maps, logits = found
-        there = torch.zeros_like(logits)
-        errors = []
-        for row, truth in enumerate(numbers):
-            truth = truth[truth.isfinite().all(1)]
-            slots, order = match(maps[row], truth)
-            errors.append((maps[row, slots] - truth[order]).square().mean())
-            there[row, slots] = 1
+        present, slots = numbers.isfinite().all(2), match(maps, numbers)
+        matched = maps.gather(1, slots[:, :, None].expand(-1, -1, maps.shape[2]))
+        squares = (matched - numbers.nan_to_num()).square().mean(2) * present
+        there = torch.zeros_like(logits).scatter(1, slots, present.to(logits))
         presence = F.binary_cross_entropy_with_logits(logits, there, reduction="none").mean(1)
-        return torch.stack(errors) + self.params.presence * presence
+        return squares.sum(1) / present.sum(1) + self.params.presence * presence
 
     def errors(self, network: nn.Module, device: str) -> dict[str, Tensor]:
         images, numbers = (part.to(device) for part in self.held_out)
@@ -85,9 +83,13 @@ class AmortizedTraining(EpochTraining):
         return rows
 
 
-def match(maps: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
-    """Which of the maps (M,6) stands for which one of the truth (n,6), n <= M, so that the sum of the squared errors of
-    matrices and offsets is least (the Hungarian method): numbers (n,) of the maps and of the truth."""
-    cost = torch.cdist(maps.detach().double(), truth.double()).square().cpu().numpy()
-    slots, order = linear_sum_assignment(cost)
-    return torch.from_numpy(slots).to(maps.device), torch.from_numpy(order).to(maps.device)
+def match(maps: Tensor, truth: Tensor) -> Tensor:
+    """Which of the maps (B,M,6) stands for each map of the truth (B,N,6), N <= M, so that the sum of the squared errors
+    of matrices and offsets is least (the Hungarian method): numbers (B,N). No two stand for the same.
+
+    The rows of NaN, where a code has fewer maps, get the maps that are left. All codes go to the CPU in one transfer.
+    """
+    costs = torch.cdist(truth.double().nan_to_num(), maps.detach().double()).square()
+    costs = (costs * truth.isfinite().all(2, keepdim=True)).cpu().numpy()
+    slots = np.stack([linear_sum_assignment(cost)[1] for cost in costs])
+    return torch.from_numpy(slots).to(maps.device)

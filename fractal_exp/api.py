@@ -41,7 +41,8 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     on black, centred, padded, and resized to (resolution, resolution). The code is in the frame of that image: the
     shape's longer side spans [-0.75, 0.75]. The result's `placement` maps it back to the picture's pixels. A
     `ReadImage` from `read_target` is used as it is. frame: "keep" keeps the frame of a square picture, such as one from
-    `render`; fitting it again would resample its grey levels. A `suite.target` of this resolution stays as it is.
+    `render`; fitting it again would resample its grey levels. A grey `suite.target` of this resolution stays as it is,
+    unless it was rounded to 8 bits. For a binary one take "keep".
     invert, threshold, clean, crop: see `read_target`. colour: give each map of the code found a colour and a blend, so
     that the code is drawn in the picture's colours (see `ifs.Colours` and `colouring.fitted`). The search, and so the
     shape, is the same without. It needs scikit-image. seconds: a time limit, after which the best code so far is

@@ -33,6 +33,11 @@ def test_the_match_has_the_least_sum_of_squared_errors():
         assert ours == pytest.approx(min(every))
 
 
+def test_a_network_that_diverges_has_a_loss_that_is_not_finite():
+    training, truth = TRAININGS["amortized"](), torch.randn(1, 10, 6)
+    assert not torch.isfinite(training.set_loss((torch.full((1, 10, 6), torch.nan), torch.zeros(1, 10)), truth)).any()
+
+
 def test_the_loss_is_that_of_the_matched_maps_and_of_whether_they_are_there():
     training = TRAININGS["amortized"](presence=1.0)
     truth = torch.full((1, 10, 6), torch.nan)

@@ -5,11 +5,11 @@ import pytest
 import torch
 from PIL import Image, ImageDraw
 
-from fractal_exp import codes
+from fractal_exp import InputError, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image import camera
-from fractal_exp.methods.collage.image.camera import angle_of, as_seen, nearest, sharpened
+from fractal_exp.methods.collage.image.camera import angle_of, as_seen, estimated, nearest, sharpened
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
 from fractal_exp.methods.collage.image.objective import ImageObjective
@@ -17,6 +17,7 @@ from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
 from fractal_exp.methods.collage.measure.tiles import tiled
 from fractal_exp.methods.collage.measure.tones import camera_of
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.recursion import _tries
 from fractal_exp.runtime.deadline import NO_DEADLINE
 
 PARAMS, SIDE = CollageParams(), 128
@@ -71,8 +72,18 @@ def test_only_values_that_the_user_left_open_move():
     image = torch.zeros(SIDE, SIDE)
     assert Drawn(CAMERA, image, PEN).open_values == [1, 2], "the size of a tile is one of a list"
     assert Drawn(CAMERA.updated(pen_px=1.0), image, PEN).open_values == [2]
+    assert Drawn(CAMERA, image, (0.1, *PEN[1:])).open_values == [2], "tiles have no pen"
     assert ToneMapped(CAMERA.updated(gamma=2.0), image, (0.1, 2.0, 0.0)).open_values == [0, 2]
     assert Drawn(CAMERA, image).open_values == []
+
+
+def test_a_pen_of_no_width_has_its_whole_derivative():
+    image = drawn_by(Drawn(CAMERA, None, PEN), GASKET)
+    thin = ImageObjective(image, Drawn(CAMERA, image, (0.0, 0.0, 0.5 * PIXEL)), PARAMS)
+    start = thin.judge(affine.from_code(GASKET))
+    columns = [kind(thin, start, range(len(start.maps)), 0, camera=True) for kind in (FromPoints, FromRenderings)]
+    pens = [float(each.square[-2, -2]) ** 0.5 for each in columns]
+    assert pens[1] == pytest.approx(pens[0], rel=0.3)
 
 
 def test_a_length_stays_positive_and_a_number_changes_by_a_factor():
@@ -128,6 +139,23 @@ def test_a_known_pen_excludes_dots_and_a_known_gain_excludes_pens():
         pen = ImageObjective(image, Drawn(params.camera, image, (0.0, 0.5 * PIXEL, 0.5 * PIXEL)), params)
         objective, _ = sharpened(pen, pen.judge(affine.from_code(GASKET)))
         assert camera_of(objective.levels)[0] == kind
+
+
+@pytest.mark.parametrize("known, kinds", [({"pen_px": 0.5}, {"coverage"}), ({"gain": 0.16}, {"dots", "tonemapped"}),
+                                          ({"gamma": 2.0}, {"tonemapped"}),
+                                          ({"blur_px": 0.5}, {"coverage", "dots", "tonemapped"})])
+def test_a_known_value_excludes_the_kinds_that_do_not_have_it(known, kinds):
+    params = PARAMS.updated(camera=known)
+    for drawn in Dots(CAMERA, None, (0.16, 0.7 * PIXEL)), Drawn(CAMERA, None, (0.0, 0.5 * PIXEL, 0.5 * PIXEL)):
+        image = drawn_by(drawn, GASKET)
+        levels = Drawn(params.camera, image, (0.0, 0.5 * PIXEL, 0.5 * PIXEL))
+        assert estimated(image, levels, GASKET, params, 0)[0] in kinds
+    assert bool(_tries(params)) == ("coverage" in kinds), "no construction is sought in dots"
+
+
+def test_a_pen_and_a_gain_are_not_known_at_once():
+    with pytest.raises(InputError, match=r"camera\.pen_px must be null if camera\.gain or camera\.gamma is given"):
+        PARAMS.updated(camera={"pen_px": 1.0, "gain": 0.3})
 
 
 def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(monkeypatch):

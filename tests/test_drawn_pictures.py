@@ -23,6 +23,7 @@ from fractal_exp.methods.collage.measure.tiles import tiled, words
 from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.stages import DrawnMoves
 from fractal_exp.methods.collage.state import Candidate, Key, State
 from fractal_exp.rendering.still import render_with_info
 
@@ -239,6 +240,17 @@ def test_a_checkpoint_keeps_the_camera():
     state = State(done=Key(0, "image"), best=Candidate(maps, None, 1.0, 2.0, ("dots", 0.25, 0.01)))
     again = State.of(state.snapshot(), "cpu")
     assert again.best.camera == ("dots", 0.25, 0.01)
+
+
+def test_rounds_with_different_cameras_are_compared_by_angles():
+    """Dots count 256 subpixels a pixel and a pen 16, so a dots code may have the larger error and the smaller angle."""
+    moves = DrawnMoves(SearchProblem(torch.rand(SIDE, SIDE), levels_of(torch.rand(SIDE, SIDE), "coverage", CAMERA),
+                                     PARAMS))
+    maps = affine.from_code(GASKET)
+    pen = Candidate(maps, None, 2.0, 2.0, ("coverage", 0.0, 0.01, 0.01))
+    dots = [Candidate(maps, None, error, error, ("dots", 0.25, 0.01)) for error in (31.0, 33.0)]
+    assert [moves._is_better(each, pen) for each in dots] == [True, False]
+    assert [moves._is_better(pen, each) for each in dots] == [False, True]
 
 
 def test_a_picture_of_polygons_gives_the_textbook_code():

@@ -187,12 +187,20 @@ def test_a_target_of_our_own_stays_as_it_is(tmp_path):
     assert any("a target of this package" in note for note in read.notes)
 
 
+@pytest.mark.parametrize("padding", [0.2, 0.3])
+def test_a_target_of_our_own_gets_the_padding_that_is_asked_for(padding):
+    image = read_target(suite.target(codes.known("fern"), 64), 64, padding=padding).image
+    lit = (image > 0.1 * image.max()).nonzero()
+    assert float((lit.max(0).values - lit.min(0).values).max() + 1) / 64 == pytest.approx(1 - padding, abs=0.04)
+
+
 @pytest.mark.parametrize("picture", [
     suite.target(codes.known("fern"), 64, "binary"),
     (suite.target(codes.known("fern"), 64) * 255).round() / 255,
     torch.nn.functional.avg_pool2d(suite.target(codes.known("fern"), 128, "binary")[None], 2)[0],
     torch.nn.functional.pad(suite.target(codes.known("fern"), 64)[8:-8, 8:-8], (0, 16, 0, 16)),
-], ids=["binary", "8 bits", "shrunk", "in a corner"])
+    torch.nn.functional.pad(suite.target(codes.known("fern"), 32), (32, 0, 16, 16)),
+], ids=["binary", "8 bits", "shrunk", "in a corner", "in the right half"])
 def test_other_pictures_of_a_targets_size_are_fitted(picture):
     assert read_target(picture, 64, invert=False).crop_box != (0, 0, 64, 64)
 

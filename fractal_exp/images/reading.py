@@ -135,7 +135,8 @@ def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: N
     whole = 0.0, 0.0, float(shape.grey.width)
     if frame == "keep":
         return whole
-    if shape.grey.width == shape.grey.height == resolution and is_target(shape.grey, shape.profile, padding):
+    as_large = shape.grey.width == shape.grey.height == resolution
+    if as_large and padding == PADDING and is_target(shape.grey, shape.profile, padding):
         notes.append("a target of this package in its frame: it stays as it is")
         return whole
     return window(shape.profile, shape.level, padding, notes, scale, origin)

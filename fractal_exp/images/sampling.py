@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
-FRAMED = 0.45, 0.6                       # farthest lit pixel from the centre, of the frame's side: tips are faint
+FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint
+CENTRED = 0.1                            # limit of the distance of the box's centre from the canvas', in the same unit
 
 
 def window(profile: Profile, level: float, padding: float, notes: list[str], scale: float = 1.0,
@@ -43,9 +44,11 @@ def window(profile: Profile, level: float, padding: float, notes: list[str], sca
 
 def is_target(grey: Bands, profile: Profile, padding: float) -> bool:
     """Whether a picture (R,R) is a grey target of this package in its frame, with the levels that its code gave it."""
-    lit = [np.flatnonzero(each[1] > 0) for each in (profile.columns, profile.rows)]
-    farthest = max(np.abs(each + 0.5 - grey.width / 2).max() for each in lit)
-    is_framed = FRAMED[0] <= farthest / ((1 - padding) * grey.width) <= FRAMED[1]
+    frame = (1 - padding) * grey.width
+    ends = np.array([np.flatnonzero(each[1] > 0)[[0, -1]] for each in (profile.columns, profile.rows)])
+    longer = (ends[:, 1] + 1 - ends[:, 0]).max() / frame
+    off_centre = np.abs(ends.sum(1) + 1 - grey.width).max() / 2 / frame
+    is_framed = FRAMED[0] <= longer <= FRAMED[1] and off_centre <= CENTRED
     return is_framed and has_target_levels(torch.from_numpy(np.concatenate(list(grey))))
 
 

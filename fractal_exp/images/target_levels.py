@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 
 TARGET_SUPERSAMPLE = 16   # subpixels along a pixel
-TARGET_ROUNDING = 0.0025  # subpixels; 16 bits round a grey level by up to 0.002, 8 bits by up to 1
+TARGET_ROUNDING = 0.0025  # subpixels; 16 bits round a grey level by up to 0.002, 8 bits by up to 0.5
 
 
 def has_target_levels(image: Tensor, supersample: int = TARGET_SUPERSAMPLE, rounding: float = TARGET_ROUNDING) -> bool:

@@ -90,6 +90,6 @@ def match(maps: Tensor, truth: Tensor) -> Tensor:
     The rows of NaN, where a code has fewer maps, get the maps that are left. All codes go to the CPU in one transfer.
     """
     costs = torch.cdist(truth.double().nan_to_num(), maps.detach().double()).square()
-    costs = (costs * truth.isfinite().all(2, keepdim=True)).cpu().numpy()
+    costs = (costs * truth.isfinite().all(2, keepdim=True)).nan_to_num().cpu().numpy()  # `train` refuses a NaN itself
     slots = np.stack([linear_sum_assignment(cost)[1] for cost in costs])
     return torch.from_numpy(slots).to(maps.device)

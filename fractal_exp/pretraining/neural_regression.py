@@ -96,7 +96,8 @@ class RegressionTraining(EpochTraining):
 
     @cached_property
     def mean_code_errors(self) -> Tensor:
-        """Of the mean of a thousand codes that are learnt from, as the answer to every held-out picture."""
+        """Of the mean of the first thousand codes that are learnt from, or of all if they are fewer, as the answer to
+        every held-out picture."""
         count = min(self.params.codes, CODES_OF_THE_MEAN)
         known = torch.stack([self.numbers(self.code(number)) for number in range(count)]).double()
         return (self.held_out[1] - known.mean(0)).square().mean((1, 2))

@@ -144,10 +144,22 @@ class CollageParams(Params):
             value = getattr(camera, name)
             if value is not None and self.levels not in ("auto", *levels):
                 raise ParamError(f"camera.{name}", f"{NAME} must be null if levels is {self.levels}, got {value}")
+        if not self.camera_kinds:
+            raise ParamError("camera.pen_px", f"{NAME} must be null if camera.gain or camera.gamma is given, which "
+                                              f"are of dots, not of lines and areas; got {camera.pen_px}")
         if camera.blur_px is not None and not camera.estimate and self.levels != "linear":
             raise ParamError("camera.blur_px", f"{NAME} must be null if camera.estimate is false and levels is not "
                                                f"linear, got {camera.blur_px}")
         return self
+
+    @property
+    def camera_kinds(self) -> tuple[str, ...]:
+        """The levels that a picture may have that others drew: those asked for, or, if `levels` is `auto`, those that
+        have all the values of the camera that the user knows."""
+        if self.levels != "auto":
+            return (self.levels,)
+        known = [kinds for name, kinds in CAMERAS.items() if getattr(self.camera, name) is not None]
+        return tuple(kind for kind in ("coverage", "dots", "tonemapped") if all(kind in kinds for kinds in known))
 
     @property
     def most_maps(self) -> int | None:

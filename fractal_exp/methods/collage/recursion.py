@@ -11,15 +11,15 @@ from .image.likeness import likeness_of
 from .image.objective import ImageObjective, Rendered
 from .maps import WeightedMaps
 from .measure.blur import blurred
-from .measure.camera_params import CameraParams
 from .measure.pens import Drawn
 from .measure.search import MeasureSearch, Regime
 from .measure.tones import camera_of, seen_with
+from .params import CollageParams
 from .problem import SearchProblem
 from .stage import Stage
 from .state import Candidate, State
 
-TILES, STROKES = "coverage", "strokes"
+TILES, STROKES = "coverage", "strokes"  # tiles are coverage with a tile size above 0; without one it is a pen
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,10 @@ class Recursion(Stage[Any]):
     """Searches for few maps, each looked at as tiles or as strokes.
 
     A dragon or a tree of few levels is a lattice of lines. Many maps explain it better than its true code does, unless
-    it is known that the construction ends. From afar it looks like its attractor, so two maps are searched for on a
-    blurred measure, and seen as tiles. A tree needs a trunk too, and is seen as strokes of the depth that suits them.
-    The code is taken if it draws the picture; the moves by renderings are then left out. A move is a search.
+    it is known that the construction ends. From afar it looks like its attractor, so few maps (`camera.tiled_maps`) are
+    searched for on a blurred measure, and seen as tiles. A tree needs a trunk too, and is seen as strokes of the depth
+    that suits them. The code is taken if it draws the picture; the moves by renderings are then left out. A move is a
+    search.
     """
 
     name, ends_at = "construction", "approach_share"
@@ -45,7 +46,7 @@ class Recursion(Stage[Any]):
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)
         self._objective: ImageObjective | None = None
-        self._tries = _tries(problem.params.camera)
+        self._tries = _tries(problem.params)
 
     @property
     def objective(self) -> ImageObjective:
@@ -56,9 +57,9 @@ class Recursion(Stage[Any]):
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them."""
-        camera = problem.params.camera
-        return (camera.estimate and bool(_tries(camera)) and isinstance(problem.levels, Drawn)
-                and not problem.is_reduced and not problem.params.maps)
+        params = problem.params
+        return (params.camera.estimate and bool(_tries(params)) and isinstance(problem.levels, Drawn)
+                and not problem.is_reduced and not params.maps)
 
     @property
     def expected_moves(self) -> int:
@@ -91,7 +92,7 @@ class Recursion(Stage[Any]):
         return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
 
     def is_settled(self, state: State) -> bool:
-        """Once tiles explain the picture, strokes are not tried. All blurs are."""
+        """Once tiles explain the picture, strokes are not tried. All searches for tiles are made first."""
         left = {each.camera for each in self._tries[state.step:]}
         return self._is_explained(state.now) and (has_strokes(state.now) or TILES not in left)
 
@@ -154,8 +155,12 @@ class Recursion(Stage[Any]):
         return 2 * self.problem.levels.supersample**2 * objective.angle(shown.error) ** 2
 
 
-def _tries(camera: CameraParams) -> list[_Try]:
-    """The searches, those for tiles first; none for tiles where the user knows the pen."""
+def _tries(params: CollageParams) -> list[_Try]:
+    """The searches, those for tiles first: none for tiles where the user knows the pen, none at all where the user
+    knows that the picture shows dots."""
+    if "coverage" not in params.camera_kinds:
+        return []
+    camera = params.camera
     has_tiles = camera.tiles_px and camera.pen_px is None
     return [*(_Try(camera.tiled_maps, blur, TILES) for blur in (camera.recursion_blurs_px if has_tiles else ())),
             *(_Try(most, 0.0, STROKES) for most in (camera.recursion_maps if camera.strokes else ()))]

@@ -20,7 +20,7 @@ from .image.search import ImageSearch
 from .maps import WeightedMaps
 from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart, Uncurved
-from .measure.tones import camera_of
+from .measure.tones import camera_of, seen_with
 from .problem import SearchProblem
 from .recursion import Recursion, is_construction
 from .stage import Stage
@@ -94,7 +94,7 @@ class ImageMoves(Stage[ImageSearch]):
             self.search = problem.image_search(state.now.code, problem.deadline, "finish", self.round,
                                                measured_through=self.measured_through)
         found, before = self._finished(state.now), state.before and self._judged_again(state.before)
-        best = found if before is None or found.score < before.score else before
+        best = found if before is None or self._is_better(found, before) else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):
             mended = self._mended(best)
             if mended is None:
@@ -108,6 +108,9 @@ class ImageMoves(Stage[ImageSearch]):
     def _judged_again(self, before: Candidate) -> Candidate:
         """The best of earlier rounds. It is judged again if the image is reduced, as it was judged by a smaller one."""
         return self.search.judged(before) if self.problem.is_reduced else before
+
+    def _is_better(self, found: Candidate, before: Candidate) -> bool:
+        return found.score < before.score
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
         """The code, if rounding alone corrects it; None if another round is worth while."""
@@ -240,6 +243,11 @@ class DrawnMoves(ImageMoves):
 
     def _judged_again(self, before: Candidate) -> Candidate:
         return before  # by its own camera
+
+    def _is_better(self, found: Candidate, before: Candidate) -> bool:
+        """As angles: the error counts subpixels, of which cameras have different numbers."""
+        now, then = (seen_with(self.problem.levels, each.camera).supersample for each in (found, before))
+        return found.score / now**2 < before.score / then**2
 
     def _mended(self, wrong: Candidate) -> None:
         """None: it is too early for rounding."""

@@ -22,9 +22,10 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
     """The camera with which the rendering of a code comes closest to the image (R,R); empty if the levels are exact or
     `CameraParams.estimate` is off.
 
-    All values that the parameters list are tried. Tiles are chosen only if they explain the image much better than a
-    pen that draws the attractor, dots only if they explain it much better than both, and a tone curve only if it
-    explains it much better than all. If the search already measures the image through a tone curve, the camera that
+    All values that the parameters list are tried, of the kinds that the user leaves open
+    (`CollageParams.camera_kinds`). Tiles are chosen only if they explain the image much better than a pen that draws
+    the attractor, dots only if they explain it much better than both, and a tone curve only if it explains it much
+    better than pens, tiles and dots. If the search already measures the image through a tone curve, the camera that
     explains it best is chosen."""
     if levels.is_exact or not levels.camera.estimate:
         return ()
@@ -33,11 +34,11 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
         kind = LEVELS[name].of(image, levels.camera)
         return _likely(kind, nearest(image, kind, code, params, seed))
 
-    if params.levels != "auto":
-        return best(params.levels)[1]
-    limits, pen, dots = levels.camera, best("coverage"), best("dots")
-    if isinstance(levels, ToneMapped):
-        return min(pen, dots, best("tonemapped"))[1]
+    kinds, limits = params.camera_kinds, levels.camera
+    if len(kinds) == 1 or isinstance(levels, ToneMapped):
+        return min(map(best, kinds))[1]
+    dots = best("dots")
+    pen = best("coverage") if "coverage" in kinds else (float("inf"), ())
     likely = dots if dots[0] < limits.dotted * pen[0] else pen
     if dots[0] <= limits.curved_from * pen[0]:
         curve = best("tonemapped")
@@ -70,7 +71,8 @@ def angle_as_density(image: Tensor, levels: Levels, code: IFS, params: CollagePa
 
 
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Seen:
-    """Polish the code together with its camera, starting from the likeliest cameras of each kind. Return the code and
+    """Polish the code together with its camera, starting from the likeliest cameras of each open kind, or, with a
+    tone curve, from this curve alone. Return the code and
     the objective with the best of these cameras, or both as they are if none is better. A code of many maps or for a
     large image stays as it is, because this would take too long.
 
@@ -83,23 +85,16 @@ def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = N
         return objective, found
     if isinstance(levels, ToneMapped):
         return in_turns(objective, found, deadline)
-    starts = [start for kind in _kinds(objective.params) for start in _starts(objective, found, kind, deadline)]
+    kinds = [kind for kind in objective.params.camera_kinds if kind != "tonemapped"]
+    starts = [start for kind in kinds for start in _starts(objective, found, kind, deadline)]
     least = min(map(angle_of, starts), default=0.0)
     likely = [start for start in starts if angle_of(start) ** 2 <= least**2 / camera.plausible]
     return min([(objective, found), *(in_turns(*start, deadline) for start in likely)], key=angle_of)
 
 
-def _kinds(params: CollageParams) -> list[str]:
-    """The kinds of camera that are tried. A pen that the user knows excludes dots, and a gain excludes pens."""
-    if params.levels != "auto":
-        return [params.levels]
-    known = {"coverage": params.camera.gain is None, "dots": params.camera.pen_px is None}
-    return [kind for kind, is_open in known.items() if is_open]
-
-
 def _starts(objective: ImageObjective, found: Rendered, kind: str, deadline: Deadline) -> list[Seen]:
-    """The code as the likeliest cameras of a kind see it. Strokes are tried beside pens and tiles. They
-    replace them if they explain the picture much better."""
+    """The code as the likeliest cameras of a kind see it. Strokes are tried beside pens and tiles. Strokes replace pens
+    and tiles if they explain the picture much better."""
     camera = objective.params.camera
     starts = as_seen(objective, found, kind, deadline)
     if kind == "coverage" and starts:

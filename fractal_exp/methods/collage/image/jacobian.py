@@ -95,12 +95,12 @@ class Jacobian(ABC):
         self.gradient -= columns @ (misfit * weights) / counted
 
     def solve(self, damping: float) -> Tensor:
-        """The step (6 maps,), pixels."""
+        """The step of each parameter: pixels, or multiples of `log_step` for logarithms."""
         ridge = damping * self.square.diagonal() + 1e-9 * self.square.diagonal().max() + 1e-12
         return self._limited(torch.linalg.solve(self.square + ridge.diag(), self.gradient))
 
     def solve_alone(self) -> Tensor:
-        """The step (6 maps,), pixels, of each parameter if only that one moves."""
+        """The step of each parameter if only that one moves."""
         return self._limited(self.gradient / self.square.diagonal().clamp_min(1e-12))
 
     def _limited(self, step: Tensor) -> Tensor:
@@ -231,6 +231,12 @@ class FromRenderings(Jacobian):
         for k in range(len(self.units)):
             fro, to = (objective.stabilized(self.rendering(objective, k, step)) for step in (-nudge, nudge))
             for column, before, after in zip(columns, fro, to, strict=True):
-                column[k] = (after - before) / (2 * nudge)
+                column[k] = (after - before) / (self._back(objective.levels, k, nudge) + nudge)
         for column in columns:
             yield column, torch.ones_like(column[0])
+
+    def _back(self, levels: Levels, parameter: int, nudge: float) -> float:
+        """How far a step back really goes: a length of the camera does not become negative."""
+        k, j, unit = self.units[parameter]
+        is_length = j == CAMERA and k >= len(levels.numbers)
+        return min(nudge, levels.values[k] / unit) if is_length else nudge

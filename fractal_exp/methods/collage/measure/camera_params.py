@@ -92,18 +92,18 @@ class CameraParams(Params):
     stroke_points: Positive = 2_000_000
     """Maximum number of points that draw these strokes. With fewer strokes, points are a subpixel apart."""
     stroked: PositiveShare = 0.9
-    """Strokes are taken if their error is below this factor times the error of a pen that draws the attractor."""
+    """Strokes are taken if their error is below this factor times that of the best pen or tiles."""
     likeliest: Positive = 3
-    """Number of cameras of each kind, the likeliest ones, with which the code is polished first: pens and tile sizes,
-    or depths of strokes."""
+    """Number of cameras of each kind, the likeliest ones, with which the code is polished first: the best pen and tile
+    sizes, or pairs of depth and thinning of strokes."""
     plausible: PositiveShare = 0.7
     """Only cameras whose error is at most the least error divided by this are polished further."""
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (3, 4)
     """Maximum number of maps in each search for a trunk and its branches, in a picture that the maps of stage 2 do not
     draw; empty: no such search."""
     recursion_blurs_px: tuple[Amount, ...] = (3.0, 6.0)
-    """Blurs of the measure, pixels, in searches for two maps in such a picture, whose codes are then seen as tiles;
-    empty: no such search."""
+    """Blurs of the measure, pixels, in searches for few maps (`tiled_maps`) in such a picture, whose codes are then
+    seen as tiles; empty: no such search."""
     recursion_gain: Share = 0.3
     """Strokes are polished with their camera if their error is below this share of a pen's, for the same maps."""
     recursion_contraction: SingularValue = 0.75

@@ -35,6 +35,13 @@ class Drawn(Coverage):
     def shows_attractor(self) -> bool:
         return not (self.values and self.values[0])
 
+    @property
+    def open_values(self) -> list[int]:
+        """Without the pen if tiles are drawn, which have none."""
+        pen = len(self.numbers) + self.lengths.index("pen_px")
+        has_tiles = "tile_px" in self.lengths and not self.shows_attractor
+        return [k for k in super().open_values if not (has_tiles and k == pen)]
+
     def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
         """The tile size."""
         return values[:1]

@@ -68,8 +68,8 @@ class Uncurved(Restart):
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image that others drew may be a density."""
         params = problem.params
-        return (params.levels == "auto" and params.camera.estimate and isinstance(problem.levels, Drawn)
-                and may_be_density(problem.given, params.camera))
+        return (params.levels == "auto" and "tonemapped" in params.camera_kinds and params.camera.estimate
+                and isinstance(problem.levels, Drawn) and may_be_density(problem.given, params.camera))
 
     def is_wanted(self, state: State) -> bool:
         return True

@@ -209,7 +209,7 @@ def failures() -> None:
 
 def comparisons() -> None:
     """The two pictures that `benchmarks.comparisons` keeps, smaller."""
-    kept = ROOT / "benchmarks" / "results" / "comparisons_laptop"
+    kept = ROOT / "benchmarks" / "results" / "comparisons_six_laptop"
     _save(IMAGES / "comparisons.png", np.asarray(Image.open(kept / "strips.png").convert("L")), 12)
     _save(IMAGES / "comparisons_course.png", np.asarray(Image.open(kept / "course.png").convert("RGB")), 64)
 

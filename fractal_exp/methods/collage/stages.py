@@ -110,7 +110,9 @@ class ImageMoves(Stage[ImageSearch]):
         return self.search.judged(before) if self.problem.is_reduced else before
 
     def _is_better(self, found: Candidate, before: Candidate) -> bool:
-        return found.score < before.score
+        """As angles: the error counts subpixels, of which cameras have different numbers."""
+        now, then = (seen_with(self.problem.levels, each.camera).supersample for each in (found, before))
+        return found.score / now**2 < before.score / then**2
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
         """The code, if rounding alone corrects it; None if another round is worth while."""
@@ -243,11 +245,6 @@ class DrawnMoves(ImageMoves):
 
     def _judged_again(self, before: Candidate) -> Candidate:
         return before  # by its own camera
-
-    def _is_better(self, found: Candidate, before: Candidate) -> bool:
-        """As angles: the error counts subpixels, of which cameras have different numbers."""
-        now, then = (seen_with(self.problem.levels, each.camera).supersample for each in (found, before))
-        return found.score / now**2 < before.score / then**2
 
     def _mended(self, wrong: Candidate) -> None:
         """None: it is too early for rounding."""

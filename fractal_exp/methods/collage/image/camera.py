@@ -71,10 +71,9 @@ def angle_as_density(image: Tensor, levels: Levels, code: IFS, params: CollagePa
 
 
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Seen:
-    """Polish the code together with its camera, starting from the likeliest cameras of each open kind, or, with a
-    tone curve, from this curve alone. Return the code and
-    the objective with the best of these cameras, or both as they are if none is better. A code of many maps or for a
-    large image stays as it is, because this would take too long.
+    """Polish the code together with its camera, starting from the likeliest cameras of each open kind, or, with a tone
+    curve, from this curve alone. Return the code and the objective with the best of these cameras, or both as they are
+    if none is better. A code of many maps or for a large image stays as it is, because this would take too long.
 
     Both are polished together because one makes up for the other: with a pen that is too thin, the best attractor is
     too large.

@@ -141,6 +141,23 @@ def test_an_interrupt_that_got_lost_is_raised_again(number):
             signal.signal(each, handler)
 
 
+def test_an_error_after_an_interrupt_is_the_interrupt(monkeypatch):
+    def cleanup_fails(config):
+        try:
+            interruption._interrupt()
+        finally:
+            raise AttributeError("'NoneType' object has no attribute '_invalidate_flags_cache'")
+
+    monkeypatch.setattr(interruption, "_asked", False)
+    monkeypatch.setattr(configuration, "resolve", cleanup_fails)
+    with pytest.raises(KeyboardInterrupt):
+        fit(None)
+    monkeypatch.setattr(interruption, "_asked", False)
+    monkeypatch.setattr(configuration, "resolve", lambda config: {}["missing"])
+    with pytest.raises(KeyError):
+        fit(None)
+
+
 def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
     process = command("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
                       "iterations=100000", "checkpoint_every=1000000", "method.previews=5000")

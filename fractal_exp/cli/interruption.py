@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
+from collections.abc import Iterator
 
 _asked = False
 
@@ -19,6 +21,19 @@ def check() -> None:
     """Raise KeyboardInterrupt if a signal came and its exception got lost."""
     if _asked:
         raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def not_lost() -> Iterator[None]:
+    """Raise KeyboardInterrupt instead of any other error that comes after a signal.
+
+    A library that is interrupted may fail in its own cleanup, and that error takes the interruption's place.
+    """
+    try:
+        yield
+    except Exception:
+        check()
+        raise
 
 
 def _interrupt(*_: object) -> None:

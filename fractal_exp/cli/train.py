@@ -56,7 +56,7 @@ def fit(config: DictConfig) -> dict[str, float]:
 
     Raises `InputError` on anything a user can mend, before any work.
     """
-    with ExitStack() as held:  # the lock of the fit's folder
+    with interruption.not_lost(), ExitStack() as held:  # the lock of the fit's folder
         return _fit(config, held)
 
 

@@ -32,6 +32,7 @@ from omegaconf.errors import (
 from ..errors import InputError, did_you_mean
 from ..methods.base import FitDiverged
 from ..runtime import files
+from . import interruption
 from .vocabulary import Vocabulary
 
 PICTURE = re.compile(r"\+{0,2}picture=(.*)", re.DOTALL)
@@ -53,7 +54,7 @@ def run(program: str, main: Callable[[], Any], words: Sequence[str], config: str
     """
     try:
         sys.argv[1:] = completed(words, Vocabulary(config), for_picture)
-        with _exceptions_handed_on():
+        with interruption.not_lost(), _exceptions_handed_on():
             main()
     except Exception as error:
         message = explain(error, Vocabulary(config), words)
@@ -70,7 +71,8 @@ def one_line(program: str) -> Iterator[None]:
     With -m it is raised, as Hydra is to see which job failed.
     """
     try:
-        yield
+        with interruption.not_lost():
+            yield
     except Exception as error:
         told = _told(error)
         if told is None or HydraConfig.get().mode == RunMode.MULTIRUN:

@@ -33,6 +33,13 @@ def test_a_fit_is_a_line_with_code_scores_and_circumstances():
     assert json.loads(json.dumps(found)) == found
 
 
+def test_a_fit_from_the_truth_refines_the_true_code_and_searches_nothing():
+    setting = fitting.Setting(None, "wall", {"resolution": 64, "moves": {"drawn_count": 0}}, from_truth=True)
+    found = fitting.fit("textbook", "gasket-8-red", setting)
+    assert found["recovered"] and found["maps"] == 3 and found["from_truth"]
+    assert "no true code" in fitting.fit("textbook", "pythagoras-4-green", setting)["error"]
+
+
 def test_a_fit_that_fails_is_a_line_that_says_so():
     failed = fitting.fit("textbook", "gasket-4-black", fitting.Setting(1, "core", {"no_such_option": 1}))
     assert "no_such_option" in failed["error"] and "maps" not in failed

@@ -7,6 +7,7 @@ long ago.
     python -m benchmarks.pictures density --density-maps FILE.npz          the published maps as well
     python -m benchmarks.pictures binary --report                          only the tables and sheets of what is there
     python -m benchmarks.pictures tone_curves --set 'levels="tonemapped"'   densities seen through gamma and logarithm
+    python -m benchmarks.pictures binary --from-truth                      what is lost beside the search
     python -m benchmarks.pictures textbook --judge                         the codes that are there, scored again
     python -m benchmarks.pictures textbook --draw FOLDER                   only the pictures themselves
     python -m benchmarks.pictures samples --help                           retina, snowflake and fern by both methods
@@ -49,13 +50,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for name in names:
             write_image(args.draw / f"{name}.png", chosen.picture(name))
         return
-    folder = args.output or Path(f"benchmarks/results/pictures_{args.set}")
+    begun = "_from_truth" if args.from_truth else ""
+    folder = args.output or Path(f"benchmarks/results/pictures_{args.set}{begun}")
     if args.judge and (args.names or args.role or args.options):
         raise SystemExit("--judge scores all codes of a folder; leave out --names, --tuning, --reporting and --set")
     if args.judge:
         fitting.judge(args.set, folder)
     elif not args.report:
-        setting = fitting.Setting(args.seconds or None, args.clock, _options(args.options))
+        setting = fitting.Setting(args.seconds or None, args.clock, _options(args.options), args.from_truth)
         fitting.run(args.set, names, setting, folder, args.workers)
     print(report.write(args.set, folder))
 
@@ -74,6 +76,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--workers", type=int, default=threads.available())
     parser.add_argument("--set", dest="options", action="append", default=[], metavar="KEY=VALUE",
                         help="an option of invert; a.b=1 for one of a component")
+    parser.add_argument("--from-truth", action="store_true", help="begin with the true codes: only camera and maps are "
+                                                                  "refined. Pictures without one fail")
     parser.add_argument("--density-maps", type=Path, metavar="PATH", help=f"or {density_maps.VARIABLE}")
     parser.add_argument("--output", type=Path, help="folder (default: benchmarks/results/pictures_SET)")
     parser.add_argument("--judge", action="store_true", help="only score the codes that are there again")

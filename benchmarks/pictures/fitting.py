@@ -18,6 +18,7 @@ from fractal_exp import invert
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage, read_target
 from fractal_exp.methods.base import Progress
+from fractal_exp.methods.collage import given
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.files import write_atomically
@@ -25,6 +26,7 @@ from fractal_exp.runtime.files import write_atomically
 from .. import archive
 from ..ablation import CoreTime
 from ..record import machine
+from ..starts import Given
 from .sets import SETS
 
 FILE = "fits.jsonl"
@@ -36,11 +38,13 @@ CLOCKS = {"core": CoreTime.deadline, "wall": Collage.deadline}  # what the limit
 @dataclass(frozen=True)
 class Setting:
     """limit: seconds for each fit, none without; clock: what they are counted by, "core" (other work on the machine
-    then makes no difference) or "wall"; options: of `invert`."""
+    then makes no difference) or "wall"; options: of `invert`; from_truth: whether the true code takes the place of the
+    search, so that only camera and maps are refined."""
 
     limit: float | None = None
     clock: str = "core"
     options: Mapping[str, Any] = field(default_factory=dict)
+    from_truth: bool = False
 
 
 def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
@@ -58,8 +62,13 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
         if progress.code is not None and not first:
             first.append(time.process_time() - core)
 
+    options = {**chosen.options, **setting.options}
     try:
-        found = invert(picture, seconds=setting.limit, on_step=watch, **{**chosen.options, **setting.options})
+        if setting.from_truth:
+            options = {key: value for key, value in options.items() if key not in READING} | given.OPTIONS
+            picture = target_of(kind, line)
+            options["checkpoint"] = Given(given.found_already(_truth(kind, name, picture)))
+        found = invert(picture, seconds=setting.limit, on_step=watch, **options)
         took = {"core_seconds": round(time.process_time() - core, 2),
                 "wall_seconds": round(time.perf_counter() - wall, 2),
                 "first_code_seconds": round(first[0], 2) if first else None}
@@ -68,6 +77,14 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
         return line | {"error": f"{type(error).__name__}: {error}"}
     return line | {"maps": len(found.code), **scores, **took, "stopped": found.stopped,
                    "verdict": found.facts()["verdict"], "code": archive.plain(found.code)}
+
+
+def _truth(kind: str, name: str, read: ReadImage) -> IFS:
+    """The true code of a picture. Raises ValueError where it has none."""
+    truth = SETS[kind].truth(name, read)
+    if truth is None:
+        raise ValueError(f"{name} has no true code")
+    return truth
 
 
 def run(kind: str, names: Iterable[str], setting: Setting, folder: Path, workers: int) -> int:
@@ -119,7 +136,9 @@ def code_of(line: Mapping[str, Any]) -> IFS:
 
 
 def _key(line: Mapping[str, Any]) -> str:
-    return json.dumps([line[name] for name in ("picture", "limit", "clock", "options")], sort_keys=True)
+    """What tells two fits apart. Lines from before there was `from_truth` began with nothing."""
+    begun = [True] if line.get("from_truth") else []
+    return json.dumps([*(line[name] for name in ("picture", "limit", "clock", "options")), *begun], sort_keys=True)
 
 
 def _rounded(value: Any) -> Any:

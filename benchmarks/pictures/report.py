@@ -64,6 +64,7 @@ def markdown(table: pd.DataFrame) -> list[str]:
 
 def _setting(line: dict[str, Any]) -> str:
     limit = f"{line['limit']:g} s by the {line['clock']} clock" if line["limit"] else "no limit"
+    limit += ", begun with the true code" if line.get("from_truth") else ""
     return f"{limit}, {json.dumps(line['options'], sort_keys=True)}" if line["options"] else limit
 
 

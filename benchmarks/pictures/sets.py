@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage
 
 from . import binary, density_maps, judging, tables, textbook, tone_curves
+from .figures import Truth
 from .paving import paving
 from .shapes import shapes
 
@@ -32,18 +34,22 @@ class PictureSet:
     tables: Callable[[pd.DataFrame], dict[str, pd.DataFrame]]
     options: Mapping[str, Any] = field(default_factory=dict)
     shown: Callable[[IFS, np.ndarray], tuple[np.ndarray, np.ndarray]] = judging.shapes
+    truth: Callable[[str, ReadImage], IFS | None] = lambda name, read: None
 
 
 def _textbook(seed: int) -> PictureSet:
     """The textbook pictures of a seed."""
     return PictureSet(lambda: {name: each.role for name, each in textbook.pictures().items()},
                       lambda name: textbook.pictures()[name].draw(seed).pixels, partial(_score_textbook, seed),
-                      tables.textbook)
+                      tables.textbook, truth=lambda name, read: _textbook_truth(seed, name, read).code)
+
+
+def _textbook_truth(seed: int, name: str, read: ReadImage) -> Truth:
+    return textbook.pictures()[name].draw(seed).truth_on(read.placement)
 
 
 def _score_textbook(seed: int, name: str, code: IFS, read: ReadImage) -> Scores:
-    picture = textbook.pictures()[name]
-    truth = picture.draw(seed).truth_on(read.placement)
+    picture, truth = textbook.pictures()[name], _textbook_truth(seed, name, read)
     return {"family": picture.family, "depth": picture.depth, "ink": picture.ink, "tool": picture.tool,
             "jpeg": picture.jpeg, "deepest": picture.deepest, **judging.likeness(code, read.image.numpy()),
             **judging.against_truth(code, truth, read.image.shape[-1])}
@@ -96,7 +102,8 @@ SETS: dict[str, PictureSet] = {
     "shapes": PictureSet(lambda: {name: each.role for name, each in shapes().items()},
                          lambda name: shapes()[name].make(0), _score_shape, tables.shapes),
     "binary": PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(binary.names())},
-                         binary.picture, _score_binary, tables.binary, {"frame": "keep"}, _thresholded),
+                         binary.picture, _score_binary, tables.binary, {"frame": "keep"}, _thresholded,
+                         truth=lambda name, read: attractor.normalize(binary.truth(name))),
     "tone_curves": PictureSet(lambda: {name: role for name, (_, _, role) in tone_curves.problems().items()},
                               tone_curves.picture, lambda name, code, read: tone_curves.score(name, code),
                               tables.tone_curves, {"frame": "keep"}),

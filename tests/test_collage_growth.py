@@ -161,9 +161,10 @@ def test_where_the_search_found_the_code_nothing_is_grown(triangle):
     assert stage(image).is_wanted(State(best=tied(BLOB)))
 
 
-def test_a_code_that_draws_faint_parts_too_is_no_blob():
-    truth = attractor.normalize(random_suite(67)[66])
-    image, right = target(truth, 128), tied(affine.from_code(truth))
+@pytest.mark.parametrize(("kind", "number"), [("grey", 66), ("binary", 4), ("binary", 19)])
+def test_a_code_that_draws_faint_parts_too_is_no_blob(kind, number):
+    truth = attractor.normalize(random_suite(67)[number])
+    image, right = target(truth, 128, kind), tied(affine.from_code(truth))
     assert grower(image).likeness(right) < CollageParams().growth.unlike   # of the brighter pixels alone
     assert not stage(image).is_wanted(State(best=right))
     assert stage(image).is_wanted(State(best=tied(BLOB)))

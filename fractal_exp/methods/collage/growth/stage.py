@@ -49,7 +49,7 @@ class Growth(Stage[Any]):
             return True
         self.open(state)
         return (self._likeness(found) < max(self.params.likeness or 0, self.params.growth.unlike)
-                and not self._explains_densities(found))
+                and not self._explains_rendering(found))
 
     def open(self, state: State) -> None:
         problem = self.problem
@@ -84,11 +84,12 @@ class Growth(Stage[Any]):
                                       camera=found.camera)
         return likeness_of(objective.judge(found.maps, found.weights), objective)
 
-    def _explains_densities(self, found: Candidate) -> bool:
-        """Whether what the search found draws the densities of our own renderer roughly. Its likeness is then no reason
-        to grow maps: the likeness looks at the brighter pixels alone, and grown maps draw everything evenly."""
+    def _explains_rendering(self, found: Candidate) -> bool:
+        """Whether what the search found draws a picture of our own renderer roughly. Its likeness is then no reason to
+        grow maps: the likeness looks at where the code has points at all, which is more than a density or a binary
+        image shows, and grown maps draw everything evenly."""
         problem = self.problem
-        if not (problem.levels.is_exact and problem.levels.is_density):
+        if not problem.levels.is_exact:
             return False
         objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
         return not objective.is_hopeless(objective.judge(found.maps, found.weights).error)

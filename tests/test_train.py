@@ -158,6 +158,20 @@ def test_an_error_after_an_interrupt_is_the_interrupt(monkeypatch):
         fit(None)
 
 
+def test_a_run_that_an_error_ends_after_an_interrupt_was_killed(picture, tmp_path, monkeypatch):
+    def cleanup_fails(*_, **__):
+        try:
+            interruption._interrupt()
+        finally:
+            raise AttributeError
+
+    monkeypatch.setattr(interruption, "_asked", False)
+    monkeypatch.setattr("fractal_exp.methods.chaotic.method.Chaotic.reconstruct", cleanup_fails)
+    with pytest.raises(KeyboardInterrupt):
+        train("target=image", f"target.path={picture}", f"output={tmp_path}")
+    assert list(runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")["status"]) == ["KILLED"]
+
+
 def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
     process = command("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
                       "iterations=100000", "checkpoint_every=1000000", "method.previews=5000")

@@ -103,7 +103,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         print(f"an unfinished fit was there; its checkpoint is kept as {aside}")
     _announce(config, source.label, target)
 
-    with runs.start(folder, settings, identity, source.label) as run:
+    with runs.start(folder, settings, identity, source.label) as run, interruption.not_lost():  # KILLED, not FAILED
         folder.begin(OmegaConf.to_yaml(config))
         kept = folder.keep_target(target.image, target.truth)
         run.artifact(kept.name, kept)

@@ -167,6 +167,7 @@ def test_a_code_that_draws_faint_parts_too_is_no_blob(kind, number):
     image, right = target(truth, 128, kind), tied(affine.from_code(truth))
     assert grower(image).likeness(right) < CollageParams().growth.unlike   # of the brighter pixels alone
     assert not stage(image).is_wanted(State(best=right))
+    assert stage(image, likeness=0.99).is_wanted(State(best=right))
     assert stage(image).is_wanted(State(best=tied(BLOB)))
 
 

@@ -33,10 +33,11 @@ def test_a_fit_is_a_line_with_code_scores_and_circumstances():
     assert json.loads(json.dumps(found)) == found
 
 
-def test_a_fit_from_the_truth_refines_the_true_code_and_searches_nothing():
+def test_a_fit_from_the_truth_refines_the_true_code_and_searches_nothing(tmp_path):
     setting = fitting.Setting(None, "wall", {"resolution": 64, "moves": {"drawn_count": 0}}, from_truth=True)
     found = fitting.fit("textbook", "gasket-8-red", setting)
     assert found["recovered"] and found["maps"] == 3 and found["from_truth"]
+    assert fitting.run("textbook", ["pythagoras-4-green"], setting, tmp_path, 1) == 0
     assert "no true code" in fitting.fit("textbook", "pythagoras-4-green", setting)["error"]
 
 

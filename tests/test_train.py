@@ -148,6 +148,12 @@ def test_an_error_after_an_interrupt_is_the_interrupt(monkeypatch):
         finally:
             raise AttributeError("'NoneType' object has no attribute '_invalidate_flags_cache'")
 
+    def full_disk(config):
+        try:
+            interruption._interrupt()
+        except KeyboardInterrupt:
+            raise InputError("the checkpoint cannot be written") from None
+
     monkeypatch.setattr(interruption, "_asked", False)
     monkeypatch.setattr(configuration, "resolve", cleanup_fails)
     with pytest.raises(KeyboardInterrupt):
@@ -155,6 +161,9 @@ def test_an_error_after_an_interrupt_is_the_interrupt(monkeypatch):
     monkeypatch.setattr(interruption, "_asked", False)
     monkeypatch.setattr(configuration, "resolve", lambda config: {}["missing"])
     with pytest.raises(KeyError):
+        fit(None)
+    monkeypatch.setattr(configuration, "resolve", full_disk)
+    with pytest.raises(InputError):
         fit(None)
 
 

@@ -7,7 +7,7 @@ long ago.
     python -m benchmarks.pictures density --density-maps FILE.npz          the published maps as well
     python -m benchmarks.pictures binary --report                          only the tables and sheets of what is there
     python -m benchmarks.pictures tone_curves --set 'levels="tonemapped"'   densities seen through gamma and logarithm
-    python -m benchmarks.pictures binary --from-truth                      what is lost beside the search
+    python -m benchmarks.pictures binary --from-truth                      what is lost apart from the search
     python -m benchmarks.pictures textbook --judge                         the codes that are there, scored again
     python -m benchmarks.pictures textbook --draw FOLDER                   only the pictures themselves
     python -m benchmarks.pictures samples --help                           retina, snowflake and fern by both methods
@@ -77,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--set", dest="options", action="append", default=[], metavar="KEY=VALUE",
                         help="an option of invert; a.b=1 for one of a component")
     parser.add_argument("--from-truth", action="store_true", help="begin with the true codes: only camera and maps are "
-                                                                  "refined. Pictures without one fail")
+                                                                  "refined. Pictures without one are left out")
     parser.add_argument("--density-maps", type=Path, metavar="PATH", help=f"or {density_maps.VARIABLE}")
     parser.add_argument("--output", type=Path, help="folder (default: benchmarks/results/pictures_SET)")
     parser.add_argument("--judge", action="store_true", help="only score the codes that are there again")

@@ -65,7 +65,7 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
     options = {**chosen.options, **setting.options}
     try:
         if setting.from_truth:
-            options = {key: value for key, value in options.items() if key not in READING} | given.OPTIONS
+            options = _merged({key: value for key, value in options.items() if key not in READING}, given.OPTIONS)
             picture = target_of(kind, line)
             options["checkpoint"] = Given(given.found_already(_truth(kind, name, picture)))
         found = invert(picture, seconds=setting.limit, on_step=watch, **options)
@@ -79,6 +79,12 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
                    "verdict": found.facts()["verdict"], "code": archive.plain(found.code)}
 
 
+def _merged(options: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Options with more of them, which win; components are merged field by field."""
+    return {**options, **{key: {**options.get(key, {}), **value} if isinstance(value, dict) else value
+                          for key, value in more.items()}}
+
+
 def _truth(kind: str, name: str, read: ReadImage) -> IFS:
     """The true code of a picture. Raises ValueError where it has none."""
     truth = SETS[kind].truth(name, read)
@@ -88,8 +94,12 @@ def _truth(kind: str, name: str, read: ReadImage) -> IFS:
 
 
 def run(kind: str, names: Iterable[str], setting: Setting, folder: Path, workers: int) -> int:
-    """Fit those of the pictures that the folder does not hold in this setting; how many."""
+    """Fit those of the pictures that the folder does not hold in this setting; how many. From the truth, pictures
+    without a true code are left out."""
     folder.mkdir(parents=True, exist_ok=True)
+    if setting.from_truth:
+        names = [name for name in names
+                 if SETS[kind].truth(name, target_of(kind, {"picture": name, **asdict(setting)})) is not None]
     done = {_key(line) for line in archive.read_lines(folder / FILE) if "error" not in line}
     wanted = [name for name in names if _key({"picture": name, **asdict(setting)}) not in done]
     if not wanted:

@@ -16,6 +16,7 @@ from ..ifs import attractor, formats
 from ..ifs.code import IFS
 from ..runtime.files import explain, is_of_file
 from ..suite import SUITE_SEED, random_suite
+from . import interruption
 
 CODE_HELP = ("a code: a file (.json, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a classic "
              "(fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
@@ -102,7 +103,8 @@ def command(program: str, work: Callable[[argparse.Namespace], None], parser: ar
             arguments: list[str] | None) -> None:
     """Parse, work, and print what a user can mend as one line (exit status 2), what the disk refuses included."""
     try:
-        work(parser.parse_intermixed_args(arguments))
+        with interruption.not_lost():
+            work(parser.parse_intermixed_args(arguments))
     except InputError as error:
         print(f"{program}: error: {error}", file=sys.stderr)
         raise SystemExit(2) from None

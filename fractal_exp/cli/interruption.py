@@ -6,6 +6,8 @@ import contextlib
 import signal
 from collections.abc import Iterator
 
+from ..errors import InputError
+
 _asked = False
 
 
@@ -25,12 +27,15 @@ def check() -> None:
 
 @contextlib.contextmanager
 def not_lost() -> Iterator[None]:
-    """Raise KeyboardInterrupt instead of any other error that comes after a signal.
+    """Raise KeyboardInterrupt instead of another error that comes after a signal.
 
-    A library that is interrupted may fail in its own cleanup, and that error takes the interruption's place.
+    A library that is interrupted may fail in its own cleanup, and that error takes the interruption's place. An
+    `InputError` stays: it says why a checkpoint could not be saved.
     """
     try:
         yield
+    except InputError:
+        raise
     except Exception:
         check()
         raise

@@ -48,8 +48,10 @@ class Growth(Stage[Any]):
         if found is None or state.current is not None:
             return True
         self.open(state)
-        return (self._likeness(found) < max(self.params.likeness or 0, self.params.growth.unlike)
-                and not self._explains_rendering(found))
+        likeness = self._likeness(found)
+        if likeness < (self.params.likeness or 0):
+            return True
+        return likeness < self.params.growth.unlike and not self._explains_rendering(found)
 
     def open(self, state: State) -> None:
         problem = self.problem
@@ -85,9 +87,9 @@ class Growth(Stage[Any]):
         return likeness_of(objective.judge(found.maps, found.weights), objective)
 
     def _explains_rendering(self, found: Candidate) -> bool:
-        """Whether what the search found draws a picture of our own renderer roughly. Its likeness is then no reason to
-        grow maps: the likeness looks at where the code has points at all, which is more than a density or a binary
-        image shows, and grown maps draw everything evenly."""
+        """Whether what the search found renders a density or a binary image roughly. Its likeness is then no reason to
+        grow maps: the likeness looks at where the code has points at all, which is more than such an image shows, and
+        grown maps draw everything evenly."""
         problem = self.problem
         if not problem.levels.is_exact:
             return False

@@ -41,6 +41,12 @@ def test_a_fit_from_the_truth_refines_the_true_code_and_searches_nothing(tmp_pat
     assert "no true code" in fitting.fit("textbook", "pythagoras-4-green", setting)["error"]
 
 
+def test_what_a_fit_from_the_truth_needs_leaves_the_other_fields_of_a_component():
+    merged = fitting._merged({"maps": 3, "camera": {"pen_px": 1.5, "strokes": True}}, {"rounds": 1, "camera": {
+        "strokes": False}})
+    assert merged == {"maps": 3, "rounds": 1, "camera": {"pen_px": 1.5, "strokes": False}}
+
+
 def test_a_fit_that_fails_is_a_line_that_says_so():
     failed = fitting.fit("textbook", "gasket-4-black", fitting.Setting(1, "core", {"no_such_option": 1}))
     assert "no_such_option" in failed["error"] and "maps" not in failed

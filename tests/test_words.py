@@ -1,5 +1,6 @@
 """What a wrong word on the command line is answered with, and what picture= and seconds= come to."""
 
+import argparse
 import errno
 import sys
 
@@ -14,7 +15,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from fractal_exp import InputError, codes, invert, render
-from fractal_exp.cli import configuration, perceptual, sweep, sweep_check, train, words
+from fractal_exp.cli import commands, configuration, perceptual, sweep, sweep_check, train, words
 from fractal_exp.cli.vocabulary import Vocabulary
 from fractal_exp.ifs import attractor
 
@@ -271,3 +272,19 @@ def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypat
         target = compose(study, [*job, *search]).target
     assert set(target) == {"_target_", "path", "invert", "threshold", "clean", "crop"}
     assert target._target_.endswith("Picture")
+
+
+def test_an_error_after_a_signal_is_the_interruption_in_every_command(monkeypatch, capsys):
+    monkeypatch.setattr("fractal_exp.cli.interruption._asked", True)
+    monkeypatch.setattr(sys, "argv", ["fractal-train"])
+
+    def fail(*_):
+        raise AttributeError
+
+    with pytest.raises(KeyboardInterrupt), words.one_line("fractal-train"):
+        fail()
+    with pytest.raises(KeyboardInterrupt):
+        words.run("fractal-train", fail, [], "train")
+    with pytest.raises(SystemExit, match="130"):
+        commands.command("fractal-view", fail, argparse.ArgumentParser(), [])
+    assert capsys.readouterr().err == "\nfractal-view: interrupted\n"

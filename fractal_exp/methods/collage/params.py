@@ -48,8 +48,8 @@ class StageParams(Params):
     later_restarts: PositiveShare = 0.5
     """Restarts of each later round, as a share of `search.restarts`, rounded up."""
     avoid_isometries: bool = True
-    """Whether every other round avoids near-isometries: the first, third … of a picture that others drew; the
-    second, fourth … of another image, if a code with a near-isometry has failed."""
+    """Whether every other round avoids near-isometries: the first, third … of a binary image or a picture that others
+    drew; the second, fourth … of another image, if a code with a near-isometry has failed."""
     unlike: Share = 0.95
     """Likeness (F1 within 1 px) below which the code of a picture that others drew is not rounded, and another
     round begins."""
@@ -76,8 +76,11 @@ class StageParams(Params):
     """Share at which the polish on a shrunk image ends."""
     hopeless_share: Share = 0.75
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
+    binary_image_share: Share = 0.9
+    """Share at which stage 3 and all later rounds end in a binary image. This leaves time for the firm fit into the
+    frame."""
     image_share: Share = 0.95
-    """Share at which stage 3 and all later rounds end."""
+    """Share at which they end in other images."""
     full_share: Share = 0.98
     """Share at which the polish at full size ends."""
     canonical_share: Share = 0.99

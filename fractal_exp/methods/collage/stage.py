@@ -50,8 +50,10 @@ class Stage(ABC, Generic[Search]):
     @property
     def deadline(self) -> Deadline:
         """When the stage ends. Later rounds share the time of the last stage of the first round."""
-        stages = self.params.stages
-        return self.problem.deadline.until(stages.image_share if self.round else getattr(stages, self.ends_at))
+        share = "image_share" if self.round else self.ends_at
+        if share == "image_share" and not self.problem.levels.is_graded:
+            share = "binary_image_share"
+        return self.problem.deadline.until(getattr(self.params.stages, share))
 
     @abstractmethod
     def open(self, state: State) -> None:
@@ -84,9 +86,10 @@ class Stage(ABC, Generic[Search]):
     def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
         identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. In
-        pictures that others drew, the first round and every other one avoid them."""
+        binary images and pictures that others drew, the first round and every other one avoid them."""
         stages = self.params.stages
-        if stages.avoid_isometries and not self.problem.levels.is_exact:
+        levels = self.problem.levels
+        if stages.avoid_isometries and not (levels.is_exact and levels.is_graded):
             return 1.0 if self.round % 2 else stages.contraction
         if not stages.avoid_isometries or state.before is None or not self.round % 2:
             return 1.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -27,18 +27,24 @@ class Frame:
     beyond_px: float
 
     @classmethod
-    def of(cls, image: Tensor, params: FrameParams) -> Frame | None:
-        """The frame of an image (R,R), or None if its lit pixels span too much or too little of the canvas."""
+    def of(cls, image: Tensor, params: FrameParams, *, is_graded: bool = True) -> Frame | None:
+        """The frame of an image (R,R), or None if its lit pixels span too much or too little of the canvas.
+        is_graded: whether the image shows faint tips; a binary image does not."""
         side = image.shape[0]
         lit = [image.amax(k).nonzero().flatten() for k in (0, 1)]
         if len(lit[0]) == 0 or not params.enabled:
             return None
         spans = [2 * float(each[-1] + 1 - each[0]) / side for each in lit]
         off = [abs(float(each[-1] + 1 + each[0]) / side - 1) for each in lit]
-        fills = params.shortest * FRAME_SIDE < max(spans) < params.longest * FRAME_SIDE
+        shortest = params.shortest if is_graded else params.binary_shortest
+        fills = shortest * FRAME_SIDE < max(spans) < params.longest * FRAME_SIDE
         if not fills or max(off) >= (params.longest - 1) * FRAME_SIDE:
             return None
         return cls(side, params.sigma_px, params.beyond_px)
+
+    def firmer(self, factor: float) -> Frame:
+        """The same frame with a larger weight."""
+        return replace(self, sigma_px=self.sigma_px / factor**0.5)
 
     def misfit(self, maps: Tensor, probabilities: Tensor) -> Tensor:
         """Misfit (3,) float64, pixels, of the attractor's visible box in the frame, for maps (N,6) and probabilities

@@ -85,7 +85,7 @@ class MoveParams(Params):
     """Whether all maps are pruned and polished in place of the last move asked for, and from then on whenever `recent`
     more have been made."""
     worth: Amount = 0.1
-    """Share of the error that a map must save in a picture that others drew."""
+    """Share of the error that a map must save in a binary image or a picture that others drew."""
     missing: Amount = 1e3
     """Cost of each map fewer than `maps` asks for."""
     candidates: Positive = 24
@@ -280,6 +280,8 @@ class FrameParams(Params):
     """Whether codes are fitted into the frame."""
     shortest: Amount = 0.93
     """Minimum span of the lit pixels, relative to the frame's side, for an image to fill its frame."""
+    binary_shortest: Amount = 0.55
+    """The same for a binary image, which does not show faint tips."""
     longest: Amount = 1.17
     """Maximum span. The lit pixels may also lie off the canvas's centre by as much as they may be too long."""
     sigma_px: Factor = 0.05
@@ -290,8 +292,15 @@ class FrameParams(Params):
     """Noise ratio from which the frame is ignored and the last digits stay as they are."""
     worse: Amount = 1.05
     """Factor on the error up to which a code fitted into the frame is kept."""
+    firm: tuple[Factor, ...] = (100.0, 1000.0)
+    """Factors on the frame's weight in the last fits of a binary image's code that is not nearly right. The frame then
+    says more about faint tips than the pixels do."""
+    firm_above: Amount = 1.2
+    """Noise ratio above which a code counts as not nearly right."""
+    firm_steps: Count = 6
+    """Gauss-Newton steps of each of these fits."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        check_order(self, ("shortest", "longest"))
+        check_order(self, ("binary_shortest", "shortest"), ("shortest", "longest"))
         return self

@@ -36,7 +36,8 @@ class ImageSearch:
     def __init__(self, objective: ImageObjective, masses: Tensor, *, noise: float, seed: int = 0,
                  deadline: Deadline = NO_DEADLINE):
         self.objective, self.params, self.masses, self.seed = objective, objective.params, masses, seed
-        worth = 0.0 if objective.levels.is_exact else self.params.moves.worth
+        levels = objective.levels  # without greys, small maps gather around a wrong one and hardly raise the error
+        worth = 0.0 if levels.is_exact and levels.is_graded else self.params.moves.worth
         self.price, self.deadline = Price(self.params.moves.price * noise, worth), deadline
         self._shown: Rendered | None = None
         self._corrected: CorrectedMeasure | None = None
@@ -106,6 +107,10 @@ class ImageSearch:
         if found.weights is not None and not self.objective.levels.is_linear:
             tied = self.polished(self.objective.judge(found.maps), self.params.moves.polish_ends)
             found = self._simpler(tied, found)
+        if not self.objective.levels.is_graded:
+            found = self._firmly_framed(found)
+            if self.noise_ratio(self.candidate(found)) > self.params.stages.later_rounds:
+                return self.candidate(found)
         last = self._last_judged(found)
         near = self.noise_ratio(self.candidate(last)) < self.params.frame.far
         fewer = pruned_in_frame(self.objective, last, self.price, self.params.maps or 0, near=near,
@@ -145,6 +150,16 @@ class ImageSearch:
         if self._noise is None or self._noise[0] is not shown.maps:
             self._noise = shown.maps, self.objective.noise(shown.code)
         return shown.error / self._noise[1]
+
+    def _firmly_framed(self, found: Rendered) -> Rendered:
+        """The code of a binary image, fitted into its frame unless it is nearly right."""
+        frame, params = self.objective.own_frame(), self.params.frame
+        if frame is None or self.noise_ratio(self.candidate(found)) < params.firm_above:
+            return found
+        for factor in params.firm:
+            found = fitted_into_frame(self.objective, found, params.firm_steps, frame.firmer(factor),
+                                      deadline=self.deadline)
+        return found
 
     # -- the last polish ----------------------------------------------------------------------------------------------
 

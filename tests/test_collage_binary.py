@@ -56,13 +56,13 @@ def test_the_frame_pulls_tips_that_a_binary_image_hides():
 
     pulled, soft = given._firmly_framed(wrong), search(image, frame={"firm": (1.0,)})._firmly_framed(wrong)
     assert misfit(wrong) > 4 and misfit(pulled) < 0.2 and misfit(soft) > misfit(pulled)
-    assert given.objective.error(pulled.image) < 1.05**2 * wrong.error
+    assert given.objective.error(pulled.image) < 1.2 * wrong.error
     right = given.objective.judge(maps)
     assert given._firmly_framed(right) is right, "it is explained to its noise"
 
 
 def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
-    for image, share in ((triangle[1], 0.95), ((triangle[1] > 0.25).float(), 0.9)):
+    for image, share in ((triangle[1], 0.95), ((triangle[1] > 0.25).float(), 0.85)):
         given = replace(problem(image), deadline=Deadline(1000))
         for stage in (ImageMoves(given), Restart(given, 1)):
             assert stage.deadline.seconds == pytest.approx(1000 * share, abs=5)

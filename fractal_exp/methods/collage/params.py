@@ -76,7 +76,7 @@ class StageParams(Params):
     """Share at which the polish on a shrunk image ends."""
     hopeless_share: Share = 0.75
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
-    binary_image_share: Share = 0.9
+    binary_image_share: Share = 0.85
     """Share at which stage 3 and all later rounds end in a binary image. This leaves time for the firm fit into the
     frame."""
     image_share: Share = 0.95

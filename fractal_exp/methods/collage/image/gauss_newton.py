@@ -57,16 +57,18 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
 
 
 def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, frame: Frame | None, *,
-                      deadline: Deadline = NO_DEADLINE, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
+                      worse: float | None = None, deadline: Deadline = NO_DEADLINE,
+                      fixed: Collection[tuple[int, int]] = ()) -> Rendered:
     """Polish the code so that its attractor fills the frame of its image, which constrains tips too faint to be seen.
-    Polish it without the frame if there is none, or if the frame makes the rendering notably worse."""
+    Polish it without the frame if there is none, or if the frame makes the rendering notably worse. worse: the factor
+    on the error up to which it does not, None: `FrameParams.worse`."""
     patience = objective.params.gauss_newton.last_patience
     if frame is not None:
         within = objective.within(frame)
         found = polished(within, within.judge(start.maps, start.weights), steps, patience=patience,
                          deadline=deadline, fixed=fixed)
         seen = objective.error(found.image)
-        if seen <= objective.params.frame.worse * start.error:
+        if seen <= (worse or objective.params.frame.worse) * start.error:
             return replace(found, error=seen)
     return polished(objective, start, steps, patience=patience, deadline=deadline, fixed=fixed)
 

@@ -292,11 +292,13 @@ class FrameParams(Params):
     """Noise ratio from which the frame is ignored and the last digits stay as they are."""
     worse: Amount = 1.05
     """Factor on the error up to which a code fitted into the frame is kept."""
-    firm: tuple[Factor, ...] = (100.0, 1000.0)
+    firm: tuple[Factor, ...] = (100.0, 1000.0, 10000.0)
     """Factors on the frame's weight in the last fits of a binary image's code that is not nearly right. The frame then
     says more about faint tips than the pixels do."""
     firm_above: Amount = 1.2
     """Noise ratio above which a code counts as not nearly right."""
+    firm_worse: Amount = 1.2
+    """Factor on the error up to which the result of each of these fits is kept."""
     firm_steps: Count = 6
     """Gauss-Newton steps of each of these fits."""
 

@@ -100,6 +100,10 @@ class ImageSearch:
     def finish(self, now: Candidate) -> Candidate:
         """The code cleaned, and then polished on the mean of several renderings, which has less noise. The polish is
         left out for pictures that others drew and for hopeless codes."""
+        if not self.objective.levels.is_graded:
+            now = self.candidate(self._firmly_framed(self.pruned(self.shown(now))))
+            if self.noise_ratio(now) > self.params.stages.later_rounds:
+                return now
         cleaned = self.cleaned(now)
         if not self.objective.levels.is_exact or self.objective.is_hopeless(cleaned.error):
             return cleaned
@@ -107,10 +111,6 @@ class ImageSearch:
         if found.weights is not None and not self.objective.levels.is_linear:
             tied = self.polished(self.objective.judge(found.maps), self.params.moves.polish_ends)
             found = self._simpler(tied, found)
-        if not self.objective.levels.is_graded:
-            found = self._firmly_framed(found)
-            if self.noise_ratio(self.candidate(found)) > self.params.stages.later_rounds:
-                return self.candidate(found)
         last = self._last_judged(found)
         near = self.noise_ratio(self.candidate(last)) < self.params.frame.far
         fewer = pruned_in_frame(self.objective, last, self.price, self.params.maps or 0, near=near,
@@ -158,7 +158,7 @@ class ImageSearch:
             return found
         for factor in params.firm:
             found = fitted_into_frame(self.objective, found, params.firm_steps, frame.firmer(factor),
-                                      deadline=self.deadline)
+                                      worse=params.firm_worse, deadline=self.deadline)
         return found
 
     # -- the last polish ----------------------------------------------------------------------------------------------

@@ -54,11 +54,12 @@ def test_the_frame_pulls_tips_that_a_binary_image_hides():
     def misfit(found):
         return float(frame.misfit(found.maps, found.probabilities).abs().max())
 
-    pulled, soft = given._firmly_framed(wrong), search(image, frame={"firm": (1.0,)})._firmly_framed(wrong)
+    pulled = given._firmly_framed(wrong, frame)
+    soft = search(image, frame={"firm": (1.0,)})._firmly_framed(wrong, frame)
     assert misfit(wrong) > 4 and misfit(pulled) < 0.2 and misfit(soft) > misfit(pulled)
     assert given.objective.error(pulled.image) < 1.2 * wrong.error
     right = given.objective.judge(maps)
-    assert given._firmly_framed(right) is right, "it is explained to its noise"
+    assert given._firmly_framed(right, frame) is right, "it is explained to its noise"
 
 
 def test_time_is_left_for_the_frame_of_a_binary_image(triangle):

@@ -63,12 +63,13 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
     Polish it without the frame if there is none, or if the frame makes the rendering notably worse. worse: the factor
     on the error up to which it does not, None: `FrameParams.worse`."""
     patience = objective.params.gauss_newton.last_patience
+    worse = objective.params.frame.worse if worse is None else worse
     if frame is not None:
         within = objective.within(frame)
         found = polished(within, within.judge(start.maps, start.weights), steps, patience=patience,
                          deadline=deadline, fixed=fixed)
         seen = objective.error(found.image)
-        if seen <= (worse or objective.params.frame.worse) * start.error:
+        if seen <= worse * start.error:
             return replace(found, error=seen)
     return polished(objective, start, steps, patience=patience, deadline=deadline, fixed=fixed)
 

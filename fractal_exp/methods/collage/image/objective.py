@@ -64,8 +64,9 @@ class ImageObjective:
     def own_frame(self) -> Frame | None:
         """The frame that the image fills, or None. Linear images and pictures that others drew have no frame."""
         levels = self.levels
-        return None if levels.is_linear or not levels.is_exact else Frame.of(
-            self.image, self.params.frame, is_graded=levels.is_graded)
+        if levels.is_linear or not levels.is_exact:
+            return None
+        return Frame.of(self.image, self.params.frame, is_graded=levels.is_graded)
 
     def hasty(self) -> ImageObjective:
         """The same objective with a single rendering of each code."""

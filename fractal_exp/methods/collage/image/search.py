@@ -18,6 +18,7 @@ from .. import maps as affine
 from ..canonical.rounding import Rounding
 from ..measure.tones import camera_of
 from ..state import Candidate
+from .frame import Frame
 from .gauss_newton import fitted_into_frame, polished
 from .jacobian import FromRenderings
 from .moves import MOVES
@@ -99,9 +100,11 @@ class ImageSearch:
 
     def finish(self, now: Candidate) -> Candidate:
         """The code cleaned, and then polished on the mean of several renderings, which has less noise. The polish is
-        left out for pictures that others drew and for hopeless codes."""
-        if not self.objective.levels.is_graded:
-            now = self.candidate(self._firmly_framed(self.pruned(self.shown(now))))
+        left out for pictures that others drew and for hopeless codes. The code of a binary image is first fitted into
+        its frame; that is all if the code is far from right."""
+        frame = self.objective.own_frame()
+        if frame is not None and not self.objective.levels.is_graded:
+            now = self.candidate(self._firmly_framed(self.pruned(self.shown(now)), frame))
             if self.noise_ratio(now) > self.params.stages.later_rounds:
                 return now
         cleaned = self.cleaned(now)
@@ -151,10 +154,10 @@ class ImageSearch:
             self._noise = shown.maps, self.objective.noise(shown.code)
         return shown.error / self._noise[1]
 
-    def _firmly_framed(self, found: Rendered) -> Rendered:
+    def _firmly_framed(self, found: Rendered, frame: Frame) -> Rendered:
         """The code of a binary image, fitted into its frame unless it is nearly right."""
-        frame, params = self.objective.own_frame(), self.params.frame
-        if frame is None or self.noise_ratio(self.candidate(found)) < params.firm_above:
+        params = self.params.frame
+        if self.noise_ratio(self.candidate(found)) < params.firm_above:
             return found
         for factor in params.firm:
             found = fitted_into_frame(self.objective, found, params.firm_steps, frame.firmer(factor),

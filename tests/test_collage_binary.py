@@ -68,3 +68,12 @@ def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
         for stage in (ImageMoves(given), Restart(given, 1)):
             assert stage.deadline.seconds == pytest.approx(1000 * share, abs=5)
         assert Restart(given).deadline.seconds == pytest.approx(350, abs=5)
+
+
+def test_a_fit_into_the_frame_does_not_make_a_code_hopeless():
+    code = normalize(suite.random_suite(10, seed=7)[9])
+    image = suite.target(code, 128, "binary")
+    given, frame = search(image), objective(image, BINARY).own_frame()
+    wrong = given.objective.judge(affine.from_code(code) + 0.004 * torch.randn(len(code), 6, generator=random(1)))
+    given.objective.is_hopeless = lambda error: error != wrong.error
+    assert given._firmly_framed(wrong, frame) is wrong

@@ -155,13 +155,16 @@ class ImageSearch:
         return shown.error / self._noise[1]
 
     def _firmly_framed(self, found: Rendered, frame: Frame) -> Rendered:
-        """The code of a binary image, fitted into its frame unless it is nearly right."""
-        params = self.params.frame
+        """The code of a binary image, fitted into its frame unless it is nearly right or that makes it hopeless."""
+        params, hopeless = self.params.frame, self.objective.is_hopeless
         if self.noise_ratio(self.candidate(found)) < params.firm_above:
             return found
         for factor in params.firm:
-            found = fitted_into_frame(self.objective, found, params.firm_steps, frame.firmer(factor),
-                                      worse=params.firm_worse, deadline=self.deadline)
+            fitted = fitted_into_frame(self.objective, found, params.firm_steps, frame.firmer(factor),
+                                       worse=params.firm_worse, deadline=self.deadline)
+            if hopeless(fitted.error) and not hopeless(found.error):
+                break
+            found = fitted
         return found
 
     # -- the last polish ----------------------------------------------------------------------------------------------

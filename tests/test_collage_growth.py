@@ -181,6 +181,20 @@ def test_what_was_found_stays_unless_grown_maps_are_better():
     assert len(some.close(replace(state, curve=(better,))).result.maps) == 6
 
 
+def test_what_draws_a_binary_image_with_less_error_stays():
+    truth = attractor.normalize(random_suite(67)[4])
+    image = target(truth, 128, "binary")
+    some = stage(image)
+    some.open(State())
+    grown = replace(some.grower.plain(6), likeness=1.0)
+    right = affine.from_code(truth)
+    assert torch.equal(some.close(State(best=tied(right), curve=(grown,))).result.maps, right)
+    assert torch.equal(some.close(State(best=tied(BLOB), curve=(grown,))).result.maps, grown.maps)
+    asked = stage(image, likeness=0.99)
+    asked.open(State())
+    assert torch.equal(asked.close(State(best=tied(right), curve=(grown,))).result.maps, grown.maps)
+
+
 def test_however_late_it_is_there_is_a_paving_at_least():
     some = stage(BRANCH, seconds=1e-6)
     state = State(best=tied(BLOB))

@@ -48,8 +48,9 @@ class StageParams(Params):
     later_restarts: PositiveShare = 0.5
     """Restarts of each later round, as a share of `search.restarts`, rounded up."""
     avoid_isometries: bool = True
-    """Whether every other round avoids near-isometries: the first, third … of a binary image or a picture that others
-    drew; the second, fourth … of another image, if a code with a near-isometry has failed."""
+    """Whether every other round avoids near-isometries: the first, third … of a picture that others drew; the first of
+    a binary image, if there may be a second; the second, fourth … of another image, if a code with a near-isometry has
+    failed."""
     unlike: Share = 0.95
     """Likeness (F1 within 1 px) below which the code of a picture that others drew is not rounded, and another
     round begins."""
@@ -77,8 +78,8 @@ class StageParams(Params):
     hopeless_share: Share = 0.75
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
     binary_image_share: Share = 0.85
-    """Share at which stage 3 and all later rounds end in a binary image. This leaves time for the firm fit into the
-    frame."""
+    """Share at which stage 3 and all later rounds end in a binary image, unless `frame.enabled` is false. This leaves
+    time for the firm polish in the frame."""
     image_share: Share = 0.95
     """Share at which they end in other images."""
     full_share: Share = 0.98

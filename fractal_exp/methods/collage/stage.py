@@ -51,7 +51,8 @@ class Stage(ABC, Generic[Search]):
     def deadline(self) -> Deadline:
         """When the stage ends. Later rounds share the time of the last stage of the first round."""
         share = "image_share" if self.round else self.ends_at
-        if share == "image_share" and not self.problem.levels.is_graded:
+        frame = self.params.frame
+        if share == "image_share" and not self.problem.levels.is_graded and frame.enabled and frame.firm:
             share = "binary_image_share"
         return self.problem.deadline.until(getattr(self.params.stages, share))
 
@@ -86,15 +87,21 @@ class Stage(ABC, Generic[Search]):
     def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
         identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. In
-        binary images and pictures that others drew, the first round and every other one avoid them."""
-        stages = self.params.stages
-        levels = self.problem.levels
-        if stages.avoid_isometries and not (levels.is_exact and levels.is_graded):
-            return 1.0 if self.round % 2 else stages.contraction
-        if not stages.avoid_isometries or state.before is None or not self.round % 2:
-            return 1.0
-        suspect = bool((affine.smaller_singular(state.before.maps) > stages.isometry).any())
-        return stages.contraction if suspect else 1.0
+        pictures that others drew, the first and third rounds avoid them; in binary images the first, if there are
+        two."""
+        stages, levels = self.params.stages, self.problem.levels
+        if not levels.is_exact:
+            avoided = self.round % 2 == 0
+        elif not levels.is_graded:
+            avoided = self.round == 0 and self.problem.rounds > 1
+        else:
+            avoided = self.round % 2 == 1 and self._has_failed_with_isometry(state)
+        return stages.contraction if stages.avoid_isometries and avoided else 1.0
+
+    def _has_failed_with_isometry(self, state: State) -> bool:
+        """Whether the code of an earlier round has a near-isometry."""
+        earlier = state.before
+        return earlier is not None and bool((affine.smaller_singular(earlier.maps) > self.params.stages.isometry).any())
 
     def _measure_search(self, state: State, found: Candidate | None, regime: Regime, seed: int) -> MeasureSearch:
         """The search on the image's measure, which `found` corrects for saturation."""

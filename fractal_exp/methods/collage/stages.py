@@ -154,6 +154,8 @@ class FullSize(Stage):
         start = objective.judge(state.found.maps, state.found.weights)
         noise = objective.noise(start.code)
         near = start.error < params.frame.far * noise
+        if objective.firm_frame() is not None and start.error > params.stages.later_rounds * noise:
+            return replace(state.found, error=start.error, score=start.error)  # a polish would let go of the frame
         start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
                                 deadline=self.problem.deadline)
         found = fitted_into_frame(objective, start, params.stages.full_polish, objective.own_frame() if near else None,

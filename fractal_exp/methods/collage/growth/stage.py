@@ -8,7 +8,6 @@ from typing import Any
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..image.likeness import likeness_of
-from ..image.objective import ImageObjective, Rendered
 from ..problem import SearchProblem
 from ..stage import Stage
 from ..state import Candidate, Grown, State
@@ -70,22 +69,24 @@ class Growth(Stage[Any]):
 
     def close(self, state: State) -> State:
         found, chosen = state.result, self._chosen(state.curve)
-        objective = self.problem.objective(len(self.problem.image), chosen.code, derive(self.problem.seed, "grown"))
-        grown = objective.judge(chosen.maps, chosen.weights)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
                 chosen.likeness < self._likeness(found) + self.params.growth.margin
-                or self._draws_better(found, grown, objective)):
+                or self._draws_better(found, chosen)):
             return replace(state, best=found, before=None)
-        return replace(state, best=Candidate(chosen.maps, chosen.weights, grown.error, grown.error), before=None,
+        objective = self.problem.objective(len(self.problem.image), chosen.code, derive(self.problem.seed, "grown"))
+        error = objective.judge(chosen.maps, chosen.weights).error
+        return replace(state, best=Candidate(chosen.maps, chosen.weights, error, error), before=None,
                        stopped=f"{len(chosen.maps)} maps were grown, F1 {chosen.likeness:.3f} within a pixel")
 
-    def _draws_better(self, found: Candidate, grown: Rendered, objective: ImageObjective) -> bool:
+    def _draws_better(self, found: Candidate, grown: Grown) -> bool:
         """Whether what the search found draws a binary image well, and with less error than the grown maps do. The
         grown maps may have a higher likeness even so, because likeness looks at where a code has points at all."""
-        if self.problem.levels.is_graded or self.params.likeness:
+        problem = self.problem
+        if problem.levels.is_graded or self.params.likeness:
             return False
-        shown = objective.judge(found.maps, found.weights)
-        return shown.error < grown.error and objective.likeness(shown.image) >= self.params.growth.unlike
+        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
+        shown, other = (objective.judge(each.maps, each.weights) for each in (found, grown))
+        return shown.error < other.error and objective.likeness(shown.image) >= self.params.growth.unlike
 
     def _likeness(self, found: Candidate) -> float:
         """The likeness (F1 within a pixel) of what the search found."""

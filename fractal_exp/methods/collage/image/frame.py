@@ -27,16 +27,16 @@ class Frame:
     beyond_px: float
 
     @classmethod
-    def of(cls, image: Tensor, params: FrameParams, *, is_graded: bool = True) -> Frame | None:
-        """The frame of an image (R,R), or None if its lit pixels span too much or too little of the canvas.
-        is_graded: whether the image shows faint tips; a binary image does not."""
+    def of(cls, image: Tensor, params: FrameParams, shortest: float | None = None) -> Frame | None:
+        """The frame of an image (R,R), or None if its lit pixels span too much or too little of the canvas. shortest:
+        their minimum span, None: `FrameParams.shortest`."""
         side = image.shape[0]
         lit = [image.amax(k).nonzero().flatten() for k in (0, 1)]
         if len(lit[0]) == 0 or not params.enabled:
             return None
         spans = [2 * float(each[-1] + 1 - each[0]) / side for each in lit]
         off = [abs(float(each[-1] + 1 + each[0]) / side - 1) for each in lit]
-        shortest = params.shortest if is_graded else params.binary_shortest
+        shortest = params.shortest if shortest is None else shortest
         fills = shortest * FRAME_SIDE < max(spans) < params.longest * FRAME_SIDE
         if not fills or max(off) >= (params.longest - 1) * FRAME_SIDE:
             return None

@@ -57,21 +57,34 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
 
 
 def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, frame: Frame | None, *,
-                      worse: float | None = None, deadline: Deadline = NO_DEADLINE,
-                      fixed: Collection[tuple[int, int]] = ()) -> Rendered:
+                      deadline: Deadline = NO_DEADLINE, fixed: Collection[tuple[int, int]] = ()) -> Rendered:
     """Polish the code so that its attractor fills the frame of its image, which constrains tips too faint to be seen.
-    Polish it without the frame if there is none, or if the frame makes the rendering notably worse. worse: the factor
-    on the error up to which it does not, None: `FrameParams.worse`."""
+    Polish it without the frame if there is none, or if the frame makes the rendering notably worse."""
     patience = objective.params.gauss_newton.last_patience
-    worse = objective.params.frame.worse if worse is None else worse
     if frame is not None:
         within = objective.within(frame)
         found = polished(within, within.judge(start.maps, start.weights), steps, patience=patience,
                          deadline=deadline, fixed=fixed)
         seen = objective.error(found.image)
-        if seen <= worse * start.error:
+        if seen <= objective.params.frame.worse * start.error:
             return replace(found, error=seen)
     return polished(objective, start, steps, patience=patience, deadline=deadline, fixed=fixed)
+
+
+def firmly_framed(objective: ImageObjective, found: Rendered, frame: Frame, *,
+                  deadline: Deadline = NO_DEADLINE) -> Rendered:
+    """The code of a binary image, polished with ever larger weights of its frame. A polish is undone if it makes the
+    rendering notably worse than it was at first, or the code hopeless."""
+    params, hopeless = objective.params.frame, objective.is_hopeless
+    most = params.firm_worse * found.error
+    for factor in params.firm:
+        within = objective.within(frame.firmer(factor))
+        fitted = polished(within, within.judge(found.maps, found.weights), params.firm_steps,
+                          patience=objective.params.gauss_newton.last_patience, deadline=deadline)
+        seen = objective.error(fitted.image)
+        if seen <= most and (hopeless(found.error) or not hopeless(seen)):
+            found = replace(fitted, error=seen)
+    return found
 
 
 def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, step: Tensor) -> Rendered | None:

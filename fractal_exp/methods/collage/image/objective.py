@@ -64,9 +64,14 @@ class ImageObjective:
     def own_frame(self) -> Frame | None:
         """The frame that the image fills, or None. Linear images and pictures that others drew have no frame."""
         levels = self.levels
-        if levels.is_linear or not levels.is_exact:
+        return None if levels.is_linear or not levels.is_exact else Frame.of(self.image, self.params.frame)
+
+    def firm_frame(self) -> Frame | None:
+        """The frame of a binary image, of which its lit pixels may fall far short; None for all other images."""
+        params = self.params.frame
+        if self.levels.is_graded or not params.firm:
             return None
-        return Frame.of(self.image, self.params.frame, is_graded=levels.is_graded)
+        return Frame.of(self.image, params, params.binary_shortest)
 
     def hasty(self) -> ImageObjective:
         """The same objective with a single rendering of each code."""

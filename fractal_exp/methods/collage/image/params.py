@@ -281,7 +281,7 @@ class FrameParams(Params):
     shortest: Amount = 0.93
     """Minimum span of the lit pixels, relative to the frame's side, for an image to fill its frame."""
     binary_shortest: Amount = 0.55
-    """The same for a binary image, which does not show faint tips."""
+    """The same for the firm polish of a binary image, which does not show faint tips."""
     longest: Amount = 1.17
     """Maximum span. The lit pixels may also lie off the canvas's centre by as much as they may be too long."""
     sigma_px: Factor = 0.05
@@ -289,18 +289,18 @@ class FrameParams(Params):
     beyond_px: Factor = 1.0
     """Misfit, pixels, above which the loss is linear (Huber 1964)."""
     far: Amount = 30.0
-    """Noise ratio from which the frame is ignored and the last digits stay as they are."""
+    """Noise ratio from which the frame is ignored, except by the firm polish, and the last digits stay as they are."""
     worse: Amount = 1.05
     """Factor on the error up to which a code fitted into the frame is kept."""
     firm: tuple[Factor, ...] = (100.0, 1000.0, 10000.0)
-    """Factors on the frame's weight in the last fits of a binary image's code that is not nearly right. The frame then
-    says more about faint tips than the pixels do."""
+    """Factors on the frame's weight, one polish each, at the end of each round on a binary image whose code is not
+    nearly right. The frame then says more about faint tips than the pixels do. Empty: no such polish."""
     firm_above: Amount = 1.2
     """Noise ratio above which a code counts as not nearly right."""
-    firm_worse: Amount = 1.2
-    """Factor on the error up to which the result of each of these fits is kept."""
+    firm_worse: Amount = 1.4
+    """Factor on the error before the first of them up to which they are kept."""
     firm_steps: Count = 6
-    """Gauss-Newton steps of each of these fits."""
+    """Gauss-Newton steps of each of them."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

@@ -19,7 +19,7 @@ from ..canonical.rounding import Rounding
 from ..measure.tones import camera_of
 from ..state import Candidate
 from .frame import Frame
-from .gauss_newton import fitted_into_frame, polished
+from .gauss_newton import firmly_framed, fitted_into_frame, polished
 from .jacobian import FromRenderings
 from .moves import MOVES
 from .moves.new_map import CorrectedMeasure
@@ -99,14 +99,25 @@ class ImageSearch:
         return self.candidate(new) if self.score(new) < self.score(shown) else now
 
     def finish(self, now: Candidate) -> Candidate:
+        """The code cleaned and polished. The code of a binary image is fitted into its frame before and after that; a
+        code far from right only before, because small parts of a pixel do not matter yet."""
+        frame = self.objective.firm_frame()
+        if frame is None:
+            return self._polished_last(now)
+        before = self.noise_ratio(now)
+        now = self._firmly_framed(self.candidate(self.pruned(self.shown(now))), frame)
+        if min(before, self.noise_ratio(now)) > self.params.stages.later_rounds:
+            return now
+        return self._firmly_framed(self._polished_last(now), frame)
+
+    def _firmly_framed(self, now: Candidate, frame: Frame) -> Candidate:
+        if self.noise_ratio(now) < self.params.frame.firm_above:
+            return now
+        return self.candidate(firmly_framed(self.objective, self.shown(now), frame, deadline=self.deadline))
+
+    def _polished_last(self, now: Candidate) -> Candidate:
         """The code cleaned, and then polished on the mean of several renderings, which has less noise. The polish is
-        left out for pictures that others drew and for hopeless codes. The code of a binary image is first fitted into
-        its frame; that is all if the code is far from right."""
-        frame = self.objective.own_frame()
-        if frame is not None and not self.objective.levels.is_graded:
-            now = self.candidate(self._firmly_framed(self.pruned(self.shown(now)), frame))
-            if self.noise_ratio(now) > self.params.stages.later_rounds:
-                return now
+        left out for pictures that others drew and for hopeless codes."""
         cleaned = self.cleaned(now)
         if not self.objective.levels.is_exact or self.objective.is_hopeless(cleaned.error):
             return cleaned
@@ -153,19 +164,6 @@ class ImageSearch:
         if self._noise is None or self._noise[0] is not shown.maps:
             self._noise = shown.maps, self.objective.noise(shown.code)
         return shown.error / self._noise[1]
-
-    def _firmly_framed(self, found: Rendered, frame: Frame) -> Rendered:
-        """The code of a binary image, fitted into its frame unless it is nearly right or that makes it hopeless."""
-        params, hopeless = self.params.frame, self.objective.is_hopeless
-        if self.noise_ratio(self.candidate(found)) < params.firm_above:
-            return found
-        for factor in params.firm:
-            fitted = fitted_into_frame(self.objective, found, params.firm_steps, frame.firmer(factor),
-                                       worse=params.firm_worse, deadline=self.deadline)
-            if hopeless(fitted.error) and not hopeless(found.error):
-                break
-            found = fitted
-        return found
 
     # -- the last polish ----------------------------------------------------------------------------------------------
 

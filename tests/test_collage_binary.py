@@ -9,10 +9,11 @@ from collage_helpers import BINARY, PARAMS, objective, problem, random, tied
 from fractal_exp import suite
 from fractal_exp.ifs.attractor import normalize
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.canonical.rounding import Rounding
 from fractal_exp.methods.collage.image import search as search_module
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
 from fractal_exp.methods.collage.image.search import ImageSearch
-from fractal_exp.methods.collage.stages import ImageMoves, Restart
+from fractal_exp.methods.collage.stages import FullSize, ImageMoves, Restart
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -40,7 +41,7 @@ def test_the_first_of_several_rounds_of_a_binary_image_avoids_isometries(triangl
         stage.open(State(before=before if number else None))
         return stage.search.smaller_limit
 
-    assert [limit(0), limit(1)] == [0.9, 1.0]
+    assert [limit(number, rounds=3) for number in range(3)] == [0.9, 1.0, 1.0]
     assert limit(0, rounds=1) == limit(0, stages={"avoid_isometries": False}) == 1.0
 
 
@@ -65,19 +66,19 @@ def misfit(given, found) -> float:
 def test_the_frame_pulls_tips_that_a_binary_image_hides(pulled):
     image, _, maps = pulled
     given = search(image)
-    wrong, frame = given.objective.judge(maps), given.objective.firm_frame()
-    fitted = firmly_framed(given.objective, wrong, frame)
-    soft = firmly_framed(objective(image, BINARY, frame={"firm": (1.0, 1.0, 1.0)}), wrong, frame)
+    wrong = given.objective.judge(maps)
+    fitted = firmly_framed(given.objective, wrong)
+    soft = firmly_framed(objective(image, BINARY, frame={"firm": (1.0, 1.0, 1.0)}), wrong)
     assert misfit(given, wrong) > 4 and misfit(given, fitted) < 0.2 and misfit(given, soft) > misfit(given, fitted)
     assert fitted.error == given.objective.error(fitted.image) < 1.4 * wrong.error
 
 
-@pytest.mark.parametrize("options", [{"firm_worse": 0.01}, {"firm": ()}])
-def test_a_polish_that_the_image_refuses_is_undone(pulled, options):
+@pytest.mark.parametrize("options", [{"firm_worse": 0.01}, {"firm_above": 1000.0, "firm_only": 1000.0}])
+def test_a_firm_polish_that_the_image_refuses_or_does_not_need_is_not_kept(pulled, options):
     image, _, maps = pulled
     given = objective(image, BINARY, frame=options)
     wrong = given.judge(maps)
-    assert firmly_framed(given, wrong, objective(image, BINARY).firm_frame()) is wrong
+    assert firmly_framed(given, wrong) is wrong
 
 
 def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled):
@@ -85,16 +86,18 @@ def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled):
     given = objective(image, BINARY)
     wrong = given.judge(maps)
     given.is_hopeless = lambda error: error != wrong.error
-    assert firmly_framed(given, wrong, given.firm_frame()) is wrong
+    assert firmly_framed(given, wrong) is wrong
 
 
-@pytest.mark.parametrize(("ratio", "steps"), [(10.0, ["firm"]), (1.5, ["firm", "clean", "firm"]), (1.0, ["clean"])])
-def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, monkeypatch, ratio, steps):
+@pytest.mark.parametrize(("ratios", "steps"), [
+    ((10.0, 10.0), ["firm"]), ((1.5, 2.5), ["firm", "clean", "firm"]), ((2.5, 1.5), ["firm", "clean", "firm"]),
+    ((1.1, 1.1), ["clean"])])
+def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, monkeypatch, ratios, steps):
     image, right, _ = pulled
-    given, told = search(image), []
-    monkeypatch.setattr(given, "noise_ratio", lambda now: ratio)
+    given, told, ratio = search(image), [], iter(ratios)
+    monkeypatch.setattr(given, "noise_ratio", lambda now: next(ratio))
     monkeypatch.setattr(given, "_polished_last", lambda now: told.append("clean") or now)
-    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, found, *_, **__: told.append("firm") or found)
+    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, found, *_: told.append("firm") or found)
     given.finish(given.candidate(given.objective.judge(right)))
     assert told == steps
 
@@ -103,7 +106,7 @@ def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled, monk
     image, right, wrong = pulled
     given, told = search(image), []
     monkeypatch.setattr(given, "_polished_last", lambda now: told.append(given.noise_ratio(now)) or now)
-    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, *_, **__: objective.judge(right))
+    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, *_: objective.judge(right))
     given.finish(given.candidate(given.objective.judge(wrong)))
     assert len(told) == 1 and told[0] < 2
 
@@ -114,5 +117,36 @@ def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
         for stage in (ImageMoves(given), Restart(given, 1)):
             assert stage.deadline.seconds == pytest.approx(1000 * share, abs=5)
         assert Restart(given).deadline.seconds == pytest.approx(350, abs=5)
-    given = replace(problem(image, frame={"enabled": False}), deadline=Deadline(1000))
-    assert ImageMoves(given).deadline.seconds == pytest.approx(950, abs=5)
+    for options in ({"enabled": False}, {"firm": ()}, {"binary_shortest": 1.0, "shortest": 1.0}):
+        given = replace(problem(image, frame=options), deadline=Deadline(1000))
+        assert ImageMoves(given).deadline.seconds == pytest.approx(950, abs=5)
+
+
+def test_moves_that_the_time_limit_ends_say_so(triangle):
+    seconds = [0.0]
+    given = replace(problem((triangle[1] > 0.25).float()), deadline=Deadline(1000, lambda: seconds[0]))
+    stage, begun = ImageMoves(given), State(best=tied(affine.from_code(triangle[0]) * 0.9))
+    stage.open(begun)
+    begun = replace(begun, current=stage.begin(begun))
+    seconds[0] = 870
+    assert stage.close(begun).stopped == "the time limit of 1000 s was reached"
+
+
+def test_a_firm_polish_follows_at_full_size(pulled):
+    image, _, maps = pulled
+    stage = FullSize(problem(image, stages={"largest_side": 64}))
+    begun = State(best=tied(maps))
+    stage.open(begun)
+    after = stage.begin(begun)
+    assert misfit(search(image), tied(maps)) > 4 and misfit(search(image), after) < 0.3
+
+
+def test_simple_numbers_keep_a_code_in_the_frame_of_a_binary_image(pulled):
+    image, right, wrong = pulled
+    given = objective(image, BINARY, frame={"shortest": 1.1})
+    assert given.own_frame() is None
+
+    def rounded(maps):
+        return misfit(search(image), tied(Rounding(given)(given.judge(maps)).maps))
+
+    assert rounded(right * 1.001) < 0.05 < misfit(search(image), tied(right * 1.001)) and rounded(wrong) > 0.5

@@ -56,20 +56,20 @@ def test_renderings_lead_nearer_than_bins_where_images_end_at_the_edge_of_a_pixe
 
 def test_the_frame_is_that_of_targets_and_of_nothing_else(fern, triangle):
     for code, image in (fern, triangle):
-        frame, maps = Frame.of(image, PARAMS.frame), affine.from_code(code)
+        frame, maps = Frame.of(image, DENSITY, PARAMS.frame), affine.from_code(code)
         misfit = frame.misfit(maps, code.sampling_probabilities())
         assert misfit.shape == (3,) and float(misfit.abs().max()) < 0.02
     image = fern[1]
-    assert Frame.of(torch.zeros_like(image), PARAMS.frame) is None
-    assert Frame.of(torch.ones_like(image), PARAMS.frame) is None
+    assert Frame.of(torch.zeros_like(image), DENSITY, PARAMS.frame) is None
+    assert Frame.of(torch.ones_like(image), DENSITY, PARAMS.frame) is None
     small = torch.zeros_like(image)
     small[32:96, 32:96] = image[::2, ::2]
-    assert Frame.of(small, PARAMS.frame) is None
+    assert Frame.of(small, DENSITY, PARAMS.frame) is None
 
 
 def test_the_slopes_of_a_misfit_are_its_differences(fern):
     code, image = fern
-    frame, maps = Frame.of(image, PARAMS.frame), affine.from_code(code).double()
+    frame, maps = Frame.of(image, DENSITY, PARAMS.frame), affine.from_code(code).double()
     probabilities = code.sampling_probabilities()
     slopes = frame.jacobian(maps, probabilities)
     direction = torch.randn(maps.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
@@ -83,7 +83,7 @@ def test_a_tip_nobody_sees_is_moved_into_the_frame(fern):
     stem = int(code.linear.det().abs().argmin())
     maps = affine.from_code(code)
     maps[stem, 5] += 0.02  # more than a pixel, of a tip that few points visit
-    frame = Frame.of(image, PARAMS.frame)
+    frame = Frame.of(image, DENSITY, PARAMS.frame)
     picture = objective(image).within(frame)
     start = picture.judge(maps)
     found = polished(picture, start, 8, patience=2)

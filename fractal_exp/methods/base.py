@@ -18,7 +18,7 @@ from ..runtime.params import Params
 SHOWN = {"loss": "↓", "error": "↓", "held_out": "↓", "mean_code": "", "bicubic": "", "other_pictures": "",
          "temperature": "", "maps": ""}  # scalars; an arrow says which way is better
 ALL_DONE = "all stages done"
-NEARLY_ALL = 0.85  # of a time limit: a method that ends after it, and does not say why, has skipped what was left
+NEARLY_ALL = 0.95  # of a time limit: a method that ends after it, and does not say why, has skipped what was left
 
 
 @dataclass(frozen=True)

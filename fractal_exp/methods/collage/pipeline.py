@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from ..base import time_is_up
 from .problem import SearchProblem
 from .stage import Stage
 from .stages import last_stages, stages_of
@@ -39,7 +40,7 @@ class Pipeline:
         if state.has_done(stage.key) or not stage.is_wanted(state):
             return
         if state.current is None and state.result is not None and deadline.passed:
-            self.state = replace(state.closed(stage.key), stopped="")  # the time limit stopped it
+            self.state = replace(state.closed(stage.key), stopped=time_is_up(self.problem.deadline.seconds or 0))
             return
         stage.open(state)
         if state.current is None:

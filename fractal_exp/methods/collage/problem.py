@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from torch import Tensor
 
@@ -11,6 +12,7 @@ from ...ifs.code import IFS
 from ...runtime.deadline import NO_DEADLINE, Deadline
 from ...runtime.seeds import derive
 from .image.camera import estimated
+from .image.frame import Frame
 from .image.objective import ImageObjective, reduced
 from .image.search import ImageSearch
 from .measure.blur import blurred
@@ -52,6 +54,11 @@ class SearchProblem:
     def is_crossed(self) -> bool:
         """Whether populations of sets replace stages 1 and 2."""
         return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.most_maps
+
+    @cached_property
+    def is_framed_firmly(self) -> bool:
+        """Whether rounds end with polishes of the code in the frame of a binary image."""
+        return Frame.firm_of(self.image, self.levels, self.params.frame) is not None
 
     def masses_of(self, number: int, measured_through: Camera = ()) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""

@@ -51,8 +51,7 @@ class Stage(ABC, Generic[Search]):
     def deadline(self) -> Deadline:
         """When the stage ends. Later rounds share the time of the last stage of the first round."""
         share = "image_share" if self.round else self.ends_at
-        frame = self.params.frame
-        if share == "image_share" and not self.problem.levels.is_graded and frame.enabled and frame.firm:
+        if share == "image_share" and self.problem.is_framed_firmly:
             share = "binary_image_share"
         return self.problem.deadline.until(getattr(self.params.stages, share))
 

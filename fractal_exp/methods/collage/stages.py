@@ -6,12 +6,13 @@ from dataclasses import replace
 
 from ...runtime.deadline import Deadline
 from ...runtime.seeds import derive
+from ..base import time_is_up
 from .canonical.params import CanonicalParams
 from .canonical.rounding import Rounding
 from .canonical.symmetry import simplest, symmetries
 from .growth.stage import Growth
 from .image.camera import Seen, angle_of, sharpened
-from .image.gauss_newton import fitted_into_frame, polished
+from .image.gauss_newton import firmly_framed, fitted_into_frame, polished
 from .image.likeness import likeness_of, without_unseen, worst_error
 from .image.objective import Rendered
 from .image.parents import flattened, with_fewer_maps
@@ -120,9 +121,9 @@ class ImageMoves(Stage[ImageSearch]):
         return None if simple is None or self._is_wrong(simple) else simple
 
     def _reason(self, state: State) -> str:
-        """Why the moves ended. Empty if time is up, which the method reports itself."""
+        """Why the moves ended."""
         if self.deadline.passed:
-            return ""
+            return time_is_up(self.problem.deadline.seconds or 0)
         if self.search.is_settled(state.now, state.step):
             return self.reached
         return "all moves were made" if state.step == self.most_moves else "no move helped any more"
@@ -154,12 +155,11 @@ class FullSize(Stage):
         start = objective.judge(state.found.maps, state.found.weights)
         noise = objective.noise(start.code)
         near = start.error < params.frame.far * noise
-        if objective.firm_frame() is not None and start.error > params.stages.later_rounds * noise:
-            return replace(state.found, error=start.error, score=start.error)  # a polish would let go of the frame
         start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
                                 deadline=self.problem.deadline)
         found = fitted_into_frame(objective, start, params.stages.full_polish, objective.own_frame() if near else None,
                                   deadline=self.problem.deadline)
+        found = firmly_framed(objective, found, self.problem.deadline)
         weights = None if found.weights is None else found.probabilities
         return Candidate(found.maps, weights, found.error, found.error, state.found.camera)
 

@@ -54,7 +54,9 @@ class Rounding:
         return now.code, now.fixed
 
     def _from(self, start: Rendered) -> _Standing:
-        return _Standing(start, frozenset(), self.objective.own_frame(), start.error)
+        own, firm = self.objective.own_frame(), self.objective.firm_frame()
+        frame = firm if own is None and firm is not None and self._is_meant(start, firm) else own
+        return _Standing(start, frozenset(), frame, start.error)
 
     def _simplified(self, now: _Standing) -> _Standing:
         now = first = self._matrices(replace(now, least=now.code.error))

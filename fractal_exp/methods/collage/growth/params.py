@@ -26,7 +26,7 @@ class GrowthParams(Params):
     """Likeness (F1 within a pixel) at which growth stops if nothing is asked for."""
     unlike: Share = 0.9
     """Likeness below which maps are grown and compared with what the search found. Where they have more error on a
-    binary image, what was found stays if its rendering reaches this likeness."""
+    binary image, what was found stays if its rendering reaches this likeness, unless another one is asked for."""
     margin: Share = 0.02
     """Minimum gain in likeness for grown maps to replace what the search found."""
     at_once: Annotated[int, Field(ge=2)] = 21

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ....ifs.attractor import FRAME_SIDE, visible_tips
 from .. import maps as affine
+from ..measure.levels import Levels
 from .params import FrameParams
 
 
@@ -27,16 +28,24 @@ class Frame:
     beyond_px: float
 
     @classmethod
-    def of(cls, image: Tensor, params: FrameParams, shortest: float | None = None) -> Frame | None:
-        """The frame of an image (R,R), or None if its lit pixels span too much or too little of the canvas. shortest:
-        their minimum span, None: `FrameParams.shortest`."""
+    def of(cls, image: Tensor, levels: Levels, params: FrameParams) -> Frame | None:
+        """The frame that an image (R,R) fills, or None. Linear images and pictures that others drew have no frame."""
+        return None if levels.is_linear or not levels.is_exact else cls._of(image, params, params.shortest)
+
+    @classmethod
+    def firm_of(cls, image: Tensor, levels: Levels, params: FrameParams) -> Frame | None:
+        """The frame of a binary image (R,R), of which its lit pixels may fall far short; None for all other images."""
+        return None if levels.is_graded or not params.firm else cls._of(image, params, params.binary_shortest)
+
+    @classmethod
+    def _of(cls, image: Tensor, params: FrameParams, shortest: float) -> Frame | None:
+        """None if the lit pixels span too much or too little of the canvas."""
         side = image.shape[0]
         lit = [image.amax(k).nonzero().flatten() for k in (0, 1)]
         if len(lit[0]) == 0 or not params.enabled:
             return None
         spans = [2 * float(each[-1] + 1 - each[0]) / side for each in lit]
         off = [abs(float(each[-1] + 1 + each[0]) / side - 1) for each in lit]
-        shortest = params.shortest if shortest is None else shortest
         fills = shortest * FRAME_SIDE < max(spans) < params.longest * FRAME_SIDE
         if not fills or max(off) >= (params.longest - 1) * FRAME_SIDE:
             return None

@@ -71,13 +71,16 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
     return polished(objective, start, steps, patience=patience, deadline=deadline, fixed=fixed)
 
 
-def firmly_framed(objective: ImageObjective, found: Rendered, frame: Frame, *,
-                  deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code of a binary image, polished with ever larger weights of its frame. A polish is undone if it makes the
-    rendering notably worse than it was at first, or the code hopeless."""
-    params, hopeless = objective.params.frame, objective.is_hopeless
+def firmly_framed(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Rendered:
+    """The code of a binary image, polished with ever larger weights of its frame, unless it is nearly right. A polish
+    is undone if it makes the rendering notably worse than it was at first, or the code hopeless."""
+    params, hopeless, frame = objective.params.frame, objective.is_hopeless, objective.firm_frame()
+    if frame is None or found.error < params.firm_above * objective.noise(found.code):
+        return found
     most = params.firm_worse * found.error
     for factor in params.firm:
+        if deadline.passed:
+            break
         within = objective.within(frame.firmer(factor))
         fitted = polished(within, within.judge(found.maps, found.weights), params.firm_steps,
                           patience=objective.params.gauss_newton.last_patience, deadline=deadline)

@@ -62,16 +62,12 @@ class ImageObjective:
         return other
 
     def own_frame(self) -> Frame | None:
-        """The frame that the image fills, or None. Linear images and pictures that others drew have no frame."""
-        levels = self.levels
-        return None if levels.is_linear or not levels.is_exact else Frame.of(self.image, self.params.frame)
+        """The frame that the image fills, or None."""
+        return Frame.of(self.image, self.levels, self.params.frame)
 
     def firm_frame(self) -> Frame | None:
-        """The frame of a binary image, of which its lit pixels may fall far short; None for all other images."""
-        params = self.params.frame
-        if self.levels.is_graded or not params.firm:
-            return None
-        return Frame.of(self.image, params, params.binary_shortest)
+        """The frame for firm polishes, or None."""
+        return Frame.firm_of(self.image, self.levels, self.params.frame)
 
     def hasty(self) -> ImageObjective:
         """The same objective with a single rendering of each code."""

@@ -281,7 +281,7 @@ class FrameParams(Params):
     shortest: Amount = 0.93
     """Minimum span of the lit pixels, relative to the frame's side, for an image to fill its frame."""
     binary_shortest: Amount = 0.55
-    """The same for the firm polish of a binary image, which does not show faint tips."""
+    """The same for firm polishes, which are those of a binary image. It does not show faint tips."""
     longest: Amount = 1.17
     """Maximum span. The lit pixels may also lie off the canvas's centre by as much as they may be too long."""
     sigma_px: Factor = 0.05
@@ -293,16 +293,18 @@ class FrameParams(Params):
     worse: Amount = 1.05
     """Factor on the error up to which a code fitted into the frame is kept."""
     firm: tuple[Factor, ...] = (100.0, 1000.0, 10000.0)
-    """Factors on the frame's weight, one polish each, at the end of each round on a binary image whose code is not
+    """Factors on the frame's weight, one firm polish each, at the end of each round on a binary image whose code is not
     nearly right. The frame then says more about faint tips than the pixels do. Empty: no such polish."""
     firm_above: Amount = 1.2
     """Noise ratio above which a code counts as not nearly right."""
+    firm_only: Amount = 2.0
+    """Noise ratio above which a round ends with firm polishes alone, if the code exceeds it before and after them."""
     firm_worse: Amount = 1.4
-    """Factor on the error before the first of them up to which they are kept."""
+    """Factor on the error before the first firm polish up to which firm polishes are kept."""
     firm_steps: Count = 6
-    """Gauss-Newton steps of each of them."""
+    """Gauss-Newton steps of each firm polish."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        check_order(self, ("binary_shortest", "shortest"), ("shortest", "longest"))
+        check_order(self, ("binary_shortest", "shortest"), ("shortest", "longest"), ("firm_above", "firm_only"))
         return self

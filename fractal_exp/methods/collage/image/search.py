@@ -18,7 +18,6 @@ from .. import maps as affine
 from ..canonical.rounding import Rounding
 from ..measure.tones import camera_of
 from ..state import Candidate
-from .frame import Frame
 from .gauss_newton import firmly_framed, fitted_into_frame, polished
 from .jacobian import FromRenderings
 from .moves import MOVES
@@ -99,21 +98,18 @@ class ImageSearch:
         return self.candidate(new) if self.score(new) < self.score(shown) else now
 
     def finish(self, now: Candidate) -> Candidate:
-        """The code cleaned and polished. The code of a binary image is fitted into its frame before and after that; a
-        code far from right only before, because small parts of a pixel do not matter yet."""
-        frame = self.objective.firm_frame()
-        if frame is None:
-            return self._polished_last(now)
+        """The code cleaned and polished. The code of a binary image is also polished firmly in its frame, before and
+        after that. A code far from right is so only before, because small parts of a pixel do not matter yet."""
         before = self.noise_ratio(now)
-        now = self._firmly_framed(self.candidate(self.pruned(self.shown(now))), frame)
-        if min(before, self.noise_ratio(now)) > self.params.stages.later_rounds:
+        if self.objective.firm_frame() is None or before < self.params.frame.firm_above:
+            return self._polished_last(now)
+        now = self._firmly_framed(self.pruned(self.shown(now)))
+        if min(before, self.noise_ratio(now)) > self.params.frame.firm_only:
             return now
-        return self._firmly_framed(self._polished_last(now), frame)
+        return self._firmly_framed(self.shown(self._polished_last(now)))
 
-    def _firmly_framed(self, now: Candidate, frame: Frame) -> Candidate:
-        if self.noise_ratio(now) < self.params.frame.firm_above:
-            return now
-        return self.candidate(firmly_framed(self.objective, self.shown(now), frame, deadline=self.deadline))
+    def _firmly_framed(self, shown: Rendered) -> Candidate:
+        return self.candidate(firmly_framed(self.objective, shown, self.deadline))
 
     def _polished_last(self, now: Candidate) -> Candidate:
         """The code cleaned, and then polished on the mean of several renderings, which has less noise. The polish is

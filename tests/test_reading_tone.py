@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from drawings import fern_plot, koch, leaf
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from fractal_exp import suite
 from fractal_exp.images import bands
@@ -35,6 +35,37 @@ def test_a_leaf_as_jpeg_is_the_same(tmp_path, quality):
     found, expected = read_target(tmp_path / "leaf.jpg", 96), read_target(np.asarray(leaf("black")), 96)
     assert float((found.image - expected.image).abs().mean()) < 0.01
     assert float((found.image[:8] > 0).float().mean()) == 0, "nothing is left of the JPEG's errors"
+
+
+@pytest.mark.parametrize("ink", [(200, 30, 45), (0, 128, 0), (255, 140, 0), (31, 119, 180)])
+def test_coloured_lines_are_the_same_in_a_jpeg(tmp_path, ink):
+    """They are if the reader knows that it is one."""
+    picture = Image.new("RGB", (300, 300), "white")
+    for k in range(12):
+        ImageDraw.Draw(picture).line([(30, 40 + 20 * k), (270, 30 + 18 * k)], fill=ink)
+    picture.save(tmp_path / "lines.png")
+    picture.save(tmp_path / "lines.jpg", quality=70)
+    lossless, found, blurred = (read_target(given, 256) for given in (
+        tmp_path / "lines.png", tmp_path / "lines.jpg", np.asarray(Image.open(tmp_path / "lines.jpg").convert("RGB"))))
+    away, without = (float((each.image - lossless.image).square().mean().sqrt()) for each in (found, blurred))
+    assert away < 0.5 * without
+    np.testing.assert_allclose(found.crop_box, lossless.crop_box, atol=1)
+
+
+def test_the_dots_of_a_coloured_jpeg_are_not_blurred(tmp_path):
+    """A JPEG stores colours at half the resolution, but not their luma."""
+    plot = fern_plot(axes=False)
+    Image.fromarray(plot).save(tmp_path / "fern.jpg", quality=70)
+    lossless, found = read_target(plot, 128), read_target(tmp_path / "fern.jpg", 128)
+    assert float((found.image - lossless.image).square().mean().sqrt()) < 0.011, "by colour it is .0127"
+
+
+def test_a_pen_that_differs_in_colour_alone_is_read_by_colour(tmp_path):
+    picture = Image.new("RGB", (200, 200), (0, 150, 0))
+    ImageDraw.Draw(picture).ellipse([50, 50, 150, 150], fill=(255, 20, 0))
+    picture.save(tmp_path / "disc.jpg", quality=90)
+    found = read_target(tmp_path / "disc.jpg", 64)
+    assert float(found.image[32, 32]) > 0.9 and float(found.image[2:5].max()) == 0
 
 
 def test_the_pen_of_a_scatter_plot_is_level_one():

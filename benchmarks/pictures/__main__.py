@@ -22,6 +22,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import sys
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
@@ -48,7 +49,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if args.draw:
         args.draw.mkdir(parents=True, exist_ok=True)
         for name in names:
-            write_image(args.draw / f"{name}.png", chosen.picture(name))
+            picture = chosen.picture(name)
+            if isinstance(picture, Path):
+                shutil.copyfile(picture, args.draw / f"{name}{picture.suffix}")
+            else:
+                write_image(args.draw / f"{name}.png", picture)
         return
     begun = "_from_truth" if args.from_truth else ""
     folder = args.output or Path(f"benchmarks/results/pictures_{args.set}{begun}")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -107,12 +109,16 @@ def by_matplotlib(on: Page, polygons: np.ndarray | None = None, lines: np.ndarra
 DRAW = {"pillow": by_pillow, "matplotlib": by_matplotlib}
 
 
-def as_jpeg(pixels: np.ndarray) -> np.ndarray:
-    """The picture after it was saved as JPEG of quality 70."""
-    file = io.BytesIO()
-    Image.fromarray(pixels).save(file, format="JPEG", quality=JPEG_QUALITY)
-    file.seek(0)
-    return np.asarray(Image.open(file).convert("RGB"))
+def jpeg_file(pixels: np.ndarray, name: str) -> Path:
+    """The path of the picture as a JPEG file of quality 70. It lives as long as this process."""
+    path = Path(_folder().name) / f"{name}.jpg"
+    Image.fromarray(pixels).save(path, quality=JPEG_QUALITY)
+    return path
+
+
+@cache
+def _folder() -> TemporaryDirectory:
+    return TemporaryDirectory()
 
 
 def placed(code: IFS, similarity: Similarity, placement: Placement) -> IFS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,12 +25,13 @@ Scores = dict[str, Any]
 
 @dataclass(frozen=True)
 class PictureSet:
-    """roles: the pictures by name, each "tuning" or "reporting"; picture: its pixels, as `invert` takes them; score:
-    of a code found on it, on the canvas of what was read; tables: of fits, by title; options: for `invert`, unless told
-    otherwise; shown: what a sheet shows of a code and the image that it was found on, as two images in [0,1]."""
+    """roles: the pictures by name, each "tuning" or "reporting"; picture: its pixels or its file, as `invert` takes
+    them; score: of a code found on it, on the canvas of what was read; tables: of fits, by title; options: for
+    `invert`, unless told otherwise; shown: what a sheet shows of a code and the image that it was found on, as two
+    images in [0,1]."""
 
     roles: Callable[[], Mapping[str, str]]
-    picture: Callable[[str], np.ndarray]
+    picture: Callable[[str], np.ndarray | Path]
     score: Callable[[str, IFS, ReadImage], Scores]
     tables: Callable[[pd.DataFrame], dict[str, pd.DataFrame]]
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -40,7 +42,7 @@ class PictureSet:
 def _textbook(seed: int) -> PictureSet:
     """The textbook pictures of a seed."""
     return PictureSet(lambda: {name: each.role for name, each in textbook.pictures().items()},
-                      lambda name: textbook.pictures()[name].draw(seed).pixels, partial(_score_textbook, seed),
+                      lambda name: textbook.pictures()[name].source(seed), partial(_score_textbook, seed),
                       tables.textbook, truth=lambda name, read: _textbook_truth(seed, name, read).code)
 
 

@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -20,7 +21,7 @@ from fractal_exp import codes
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.placement import Placement
 
-from .drawing import DRAW, Page, Similarity, as_jpeg, by_matplotlib, page
+from .drawing import DRAW, Page, Similarity, by_matplotlib, jpeg_file, page
 from .figures import FIGURES, Truth
 
 COLOURS = ("black", "green", "blue", "red", "orange")  # white on black comes besides
@@ -64,10 +65,15 @@ class Textbook:
         return self.depth is None or self.depth == FIGURES[self.family].depths[-1]
 
     def draw(self, seed: int = 0) -> Drawn:
-        """The picture; that in JPEG has the pixels of its twin, but for the loss."""
+        """The picture, before it is saved as JPEG."""
         rng = np.random.default_rng([zlib.crc32(self.name.removesuffix("-jpeg").encode()), seed])
-        drawn = _dots(self, rng) if self.depth is None else _strokes(self, rng)
-        return replace(drawn, pixels=as_jpeg(drawn.pixels)) if self.jpeg else drawn
+        return _dots(self, rng) if self.depth is None else _strokes(self, rng)
+
+    def source(self, seed: int = 0) -> np.ndarray | Path:
+        """What `invert` is given: the pixels, or the file of a JPEG, so that the reader knows that pixels have errors.
+        """
+        pixels = self.draw(seed).pixels
+        return jpeg_file(pixels, f"{self.name}-{seed}") if self.jpeg else pixels
 
 
 @dataclass(frozen=True)

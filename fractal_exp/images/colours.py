@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
 
@@ -14,9 +14,12 @@ from .checks import Notes, unit
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)     # weights of red, green and blue: ITU-R BT.709
 MIN_CONTRAST = 0.02                      # between the darkest and the lightest pixel
+LUMA = np.array((0.299, 0.587, 0.114))   # weights of red, green and blue in a JPEG: ITU-R BT.601
+LUMA_CONTRAST = 0.15                     # between background and pen, above which a JPEG's luma determines levels
 COLOURED = 0.015                         # minimum share of the squared distance from the background that is colour
 ONE_PEN = 0.97                           # minimum share of it in one direction if all is drawn with one pen
 PEN_LEVEL = 0.999                        # quantile of the shape's distances that counts as the pen's own colour
+PEN_LEVEL_IN_JPEG = 0.98                 # the same in a JPEG, which overshoots at edges
 SHAPE_DISTANCE = 0.1                     # share of the largest distance above which a pixel belongs to the shape
 ROWS = 64                                # rows of a picture that determine the colour of its background
 BINS = 4096                              # of a histogram of distances, which are at most the square root of three
@@ -53,12 +56,15 @@ def luminance(pixels: Bands, invert: bool | str, name: str, notes: Notes) -> tup
 @dataclass(frozen=True, eq=False)
 class Pen:
     """Measures how far a pixel's colour is from the background's: along the `direction` (3,) of the pen's colour, or in
-    any direction if there are several colours (None). `full` is the distance that counts as 1."""
+    any direction if there are several colours (None). `full` is the distance that counts as 1. `by_luma`:
+    whether the luma tells how far along the direction a colour is, because a JPEG stores the rest of a colour at half
+    the resolution."""
 
     background: np.ndarray
     direction: np.ndarray | None
     full: float
     darker: bool
+    by_luma: bool = False
 
     @classmethod
     def of(cls, colours: Bands, invert: bool | str) -> Pen | None:
@@ -78,24 +84,36 @@ class Pen:
         if invert != "auto" and bool(invert) != darker:
             return None
         pen = cls(background, direction if strengths[-1] > ONE_PEN * energy else None, 1.0, darker)
-        full = pen._full(colours)
-        return cls(background, pen.direction, full, darker) if full > MIN_CONTRAST else None
+        pen = replace(pen, full=pen._full(colours))
+        if pen.full <= MIN_CONTRAST:
+            return None
+        return replace(pen, by_luma=colours.lossy and pen._luma > LUMA_CONTRAST)
 
     def levels(self, colours: np.ndarray) -> np.ndarray:
         """The level (H,W) in [0,1] of each pixel of colours (H,W,3)."""
         away = colours - self.background.astype(np.float32)
-        distance = np.linalg.norm(away, axis=-1) if self.direction is None else away @ self.direction.astype(np.float32)
+        if self.direction is None:
+            distance = np.linalg.norm(away, axis=-1)
+        else:
+            along = LUMA / (self.direction @ LUMA) if self.by_luma else self.direction
+            distance = away @ along.astype(np.float32)
         return (distance / np.float32(self.full)).clip(0, 1)
+
+    @property
+    def _luma(self) -> float:
+        """The contrast in luma between the background and a pen of one colour; 0 if there are several colours."""
+        return 0.0 if self.direction is None else abs(self.full * float(self.direction @ LUMA))
 
     def _full(self, colours: Bands) -> float:
         """The distance of the pen's own colour: a high quantile of the distances of the shape's pixels."""
         edges = np.linspace(0, 1.75, BINS + 1)
-        wide = Pen(self.background, self.direction, 1.75, self.darker)
+        wide = replace(self, full=1.75)
         counts = sum(np.histogram(1.75 * wide.levels(band), edges)[0] for band in colours)
         counts = np.asarray(counts)
         farthest = np.flatnonzero(counts)[-1]
         counts[:int(SHAPE_DISTANCE * farthest) + 1] = 0
-        reached = np.searchsorted(np.cumsum(counts), PEN_LEVEL * counts.sum())
+        quantile = PEN_LEVEL_IN_JPEG if colours.lossy else PEN_LEVEL
+        reached = np.searchsorted(np.cumsum(counts), quantile * counts.sum())
         return float(edges[min(reached, farthest)] + edges[1] / 2)
 
     def describe(self) -> str:

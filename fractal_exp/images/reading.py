@@ -83,13 +83,15 @@ def read_target(
     threshold: in (0,1), makes every pixel of the white-on-black picture 0 or 1 before it is resized.
     padding: in [0,1), the share of the canvas that the shape's longer side leaves free.
     frame: "fit" centres the shape's bounding box on the canvas. The box holds all pixels that exceed the background by
-    a tenth of the contrast and by six standard deviations of the border's noise, so that JPEG artefacts do not count.
+    a tenth of the contrast (a quarter in a JPEG file, which rings beside edges) and by six standard deviations of the
+    border's noise.
     Its edge pixels count by their level, so smooth edges are found between pixels. A grey `suite.target` of this
     resolution stays as it is, unless it was rounded to 8 bits. "keep" keeps the frame of any square picture.
     clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
-    levels are distances from the background's colour, with 1 for the pen's colour. The background and its noise become
-    0; a shape of one flat colour becomes 1. Axes, frames, text, specks and all but the largest of several solid shapes
-    are left out. A drawing of a code on black stays as it is.
+    levels are distances from the background's colour, with 1 for the pen's colour; in a JPEG file they are differences
+    in luma where one pen drew all, because it stores colours at half the resolution. The background and its noise
+    become 0; a shape of one flat colour becomes 1. Axes, frames, text, specks and all but the largest of several solid
+    shapes are left out. A drawing of a code on black stays as it is.
     crop: (left, top, right, bottom), the part of the upright picture that is read as if it were all, in pixels from the
     upper left corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.
@@ -113,7 +115,7 @@ def read_target(
         shape = shape.binary(threshold, name)
         notes.append(f"binary at the threshold {threshold:g}")
     scale = pixels.scale
-    x, y, side = _square(shape, frame, resolution, padding, notes, scale, pixels.origin)
+    x, y, side = _square(shape, frame, resolution, padding, notes)
     _warn(notes, resolution / side / scale, shape.level)
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
     crop_box = (left + scale * x, top + scale * y, left + scale * (x + side), top + scale * (y + side))
@@ -129,8 +131,7 @@ def _check_sides(width: int, height: int, frame: str, name: str) -> None:
         raise InputError(f'frame="keep" needs a square picture, {name} is {width}×{height}; use frame="fit" or crop it')
 
 
-def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: Notes, scale: float,
-            origin: tuple[int, int]) -> tuple[float, float, float]:
+def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: Notes) -> tuple[float, float, float]:
     """The square (x, y, side) of the picture that fills the canvas: all of it, or the shape's."""
     whole = 0.0, 0.0, float(shape.grey.width)
     if frame == "keep":
@@ -139,7 +140,7 @@ def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: N
     if as_large and padding == PADDING and is_target(shape.grey, shape.profile, padding):
         notes.append("a target of this package in its frame: it stays as it is")
         return whole
-    return window(shape.profile, shape.level, padding, notes, scale, origin)
+    return window(shape.grey, shape.profile, shape.level, padding, notes)
 
 
 def _warn(notes: Notes, enlarged: float, level: float) -> None:

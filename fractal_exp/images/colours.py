@@ -19,7 +19,6 @@ LUMA_CONTRAST = 0.15                     # between background and pen, above whi
 COLOURED = 0.015                         # minimum share of the squared distance from the background that is colour
 ONE_PEN = 0.97                           # minimum share of it in one direction if all is drawn with one pen
 PEN_LEVEL = 0.999                        # quantile of the shape's distances that counts as the pen's own colour
-PEN_LEVEL_IN_JPEG = 0.98                 # the same in a JPEG, which overshoots at edges
 SHAPE_DISTANCE = 0.1                     # share of the largest distance above which a pixel belongs to the shape
 ROWS = 64                                # rows of a picture that determine the colour of its background
 BINS = 4096                              # of a histogram of distances, which are at most the square root of three
@@ -112,8 +111,7 @@ class Pen:
         counts = np.asarray(counts)
         farthest = np.flatnonzero(counts)[-1]
         counts[:int(SHAPE_DISTANCE * farthest) + 1] = 0
-        quantile = PEN_LEVEL_IN_JPEG if colours.lossy else PEN_LEVEL
-        reached = np.searchsorted(np.cumsum(counts), quantile * counts.sum())
+        reached = np.searchsorted(np.cumsum(counts), PEN_LEVEL * counts.sum())
         return float(edges[min(reached, farthest)] + edges[1] / 2)
 
     def describe(self) -> str:

@@ -61,6 +61,16 @@ def test_the_dots_of_a_coloured_jpeg_are_not_blurred(tmp_path):
     assert float((brighter * found - lossless).square().mean().sqrt()) < 0.0105, "by colour it is .0125"
 
 
+def test_the_box_of_a_grey_jpeg_holds_faint_parts(tmp_path):
+    picture = Image.new("L", (300, 300), 0)
+    ImageDraw.Draw(picture).ellipse([100, 40, 200, 140], fill=255)
+    ImageDraw.Draw(picture).rectangle([145, 140, 155, 260], fill=45)
+    picture.save(tmp_path / "stem.png")
+    picture.save(tmp_path / "stem.jpg", quality=90)
+    lossless, found = (read_target(tmp_path / f"stem.{suffix}", 128) for suffix in ("png", "jpg"))
+    np.testing.assert_allclose(found.crop_box, lossless.crop_box, atol=3)
+
+
 def test_a_pen_that_differs_in_colour_alone_is_read_by_colour(tmp_path):
     picture = Image.new("RGB", (200, 200), (0, 150, 0))
     ImageDraw.Draw(picture).ellipse([50, 50, 150, 150], fill=(255, 20, 0))

@@ -83,8 +83,8 @@ def read_target(
     threshold: in (0,1), makes every pixel of the white-on-black picture 0 or 1 before it is resized.
     padding: in [0,1), the share of the canvas that the shape's longer side leaves free.
     frame: "fit" centres the shape's bounding box on the canvas. The box holds all pixels that exceed the background by
-    a tenth of the contrast (a quarter in a JPEG file, which rings beside edges) and by six standard deviations of the
-    border's noise.
+    a tenth of the contrast (a quarter in a coloured drawing as JPEG, which rings beside edges) and by six standard
+    deviations of the border's noise.
     Its edge pixels count by their level, so smooth edges are found between pixels. A grey `suite.target` of this
     resolution stays as it is, unless it was rounded to 8 bits. "keep" keeps the frame of any square picture.
     clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
@@ -140,7 +140,7 @@ def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: N
     if as_large and padding == PADDING and is_target(shape.grey, shape.profile, padding):
         notes.append("a target of this package in its frame: it stays as it is")
         return whole
-    return window(shape.grey, shape.profile, shape.level, padding, notes)
+    return window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings)
 
 
 def _warn(notes: Notes, enlarged: float, level: float) -> None:
@@ -161,6 +161,7 @@ class _Shape:
     level: float
     inverted: bool
     exact: bool = True
+    rings: bool = False  # a coloured drawing as JPEG; greys may be faint parts of the shape
 
     def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> _Shape:
         """The shape after a monotonic function of its levels."""
@@ -226,7 +227,8 @@ def _toned(grey: Bands, colours: Bands | None, invert: bool | str, name: str, no
         notes.append(pen.describe())
         steady = float((profile.border < (profile.high - profile.low) / 4).mean())
         tone.say_polarity(pen.darker, invert, steady < 0.75, notes)
-        shape = _Shape(grey, profile, float(np.median(profile.border)), pen.darker)
+        shape = _Shape(grey, profile, float(np.median(profile.border)), pen.darker,
+                       rings=colours.lossy)
     else:
         shape = _as_it_is(grey, invert, name, notes, Overview.of(grey))
     overview = Overview.of(shape.grey)

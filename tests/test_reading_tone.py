@@ -39,7 +39,7 @@ def test_a_leaf_as_jpeg_is_the_same(tmp_path, quality):
 
 @pytest.mark.parametrize("ink", [(200, 30, 45), (0, 128, 0), (255, 140, 0), (31, 119, 180)])
 def test_coloured_lines_are_the_same_in_a_jpeg(tmp_path, ink):
-    """They are if the reader knows that it is one."""
+    """Only if the reader knows that the picture is a JPEG."""
     picture = Image.new("RGB", (300, 300), "white")
     for k in range(12):
         ImageDraw.Draw(picture).line([(30, 40 + 20 * k), (270, 30 + 18 * k)], fill=ink)
@@ -59,6 +59,16 @@ def test_the_dots_of_a_coloured_jpeg_are_not_blurred(tmp_path):
     lossless, found = read_target(plot, 128).image, read_target(tmp_path / "fern.jpg", 128).image
     brighter = (found * lossless).sum() / found.square().sum()
     assert float((brighter * found - lossless).square().mean().sqrt()) < 0.0105, "by colour it is .0125"
+
+
+def test_a_phone_s_jpeg_with_a_second_picture_is_one(tmp_path):
+    picture = leaf((0, 100, 0))
+    picture.save(tmp_path / "leaf.jpg", quality=70)
+    picture.save(tmp_path / "phone.jpg", format="MPO", save_all=True, append_images=[picture.resize((32, 32))],
+                 quality=70)
+    plain, phone = (read_target(tmp_path / name, 96) for name in ("leaf.jpg", "phone.jpg"))
+    assert Image.open(tmp_path / "phone.jpg").format == "MPO"
+    assert torch.equal(phone.image, plain.image) and phone.notes[1:] == plain.notes
 
 
 def test_the_box_of_a_grey_jpeg_holds_faint_parts(tmp_path):

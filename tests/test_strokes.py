@@ -183,7 +183,7 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
     problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
     stage = Recursion(problem, 0)
     wrong = affine.from_code(tree(0.5))
-    state = State(best=Candidate(wrong, None, 1.0, 1.0))
+    state = State(best=Candidate(wrong, None, 1.0, 1.0), stopped="a stage before it had no time")
     assert stage.is_wanted(state)
     stage.open(state)
     state = replace(state, current=stage.begin(state))
@@ -192,6 +192,7 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
     state = stage.close(state)
     found = state.best
     assert found.camera[:2] == ("strokes", 4) and len(found.maps) <= 4
+    assert state.stopped == "few steps of a construction explain the picture"
     assert not DrawnMoves(problem).is_wanted(state)   # the moves by renderings are left out
     assert DrawnMoves(problem).is_wanted(State(best=replace(found, camera=("coverage", 0.01))))
     branches = found.maps[affine.smaller_singular(found.maps) > 0.3]

@@ -19,6 +19,7 @@ from .refusals import known_as
 
 # Formats that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
 FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM")
+LOSSY = ("JPEG", "MPO")  # a phone's .jpg with a second picture, such as a depth map, is opened as MPO
 LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds all of it at 1 to 4 bytes per pixel, and some decoders twice
 # Minimum pixels of the longer and of the shorter side of a picture that is shrunk while it is read.
 LARGE_SIDE, LARGE_SHORTER_SIDE = 4096, 1024
@@ -161,7 +162,7 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
     path = path.absolute()
     check_file(path, "the picture")
     with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
-        lossy, scale, before = picture.format == "JPEG", 1, picture.size
+        lossy, scale, before = picture.format in LOSSY, 1, picture.size
         if shrink and lossy and crop is None:
             part = _factor(before)
             picture.draft(None, (max(1, before[0] // part), max(1, before[1] // part)))

@@ -79,7 +79,7 @@ class StageParams(Params):
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
     binary_image_share: Share = 0.85
     """Share at which stage 3 and all later rounds end in a binary image whose codes are polished firmly in its frame.
-    This leaves time for it."""
+    This leaves time for these polishes."""
     image_share: Share = 0.95
     """Share at which they end in other images."""
     full_share: Share = 0.98

@@ -97,7 +97,9 @@ class Recursion(Stage[Any]):
         return self._is_explained(state.now) and (has_strokes(state.now) or TILES not in left)
 
     def close(self, state: State) -> State:
-        return replace(state, best=state.current) if self._is_explained(state.now) else state
+        if not self._is_explained(state.now):
+            return state
+        return replace(state, best=state.current, stopped="few steps of a construction explain the picture")
 
     def _few_maps(self, tried: _Try, number: int) -> Rendered:
         """What a search for few maps finds."""

@@ -86,8 +86,8 @@ class Stage(ABC, Generic[Search]):
     def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
         identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. In
-        pictures that others drew, the first and third rounds avoid them; in binary images the first, if there are
-        two."""
+        pictures that others drew, the first and third rounds avoid them; in binary images the first, if there may
+        be another."""
         stages, levels = self.params.stages, self.problem.levels
         if not levels.is_exact:
             avoided = self.round % 2 == 0

@@ -155,11 +155,12 @@ class FullSize(Stage):
         start = objective.judge(state.found.maps, state.found.weights)
         noise = objective.noise(start.code)
         near = start.error < params.frame.far * noise
-        start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
-                                deadline=self.problem.deadline)
-        found = fitted_into_frame(objective, start, params.stages.full_polish, objective.own_frame() if near else None,
-                                  deadline=self.problem.deadline)
-        found = firmly_framed(objective, found, self.problem.deadline)
+        if objective.firm_frame() is None or start.error <= params.frame.firm_only * noise:
+            start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
+                                    deadline=self.deadline)
+            start = fitted_into_frame(objective, start, params.stages.full_polish,
+                                      objective.own_frame() if near else None, deadline=self.deadline)
+        found = firmly_framed(objective, start, self.problem.deadline)
         weights = None if found.weights is None else found.probabilities
         return Candidate(found.maps, weights, found.error, found.error, state.found.camera)
 

@@ -281,7 +281,7 @@ class FrameParams(Params):
     shortest: Amount = 0.93
     """Minimum span of the lit pixels, relative to the frame's side, for an image to fill its frame."""
     binary_shortest: Amount = 0.55
-    """The same for firm polishes, which are those of a binary image. It does not show faint tips."""
+    """The same for the firm polishes of a binary image, which does not show faint tips."""
     longest: Amount = 1.17
     """Maximum span. The lit pixels may also lie off the canvas's centre by as much as they may be too long."""
     sigma_px: Factor = 0.05

@@ -99,7 +99,7 @@ class ImageSearch:
 
     def finish(self, now: Candidate) -> Candidate:
         """The code cleaned and polished. The code of a binary image is also polished firmly in its frame, before and
-        after that. A code far from right is so only before, because small parts of a pixel do not matter yet."""
+        after that. If it is far from right, the first firm polish is all: small parts of a pixel do not matter yet."""
         before = self.noise_ratio(now)
         if self.objective.firm_frame() is None or before < self.params.frame.firm_above:
             return self._polished_last(now)

@@ -37,19 +37,42 @@ def test_a_leaf_as_jpeg_is_the_same(tmp_path, quality):
     assert float((found.image[:8] > 0).float().mean()) == 0, "nothing is left of the JPEG's errors"
 
 
-@pytest.mark.parametrize("ink", [(200, 30, 45), (0, 128, 0), (255, 140, 0), (31, 119, 180)])
-def test_coloured_lines_are_the_same_in_a_jpeg(tmp_path, ink):
-    """Only if the reader knows that the picture is a JPEG."""
+def lines(ink):
     picture = Image.new("RGB", (300, 300), "white")
     for k in range(12):
         ImageDraw.Draw(picture).line([(30, 40 + 20 * k), (270, 30 + 18 * k)], fill=ink)
-    picture.save(tmp_path / "lines.png")
-    picture.save(tmp_path / "lines.jpg", quality=70)
+    return picture
+
+
+@pytest.mark.parametrize("ink, name, options, closer", [
+    *(pytest.param(ink, "lines.jpg", {"quality": 70}, 0.5, id=f"jpeg-{number}")
+      for number, ink in enumerate([(200, 30, 45), (0, 128, 0), (255, 140, 0), (31, 119, 180)])),
+    pytest.param((0, 128, 0), "lines.tif", {"compression": "jpeg"}, 0.1, id="tiff"),
+    pytest.param((0, 128, 0), "lines.webp", {"quality": 70}, 0.75, id="webp")])
+def test_coloured_lines_are_the_same_in_a_lossy_file(tmp_path, ink, name, options, closer):
+    """Only if the reader knows that the file is lossy."""
+    picture = lines(ink)
+    picture.save(tmp_path / name, **options)
     lossless, found, blurred = (read_target(given, 256) for given in (
-        tmp_path / "lines.png", tmp_path / "lines.jpg", np.asarray(Image.open(tmp_path / "lines.jpg").convert("RGB"))))
+        np.asarray(picture), tmp_path / name, np.asarray(Image.open(tmp_path / name).convert("RGB"))))
     away, without = (float((each.image - lossless.image).square().mean().sqrt()) for each in (found, blurred))
-    assert away < 0.5 * without
+    assert away < closer * without
     np.testing.assert_allclose(found.crop_box, lossless.crop_box, atol=1)
+
+
+@pytest.mark.parametrize("name, options", [
+    ("lines.webp", {"lossless": True}), ("lines.tif", {"compression": "tiff_lzw"})])
+def test_a_lossless_file_is_read_as_one(tmp_path, name, options):
+    picture = lines((200, 30, 45))
+    picture.save(tmp_path / name, **options)
+    assert torch.equal(read_target(tmp_path / name, 128).image, read_target(np.asarray(picture), 128).image)
+
+
+@pytest.mark.parametrize("lossless", [False, True])
+def test_the_frames_of_an_animated_webp_say_whether_it_is_lossy(tmp_path, lossless):
+    frames = [lines((200, 30, 45)), lines((0, 128, 0))]
+    frames[0].save(tmp_path / "lines.webp", save_all=True, append_images=frames[1:], lossless=lossless)
+    assert bands.open_picture(tmp_path / "lines.webp", [], lambda band, name: band).lossy is not lossless
 
 
 def test_the_dots_of_a_coloured_jpeg_are_not_blurred(tmp_path):

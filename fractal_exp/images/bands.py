@@ -20,6 +20,7 @@ from .refusals import known_as
 # Formats that Pillow decodes itself; others (EPS, WMF …) call programs of the system.
 FORMATS = ("PNG", "JPEG", "GIF", "BMP", "TIFF", "WEBP", "PPM")
 LOSSY = ("JPEG", "MPO")  # a phone's .jpg with a second picture, such as a depth map, is opened as MPO
+LOSSY_COMPRESSIONS = ("jpeg", "tiff_jpeg")  # Pillow's names of those of a TIFF
 LARGEST_PIXELS = 20_000**2  # of a file; Pillow holds all of it at 1 to 4 bytes per pixel, and some decoders twice
 # Minimum pixels of the longer and of the shorter side of a picture that is shrunk while it is read.
 LARGE_SIDE, LARGE_SHORTER_SIDE = 4096, 1024
@@ -162,7 +163,7 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
     path = path.absolute()
     check_file(path, "the picture")
     with _one_line(path), _pillow_reads(LARGEST_PIXELS), Image.open(path, formats=_formats()) as picture:
-        lossy, scale, before = picture.format in LOSSY, 1, picture.size
+        lossy, scale, before = _is_lossy(picture, path), 1, picture.size
         if shrink and lossy and crop is None:
             part = _factor(before)
             picture.draft(None, (max(1, before[0] // part), max(1, before[1] // part)))
@@ -197,6 +198,25 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
 
     return Bands(picture.height, picture.width, {"RGB": 3, "RGBA": 4}.get(mode, 1), rows, before, scale,
                  crop[:2] if crop else (0, 0), lossy)
+
+
+def _is_lossy(picture: Image.Image, path: Path) -> bool:
+    """Whether the file stores pixels with errors, as a JPEG does."""
+    if picture.format == "WEBP":
+        return _first_webp_stream(path) == b"VP8 "
+    return picture.format in LOSSY or picture.info.get("compression") in LOSSY_COMPRESSIONS
+
+
+def _first_webp_stream(path: Path) -> bytes:
+    """The kind of a WebP file's first stream of pixels: b"VP8 " is lossy, b"VP8L" lossless (RFC 9649)."""
+    with path.open("rb") as file:
+        file.seek(12)
+        while len(head := file.read(8)) == 8:
+            kind, size = head[:4], int.from_bytes(head[4:], "little")
+            if kind in (b"VP8 ", b"VP8L"):
+                return kind
+            file.seek(16 if kind == b"ANMF" else size + size % 2, 1)  # the frames of an animation hold streams
+    return b""
 
 
 def _factor(size: tuple[int, int]) -> int:

@@ -176,3 +176,13 @@ def test_clean_can_be_switched_off():
     raw, found = read_target(pixels, 64, clean=False), read_target(pixels, 64)
     assert raw.crop_box[3] > found.crop_box[3] and 0.5 < float(raw.image[20:40, 28:36].max()) < 0.8
     assert float(found.image.max()) == 1
+
+
+@pytest.mark.parametrize("box, edges", [
+    ((0, 0, 300, 300), None), ((150, 0, 300, 300), "left"), ((0, 0, 150, 300), "right"), ((0, 150, 300, 300), "top"),
+    ((0, 0, 300, 150), "bottom"), ((20, 20, 281, 281), "left, right, top, bottom")])
+def test_a_shape_that_reaches_the_edge_of_the_picture_is_told(box, edges):
+    picture = Image.new("L", (300, 300))
+    ImageDraw.Draw(picture).polygon([(20, 150), (150, 20), (280, 150), (150, 280)], fill=255)
+    told = [note for note in read_target(np.asarray(picture.crop(box)), 64).notes if "edge" in note]
+    assert [f"({edges})" in note for note in told] == ([] if edges is None else [True])

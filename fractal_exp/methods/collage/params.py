@@ -78,10 +78,10 @@ class StageParams(Params):
     hopeless_share: Share = 0.75
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
     binary_image_share: Share = 0.85
-    """Share at which stage 3 and all later rounds end in a binary image whose codes are polished firmly in its frame.
-    This leaves time for these polishes."""
+    """Share at which stage 3 and all later rounds end on a binary image that has a frame. The firm polishes in this
+    frame take the rest of the time."""
     image_share: Share = 0.95
-    """Share at which they end in other images."""
+    """Share at which stage 3 and all later rounds end on other images."""
     full_share: Share = 0.98
     """Share at which the polish at full size ends."""
     canonical_share: Share = 0.99

@@ -111,7 +111,10 @@ class ImageMoves(Stage[ImageSearch]):
         return self.search.judged(before) if self.problem.is_reduced else before
 
     def _is_better(self, found: Candidate, before: Candidate) -> bool:
-        """As angles: the error counts subpixels, of which cameras have different numbers."""
+        """By the framed score in a binary image. Else by the errors as angles: an error counts subpixels, of which
+        cameras have different numbers."""
+        if self.problem.is_framed_firmly:
+            return self.search.framed_score(found) < self.search.framed_score(before)
         now, then = (seen_with(self.problem.levels, each.camera).supersample for each in (found, before))
         return found.score / now**2 < before.score / then**2
 

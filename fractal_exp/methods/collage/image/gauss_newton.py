@@ -72,22 +72,23 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
 
 
 def firmly_framed(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code of a binary image, polished with ever larger weights of its frame, unless it is nearly right. A polish
-    is undone if it makes the rendering notably worse than it was at first, or the code hopeless."""
+    """The code of a binary image, polished with ever larger weights of its frame, unless it is nearly right. The result
+    is the code of least `framed_error`. It is not hopeless if the code was not."""
     params, hopeless, frame = objective.params.frame, objective.is_hopeless, objective.firm_frame()
     if frame is None or found.error < params.firm_above * objective.noise(found.code):
         return found
-    most = params.firm_worse * found.error
+    best, least = found, objective.framed_error(found)
     for factor in params.firm:
         if deadline.passed:
             break
         within = objective.within(frame.firmer(factor))
         fitted = polished(within, within.judge(found.maps, found.weights), params.firm_steps,
                           patience=objective.params.gauss_newton.last_patience, deadline=deadline)
-        seen = objective.error(fitted.image)
-        if seen <= most and (hopeless(found.error) or not hopeless(seen)):
-            found = replace(fitted, error=seen)
-    return found
+        found = replace(fitted, error=objective.error(fitted.image))
+        framed = objective.framed_error(found)
+        if framed < least and (hopeless(best.error) or not hopeless(found.error)):
+            best, least = found, framed
+    return best
 
 
 def _stride(objective: ImageObjective, rendered: Rendered, jacobian: Jacobian, step: Tensor) -> Rendered | None:

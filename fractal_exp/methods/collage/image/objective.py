@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
 
 from ....evaluation import metrics
+from ....ifs import attractor
 from ....ifs.code import IFS
 from ....runtime.seeds import derive
 from .. import maps as affine
@@ -118,6 +119,15 @@ class ImageObjective:
         sums = torch.stack([residual.square().sum() for residual in self.residuals(rendering)]).tolist()
         parts = [each / n for each, n in zip(sums, self.lit, strict=True)]
         return 2 * self.subpixels * sum(parts) / len(parts)
+
+    def framed_error(self, rendered: Rendered) -> float:
+        """The geometric mean of two errors of a binary image's code: that of its rendering, and that of the code scaled
+        to fill the frame exactly. The image does not show the faint tips that decide an attractor's box, so a code may
+        draw it well in a wrong frame. For images without a firm frame, the error of the rendering."""
+        if self.firm_frame() is None:
+            return rendered.error
+        fitting = self.render(attractor.normalize(rendered.code))
+        return (self.error(rendered.image) * self.error(fitting)) ** 0.5
 
     def angle(self, error: float) -> float:
         """The root mean square of arcsin sqrt I - arcsin sqrt J, in radians, that corresponds to an error."""

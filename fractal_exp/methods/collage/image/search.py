@@ -98,8 +98,8 @@ class ImageSearch:
         return self.candidate(new) if self.score(new) < self.score(shown) else now
 
     def finish(self, now: Candidate) -> Candidate:
-        """The code cleaned and polished. The code of a binary image is also polished firmly in its frame, before and
-        after that. If it is far from right, the first firm polish is all: small parts of a pixel do not matter yet."""
+        """Clean and polish the code. On a binary image, polish it firmly in the frame as well, before and after that.
+        If it is still far from right after the first firm polish, stop there: parts of a pixel do not matter yet."""
         before = self.noise_ratio(now)
         if self.objective.firm_frame() is None or before < self.params.frame.firm_above:
             return self._polished_last(now)
@@ -227,6 +227,10 @@ class ImageSearch:
         """The error plus the price of the maps; lower is better."""
         missing = max(0, (self.params.maps or 0) - len(rendered.maps))
         return self.price.score(rendered.error, len(rendered.maps)) + self.params.moves.missing * missing
+
+    def framed_score(self, now: Candidate) -> float:
+        """The score, with `framed_error` as the error; lower is better."""
+        return self.price.score(self.objective.framed_error(self.shown(now)), len(now.maps))
 
     def candidate(self, rendered: Rendered) -> Candidate:
         """What the search keeps of a rendering."""

@@ -97,24 +97,42 @@ def test_a_firm_polish_keeps_the_code_of_least_framed_error(pulled):
     given = objective(image, BINARY)
     wrong = given.judge(maps)
     judged = []
-    given.framed_error = lambda shown: judged.append(shown) or (2.0, 3.0, 1.0, 4.0)[len(judged) - 1]
-    assert firmly_framed(given, wrong) is judged[2]
+    given.framed_error = lambda shown: judged.append(shown) or (4.0, 1.0, 2.0, 5.0)[len(judged) - 1]
+    assert firmly_framed(given, wrong) is judged[1]
     given.framed_error = lambda shown: 1.0 + (shown is not wrong)
     assert firmly_framed(given, wrong) is wrong
+
+
+def test_a_firm_polish_that_the_image_refuses_or_that_comes_too_late_is_not_kept(pulled):
+    image, _, maps = pulled
+    given = objective(image, BINARY, frame={"firm_worse": 0.01})
+    wrong = given.judge(maps)
+    assert firmly_framed(given, wrong) is wrong
+    given = objective(image, BINARY)
+    assert firmly_framed(given, wrong, Deadline(0)) is wrong is not firmly_framed(given, wrong)
 
 
 def test_rounds_on_a_binary_image_are_compared_by_the_framed_score(pulled):
     """Those on other images by the score, which says nothing here."""
     image, right, wrong = pulled
 
-    def is_better(firm):
+    def is_better(firm, ratio=10.0):
         stage = ImageMoves(problem(image, frame={"firm": firm}), 1)
         stage.search = search(image)
+        stage.search.noise_ratio = lambda now: ratio
         exact, other = (replace(stage.search.judged(tied(maps)), score=score)
                         for maps, score in ((right, 2.0), (wrong, 1.0)))
         return stage._is_better(exact, other), stage._is_better(other, exact)
 
     assert is_better(PARAMS.frame.firm) == (True, False) and is_better(()) == (False, True)
+    assert is_better(PARAMS.frame.firm, 1.1) == (False, True), "what is nearly right need not fill the frame"
+
+
+def test_missing_maps_cost_as_much_in_the_framed_score_as_in_the_score(pulled):
+    image, right, wrong = pulled
+    given = ImageSearch(objective(image, BINARY, maps=len(right)), BINARY.measure(image), noise=1.0)
+    few, full = (given.judged(tied(maps)) for maps in (right[:-1], wrong))
+    assert given.framed_score(few) > PARAMS.moves.missing > given.framed_score(full)
 
 
 def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled):

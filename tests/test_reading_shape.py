@@ -186,3 +186,11 @@ def test_a_shape_that_reaches_the_edge_of_the_picture_is_told(box, edges):
     ImageDraw.Draw(picture).polygon([(20, 150), (150, 20), (280, 150), (150, 280)], fill=255)
     told = [note for note in read_target(np.asarray(picture.crop(box)), 64).notes if "edge" in note]
     assert [f"({edges})" in note for note in told] == ([] if edges is None else [True])
+
+
+def test_a_faint_arm_that_is_cut_off_is_told():
+    picture = Image.new("L", (300, 300))
+    ImageDraw.Draw(picture).ellipse([120, 100, 220, 200], fill=255)
+    ImageDraw.Draw(picture).rectangle([0, 145, 130, 155], fill=115)
+    told = [note for note in read_target(np.asarray(picture), 64).notes if "edge" in note]
+    assert len(told) == 1 and "(left)" in told[0]

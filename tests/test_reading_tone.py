@@ -66,6 +66,7 @@ def test_a_lossless_file_is_read_as_one(tmp_path, name, options):
     picture = lines((200, 30, 45))
     picture.save(tmp_path / name, **options)
     assert torch.equal(read_target(tmp_path / name, 128).image, read_target(np.asarray(picture), 128).image)
+    assert not bands.open_picture(tmp_path / name, [], lambda band, name: band).lossy
 
 
 @pytest.mark.parametrize("lossless", [False, True])

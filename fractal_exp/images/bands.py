@@ -204,7 +204,9 @@ def _is_lossy(picture: Image.Image, path: Path) -> bool:
     """Whether the file stores pixels with errors, as a JPEG does."""
     if picture.format == "WEBP":
         return _first_webp_stream(path) == b"VP8 "
-    return picture.format in LOSSY or picture.info.get("compression") in LOSSY_COMPRESSIONS
+    if picture.format == "TIFF":
+        return picture.info.get("compression") in LOSSY_COMPRESSIONS
+    return picture.format in LOSSY
 
 
 def _first_webp_stream(path: Path) -> bytes:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 SHAPE_LEVEL_IN_JPEG = 0.25               # the same in a coloured drawing as JPEG, which rings beside edges
-AT_EDGE_PX = 0.5                         # free pixels below which a shape reaches the picture's edge
 FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint
 CENTRED = 0.1                            # limit of the distance of the box's centre from the canvas', in the same unit
 
@@ -40,11 +39,12 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
     width, height = (round(scale * len(each[1])) for each in (profile.columns, profile.rows))
     notes.append(f"the shape spans {scale * (x1 - x0):.1f}×{scale * (y1 - y0):.1f} px of {width}×{height}, "
                  f"centred at ({origin[0] + scale * (x0 + x1) / 2:.1f}, {origin[1] + scale * (y0 + y1) / 2:.1f})")
-    reached = {"left": x0, "right": len(profile.columns[1]) - x1, "top": y0, "bottom": len(profile.rows[1]) - y1}
-    edges = [name for name, free in reached.items() if free < AT_EDGE_PX]
+    outermost = {"left": profile.columns[1, 0], "right": profile.columns[1, -1], "top": profile.rows[1, 0],
+                 "bottom": profile.rows[1, -1]}
+    edges = [name for name, highest in outermost.items() if (highest - level) / contrast > lowest]
     if edges:
-        notes.append(f"the shape reaches the picture's edge ({', '.join(edges)}): if it goes on beyond, take a picture "
-                     "of all of it")
+        notes.append(f"the shape reaches the edge of what is read ({', '.join(edges)}): if it goes on there, the code "
+                     "will be wrong; give a picture or a crop of all of it")
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side
 
 

@@ -78,8 +78,8 @@ class StageParams(Params):
     hopeless_share: Share = 0.75
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
     binary_image_share: Share = 0.85
-    """Share at which stage 3 and all later rounds end on a binary image that has a frame. The firm polishes in this
-    frame take the rest of the time."""
+    """Share at which stage 3 and all later rounds end on a binary image that has a frame. This leaves time for the firm
+    polishes in this frame."""
     image_share: Share = 0.95
     """Share at which stage 3 and all later rounds end on other images."""
     full_share: Share = 0.98

@@ -111,12 +111,16 @@ class ImageMoves(Stage[ImageSearch]):
         return self.search.judged(before) if self.problem.is_reduced else before
 
     def _is_better(self, found: Candidate, before: Candidate) -> bool:
-        """By the framed score in a binary image. Else by the errors as angles: an error counts subpixels, of which
-        cameras have different numbers."""
-        if self.problem.is_framed_firmly:
+        """By the framed score in a binary image, unless one of the codes is nearly right. Else by the errors as angles:
+        an error counts subpixels, of which cameras have different numbers."""
+        if self.problem.is_framed_firmly and not any(map(self._is_nearly_right, (found, before))):
             return self.search.framed_score(found) < self.search.framed_score(before)
         now, then = (seen_with(self.problem.levels, each.camera).supersample for each in (found, before))
         return found.score / now**2 < before.score / then**2
+
+    def _is_nearly_right(self, candidate: Candidate) -> bool:
+        """Whether a code needs no firm polish in the frame of a binary image."""
+        return self.search.noise_ratio(candidate) < self.params.frame.firm_above
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
         """The code, if rounding alone corrects it; None if another round is worth while."""

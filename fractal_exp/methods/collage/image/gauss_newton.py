@@ -72,12 +72,13 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
 
 
 def firmly_framed(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code of a binary image, polished with ever larger weights of its frame, unless it is nearly right. The result
-    is the code of least `framed_error`. It is not hopeless if the code was not."""
+    """The code of a binary image, polished with ever larger weights of its frame, unless it is nearly right. Each
+    polish begins with the code of the one before. The result is the code of least `framed_error`. It does not render
+    the image notably worse than the code before all polishes, and is hopeless only if that was."""
     params, hopeless, frame = objective.params.frame, objective.is_hopeless, objective.firm_frame()
     if frame is None or found.error < params.firm_above * objective.noise(found.code):
         return found
-    best, least = found, objective.framed_error(found)
+    best, least, most = found, objective.framed_error(found), params.firm_worse * found.error
     for factor in params.firm:
         if deadline.passed:
             break
@@ -86,7 +87,7 @@ def firmly_framed(objective: ImageObjective, found: Rendered, deadline: Deadline
                           patience=objective.params.gauss_newton.last_patience, deadline=deadline)
         found = replace(fitted, error=objective.error(fitted.image))
         framed = objective.framed_error(found)
-        if framed < least and (hopeless(best.error) or not hopeless(found.error)):
+        if framed < least and found.error <= most and (hopeless(best.error) or not hopeless(found.error)):
             best, least = found, framed
     return best
 

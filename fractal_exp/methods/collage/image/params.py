@@ -281,7 +281,7 @@ class FrameParams(Params):
     shortest: Amount = 0.93
     """Minimum span of the lit pixels, relative to the frame's side, for an image to fill its frame."""
     binary_shortest: Amount = 0.55
-    """The same for a binary image and its firm polishes: it does not show faint tips."""
+    """The same for the firm polishes of a binary image, which does not show faint tips."""
     longest: Amount = 1.17
     """Maximum span. The lit pixels may also lie off the canvas's centre by as much as they may be too long."""
     sigma_px: Factor = 0.05
@@ -299,6 +299,8 @@ class FrameParams(Params):
     """Noise ratio above which a code counts as not nearly right."""
     firm_only: Amount = 2.0
     """Noise ratio above which a round ends with firm polishes alone, if the code exceeds it before and after them."""
+    firm_worse: Amount = 2.0
+    """Factor on the error before the firm polishes up to which one is kept."""
     firm_steps: Count = 6
     """Gauss-Newton steps of each firm polish."""
 

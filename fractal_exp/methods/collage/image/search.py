@@ -230,7 +230,8 @@ class ImageSearch:
 
     def framed_score(self, now: Candidate) -> float:
         """The score, with `framed_error` as the error; lower is better."""
-        return self.price.score(self.objective.framed_error(self.shown(now)), len(now.maps))
+        shown = self.shown(now)
+        return self.score(replace(shown, error=self.objective.framed_error(shown)))
 
     def candidate(self, rendered: Rendered) -> Candidate:
         """What the search keeps of a rendering."""

@@ -88,9 +88,10 @@ def read_target(
     Its edge pixels count by their level, so smooth edges are found between pixels. A grey `suite.target` of this
     resolution stays as it is, unless it was rounded to 8 bits. "keep" keeps the frame of any square picture.
     clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
-    levels are distances from the background's colour, with 1 for the pen's colour. A JPEG file stores colours at half
-    the resolution, so there they are differences in luma, if one pen drew all and its luma differs enough from the
-    background's. The background and its noise become 0; a shape of one flat colour becomes 1. Axes, frames, text,
+    levels are distances from the background's colour, with 1 for the pen's colour. A JPEG file (likewise a lossy WebP,
+    and a TIFF with JPEG compression) stores colours at half the resolution. There levels are differences in luma, if
+    one pen drew all and its luma differs enough from the background's.
+    The background and its noise become 0; a shape of one flat colour becomes 1. Axes, frames, text,
     specks and all but the largest of several solid shapes are left out. A drawing of a code on black stays as it is.
     crop: (left, top, right, bottom), the part of the upright picture that is read as if it were all, in pixels from the
     upper left corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.

@@ -8,6 +8,7 @@ from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.canonical.flat import on_their_line
+from fractal_exp.methods.collage.canonical.stages import DrawnLastDigits
 from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
 from fractal_exp.methods.collage.image.likeness import without_unseen
 from fractal_exp.methods.collage.image.objective import ImageObjective
@@ -17,7 +18,6 @@ from fractal_exp.methods.collage.measure.bins import attractor_points
 from fractal_exp.methods.collage.measure.pens import Drawn
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.stages import DrawnLastDigits
 
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE

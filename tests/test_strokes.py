@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.canonical.stages import DrawnLastDigits
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
 from fractal_exp.methods.collage.image.likeness import likeness_of, likeness_of_attractor
@@ -21,7 +22,7 @@ from fractal_exp.methods.collage.measure.tones import camera_of, described, leve
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
 from fractal_exp.methods.collage.recursion import Recursion, is_construction
-from fractal_exp.methods.collage.stages import DrawnLastDigits, DrawnMoves, stages_of
+from fractal_exp.methods.collage.stages import DrawnMoves, stages_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

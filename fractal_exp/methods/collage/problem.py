@@ -14,7 +14,10 @@ from ...runtime.seeds import derive
 from .image.camera import estimated
 from .image.frame import Frame
 from .image.objective import ImageObjective, reduced
+from .image.pruning import without_doubles
 from .image.search import ImageSearch
+from .maps import WeightedMaps
+from .measure.bins import attractor_points
 from .measure.blur import blurred
 from .measure.levels import Levels
 from .measure.tones import Camera, seen_with
@@ -103,3 +106,14 @@ class SearchProblem:
         seen = objective.levels
         masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses
         return ImageSearch(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
+
+    def without_doubles(self, found: WeightedMaps) -> WeightedMaps:
+        """The maps of a code without doubles (see `pruning.without_doubles`), if at least two others stay and no number
+        of maps is asked for."""
+        params = self.params
+        if params.maps:
+            return found
+        points = attractor_points(found.maps, found.probabilities, params.moves.parent_points, self.seed, params.camera)
+        near = 2 / len(self.image) * params.moves.double_px
+        maps, weights = without_doubles(found.maps, found.probabilities, points, near)
+        return found if len(maps) < 2 or len(maps) == len(found.maps) else WeightedMaps(maps, weights)

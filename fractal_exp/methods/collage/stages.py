@@ -7,21 +7,13 @@ from dataclasses import replace
 from ...runtime.deadline import Deadline
 from ...runtime.seeds import derive
 from ..base import time_is_up
-from .canonical.params import CanonicalParams
-from .canonical.rounding import Rounding
-from .canonical.symmetry import simplest, symmetries
+from .canonical.stages import DrawnLastDigits, LastDigits
 from .growth.stage import Growth
-from .image.camera import Seen, angle_of, sharpened
-from .image.gauss_newton import firmly_framed, fitted_into_frame, polished
-from .image.likeness import likeness_of, without_unseen, worst_error
-from .image.objective import Rendered
-from .image.parents import flattened, with_fewer_maps
-from .image.pruning import Price, pruned, pruned_in_frame, without_doubles
+from .image.gauss_newton import firmly_framed, fitted_into_frame
+from .image.pruning import Price, pruned_in_frame
 from .image.search import ImageSearch
-from .maps import WeightedMaps
-from .measure.bins import attractor_points
 from .measure.stages import Detail, FromMixture, Populations, Restart, Uncurved
-from .measure.tones import camera_of, seen_with
+from .measure.tones import seen_with
 from .problem import SearchProblem
 from .recursion import Recursion, is_construction
 from .stage import Stage
@@ -175,47 +167,6 @@ class FullSize(Stage):
         return replace(state, best=state.current, before=None)
 
 
-class LastDigits(Stage):
-    """Round a nearly right code to simple numbers and make it fill the frame exactly."""
-
-    name, ends_at = "last digits", "canonical_share"
-
-    @property
-    def deadline(self) -> Deadline:
-        return self.problem.deadline.until(self.params.stages.canonical_share)
-
-    @property
-    def canonical(self) -> CanonicalParams:
-        return self.params.canonical
-
-    def open(self, state: State) -> None:
-        large = self.problem.full_side > self.params.stages.largest_side
-        renderings = 1 if large else self.params.image.last_renderings
-        self.objective = self.problem.objective(self.problem.full_side, state.found.code,
-                                                derive(self.problem.seed, "last digits"), renderings,
-                                                state.found.camera)
-
-    def begin(self, state: State) -> Candidate:
-        found = state.found
-        if self._is_far(found):
-            return found
-        last = self._rounded(self.objective.judge(found.maps, found.weights))
-        weights = None if last.weights is None else last.probabilities
-        return Candidate(last.maps, weights, last.error, last.error, camera_of(self.objective.levels))
-
-    def _rounded(self, start: Rendered) -> Rendered:
-        return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
-
-    def _is_far(self, found: Candidate) -> bool:
-        """Whether the code is too far off for simple numbers to mean anything."""
-        hasty = self.objective.hasty()
-        shown = hasty.judge(found.maps, found.weights)
-        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
-
-    def close(self, state: State) -> State:
-        return replace(state, best=state.current, before=None)
-
-
 class DrawnMoves(ImageMoves):
     """`ImageMoves` for a picture that others drew. The camera is estimated for a code before the code is judged."""
 
@@ -240,7 +191,7 @@ class DrawnMoves(ImageMoves):
 
     def _without_doubles(self, found: Candidate) -> Candidate:
         """The code without maps that only make lines thicker, if at least two others stay."""
-        fewer = _without_doubles(self.problem, found)
+        fewer = self.problem.without_doubles(found)
         if len(fewer.maps) == len(found.maps):
             return found
         return self._seen_anew(replace(found, maps=fewer.maps, weights=fewer.weights))
@@ -264,72 +215,6 @@ class DrawnMoves(ImageMoves):
                                            camera=candidate.camera)
         shown = objective.judge(candidate.maps, candidate.weights)
         return self.params.stages.drawn_hopeless <= objective.likeness(shown.image) < self.params.stages.unlike
-
-
-class DrawnLastDigits(LastDigits):
-    """`LastDigits` for a picture that others drew, which determines digits less precisely. Maps that are no
-    longer worth their price are removed."""
-
-    @property
-    def canonical(self) -> CanonicalParams:
-        return self.params.canonical.of_drawn()
-
-    def open(self, state: State) -> None:
-        super().open(state)
-        self.objective = self.objective.hasty()  # the camera is less certain than the points of one rendering
-
-    def _rounded(self, start: Rendered) -> Rendered:
-        before = self.objective
-        self.objective, seen = self._sharpened(start)
-        last = pruned(self.objective, super()._rounded(seen), Price(0.0, self.params.moves.worth),
-                      self.params.maps or 0, deadline=self.problem.deadline)
-        if likeness_of(last, self.objective) >= min(self.params.stages.unlike, likeness_of(start, before)):
-            return last
-        self.objective = before  # tiles may draw the picture of a code whose attractor is another shape
-        return start
-
-    def _sharpened(self, start: Rendered) -> Seen:
-        """The simplest code with the camera that suits it, unless the code so far explains the picture notably better.
-        If its error is higher with the camera of the code so far, it must be lower with its own."""
-        objective, params, deadline = self.objective, self.params, self.problem.deadline
-        found = without_unseen(objective, start, params.maps or 0, deadline)
-        simple = self._simplest(found)
-        if simple.error <= worst_error(objective, found):
-            return sharpened(objective, simple, deadline)
-        if objective.likeness(simple.image) >= params.stages.unlike:
-            seen = sharpened(objective, simple, deadline)
-            if angle_of(seen) <= objective.angle(found.error):
-                return seen
-        return sharpened(objective, found, deadline)
-
-    def _simplest(self, found: Rendered) -> Rendered:
-        """The simplest code for the shape. Codes may differ by symmetries of the shape, by doubles, and by parents in
-        the place of maps."""
-        objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
-        simple = WeightedMaps(simplest(found.maps, symmetries(objective.image.cpu(), params), params), found.weights)
-        single = _without_doubles(self.problem, simple)  # mirrored, two maps of a symmetric shape may be one
-        other = polished(objective, objective.judge(single.maps, single.weights), params.polish, deadline=deadline)
-        if not self.params.maps:
-            price = Price(0.0, self.params.moves.worth)
-            other = with_fewer_maps(objective, other, price, params.polish, deadline)
-        flat = objective.judge(flattened(objective, other), other.weights)
-        return min(flat, other, key=lambda each: each.error)
-
-    def _is_far(self, found: Candidate) -> bool:
-        shown = self.objective.judge(found.maps, found.weights)
-        return self.objective.likeness(shown.image) < self.params.stages.unlike
-
-
-def _without_doubles(problem: SearchProblem, found: WeightedMaps) -> WeightedMaps:
-    """The maps of a code without doubles (see `pruning.without_doubles`), if at least two others stay and no number of
-    maps is asked for."""
-    if problem.params.maps:
-        return found
-    points = attractor_points(found.maps, found.probabilities, problem.params.moves.parent_points, problem.seed,
-                              problem.params.camera)
-    near = 2 / len(problem.image) * problem.params.moves.double_px
-    maps, weights = without_doubles(found.maps, found.probabilities, points, near)
-    return found if len(maps) < 2 or len(maps) == len(found.maps) else WeightedMaps(maps, weights)
 
 
 def stages_of(problem: SearchProblem, number: int) -> list[Stage]:

@@ -1,0 +1,116 @@
+"""The stage that gives a nearly right code simple numbers, its symmetry and its exact frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ....runtime.deadline import Deadline
+from ....runtime.seeds import derive
+from ..image.camera import Seen, angle_of, sharpened
+from ..image.gauss_newton import polished
+from ..image.likeness import likeness_of, without_unseen, worst_error
+from ..image.objective import Rendered
+from ..image.parents import flattened, with_fewer_maps
+from ..image.pruning import Price, pruned
+from ..maps import WeightedMaps
+from ..measure.tones import camera_of
+from ..stage import Stage
+from ..state import Candidate, State
+from .params import CanonicalParams
+from .rounding import Rounding
+from .symmetry import simplest, symmetries
+
+
+class LastDigits(Stage):
+    """Round a nearly right code to simple numbers and make it fill the frame exactly."""
+
+    name, ends_at = "last digits", "canonical_share"
+
+    @property
+    def deadline(self) -> Deadline:
+        return self.problem.deadline.until(self.params.stages.canonical_share)
+
+    @property
+    def canonical(self) -> CanonicalParams:
+        return self.params.canonical
+
+    def open(self, state: State) -> None:
+        large = self.problem.full_side > self.params.stages.largest_side
+        renderings = 1 if large else self.params.image.last_renderings
+        self.objective = self.problem.objective(self.problem.full_side, state.found.code,
+                                                derive(self.problem.seed, "last digits"), renderings,
+                                                state.found.camera)
+
+    def begin(self, state: State) -> Candidate:
+        found = state.found
+        if self._is_far(found):
+            return found
+        last = self._rounded(self.objective.judge(found.maps, found.weights))
+        weights = None if last.weights is None else last.probabilities
+        return Candidate(last.maps, weights, last.error, last.error, camera_of(self.objective.levels))
+
+    def _rounded(self, start: Rendered) -> Rendered:
+        return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
+
+    def _is_far(self, found: Candidate) -> bool:
+        """Whether the code is too far off for simple numbers to mean anything."""
+        hasty = self.objective.hasty()
+        shown = hasty.judge(found.maps, found.weights)
+        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
+
+    def close(self, state: State) -> State:
+        return replace(state, best=state.current, before=None)
+
+
+class DrawnLastDigits(LastDigits):
+    """`LastDigits` for a picture that others drew, which determines digits less precisely. Maps that are no
+    longer worth their price are removed."""
+
+    @property
+    def canonical(self) -> CanonicalParams:
+        return self.params.canonical.of_drawn()
+
+    def open(self, state: State) -> None:
+        super().open(state)
+        self.objective = self.objective.hasty()  # the camera is less certain than the points of one rendering
+
+    def _rounded(self, start: Rendered) -> Rendered:
+        before = self.objective
+        self.objective, seen = self._sharpened(start)
+        last = pruned(self.objective, super()._rounded(seen), Price(0.0, self.params.moves.worth),
+                      self.params.maps or 0, deadline=self.problem.deadline)
+        if likeness_of(last, self.objective) >= min(self.params.stages.unlike, likeness_of(start, before)):
+            return last
+        self.objective = before  # tiles may draw the picture of a code whose attractor is another shape
+        return start
+
+    def _sharpened(self, start: Rendered) -> Seen:
+        """The simplest code with the camera that suits it, unless the code so far explains the picture notably better.
+        If its error is higher with the camera of the code so far, it must be lower with its own."""
+        objective, params, deadline = self.objective, self.params, self.problem.deadline
+        found = without_unseen(objective, start, params.maps or 0, deadline)
+        simple = self._simplest(found)
+        if simple.error <= worst_error(objective, found):
+            return sharpened(objective, simple, deadline)
+        if objective.likeness(simple.image) >= params.stages.unlike:
+            seen = sharpened(objective, simple, deadline)
+            if angle_of(seen) <= objective.angle(found.error):
+                return seen
+        return sharpened(objective, found, deadline)
+
+    def _simplest(self, found: Rendered) -> Rendered:
+        """The simplest code for the shape. Codes may differ by symmetries of the shape, by doubles, and by parents in
+        the place of maps."""
+        objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
+        simple = WeightedMaps(simplest(found.maps, symmetries(objective.image.cpu(), params), params), found.weights)
+        single = self.problem.without_doubles(simple)  # mirrored, two maps of a symmetric shape may be one
+        other = polished(objective, objective.judge(single.maps, single.weights), params.polish, deadline=deadline)
+        if not self.params.maps:
+            price = Price(0.0, self.params.moves.worth)
+            other = with_fewer_maps(objective, other, price, params.polish, deadline)
+        flat = objective.judge(flattened(objective, other), other.weights)
+        return min(flat, other, key=lambda each: each.error)
+
+    def _is_far(self, found: Candidate) -> bool:
+        shown = self.objective.judge(found.maps, found.weights)
+        return self.objective.likeness(shown.image) < self.params.stages.unlike

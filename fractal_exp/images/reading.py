@@ -27,7 +27,7 @@ __all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_targ
 
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
 SEEN = 1 / 512                           # level up to which nothing counts as lit if there is no noise
-SEEN_IN_NOISE, SEEN_IN_JPEG = 0.1, 0.25  # the same level with noise, and in a file that stores pixels with errors
+SEEN_IN_NOISE, SEEN_IF_LOSSY = 0.1, 0.25  # the same level with noise, and in a file that stores pixels with errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,15 +84,15 @@ def read_target(
     padding: in [0,1), the share of the canvas that the shape's longer side leaves free.
     frame: "fit" centres the shape's bounding box on the canvas. The box holds all pixels that exceed the background by
     a tenth of the contrast (a quarter in a coloured drawing as JPEG, which rings beside edges) and by six standard
-    deviations of the border's noise.
-    Its edge pixels count by their level, so smooth edges are found between pixels. A grey `suite.target` of this
-    resolution stays as it is, unless it was rounded to 8 bits. "keep" keeps the frame of any square picture.
+    deviations of the border's noise. Its edge pixels count by their level, so smooth edges are found between pixels. A
+    grey `suite.target` of this resolution stays as it is, unless it was rounded to 8 bits. "keep" keeps the frame of
+    any square picture.
     clean: with "fit", look for the one shape and its own levels, and report it in the notes. In a coloured picture,
-    levels are distances from the background's colour, with 1 for the pen's colour. A JPEG file (likewise a lossy WebP,
-    and a TIFF with JPEG compression) stores colours at half the resolution. There levels are differences in luma, if
-    one pen drew all and its luma differs enough from the background's.
-    The background and its noise become 0; a shape of one flat colour becomes 1. Axes, frames, text,
-    specks and all but the largest of several solid shapes are left out. A drawing of a code on black stays as it is.
+    levels are distances from the background's colour, with 1 for the pen's colour. In a JPEG file they are differences
+    in luma, if one pen drew all and its luma differs enough from the background's, because the file stores colours at
+    half the resolution. The background and its noise become 0; a shape of one flat colour becomes 1. Axes, frames,
+    text, specks and all but the largest of several solid shapes are left out. A drawing of a code on black stays as it
+    is. A lossy WebP and a TIFF with JPEG compression count as JPEG here.
     crop: (left, top, right, bottom), the part of the upright picture that is read as if it were all, in pixels from the
     upper left corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.
@@ -162,7 +162,7 @@ class _Shape:
     level: float
     inverted: bool
     exact: bool = True
-    rings: bool = False  # a coloured drawing as JPEG; greys may be faint parts of the shape
+    rings: bool = False  # a coloured drawing in a lossy file; greys may be faint parts of the shape
 
     def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> _Shape:
         """The shape after a monotonic function of its levels."""
@@ -191,7 +191,7 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
     tones, beside = Notes(), Notes()
     shape, overview = _toned(grey, colours, invert, name, tones, beside)
     graded = tone.Flat.of(overview) is None
-    seen = SEEN_IN_JPEG if shape.grey.lossy else SEEN if shape.exact else SEEN_IN_NOISE
+    seen = SEEN_IF_LOSSY if shape.grey.lossy else SEEN if shape.exact else SEEN_IN_NOISE
     dropped = beside_the_shape(overview, seen, beside, graded=graded)
     if dropped is not None and colours is not None:  # what is left out influenced the shape's colour
         empty = background_colour(colours, overview.highest <= seen, overview.block)
@@ -248,7 +248,7 @@ def _toned(grey: Bands, colours: Bands | None, invert: bool | str, name: str, no
     if noise > 0:
         quiet = partial(_quiet, noise=np.float32(noise))
         shape, overview = replace(shape.map(quiet), exact=False), overview.map(quiet)
-        notes.append(f"levels up to {noise:.2g} are errors of a JPEG beside the shape: black")
+        notes.append(f"levels up to {noise:.2g} are errors of the file's compression beside the shape: black")
     return shape, overview
 
 

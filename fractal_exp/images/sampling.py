@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
-SHAPE_LEVEL_IN_JPEG = 0.25               # the same in a coloured drawing as JPEG, which rings beside edges
+SHAPE_LEVEL_IF_RINGING = 0.25            # the same in a coloured drawing as JPEG, which rings beside edges
 FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint
 CENTRED = 0.1                            # limit of the distance of the box's centre from the canvas', in the same unit
 
@@ -22,12 +22,12 @@ CENTRED = 0.1                            # limit of the distance of the box's ce
 def window(grey: Bands, profile: Profile, level: float, padding: float, notes: list[str], *,
            rings: bool = False) -> tuple[float, float, float]:
     """The square (x, y, side) of a grey picture with this profile that fills the canvas: the shape's box, centred, with
-    its padding. level: of the background; rings: whether it is a coloured drawing as JPEG."""
+    its padding. level: of the background; rings: whether it is a coloured drawing in a lossy file."""
     scale, origin = grey.scale, grey.origin
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level) / contrast
     noise = float(np.sqrt(np.square(away[away < 0.25]).mean())) if (away < 0.25).any() else 0.0
-    lowest = min(max(SHAPE_LEVEL_IN_JPEG if rings else SHAPE_LEVEL, 6 * noise), 0.5)
+    lowest = min(max(SHAPE_LEVEL_IF_RINGING if rings else SHAPE_LEVEL, 6 * noise), 0.5)
 
     def extent(highest: np.ndarray) -> tuple[float, float]:
         share = ((highest - level) / contrast).clip(0)
@@ -43,8 +43,8 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
                  "bottom": profile.rows[1, -1]}
     edges = [name for name, highest in outermost.items() if (highest - level) / contrast > lowest]
     if edges:
-        notes.append(f"the shape reaches the edge of what is read ({', '.join(edges)}): if it goes on there, the code "
-                     "will be wrong; give a picture or a crop of all of it")
+        notes.append(f"the shape reaches the edge of what is read ({', '.join(edges)}): if it is cut off there, the "
+                     "code will be wrong; give a picture or a crop that holds all of the shape")
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side
 
 

@@ -10,11 +10,14 @@ from fractal_exp import suite
 from fractal_exp.ifs.attractor import normalize
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.canonical.rounding import Rounding
+from fractal_exp.methods.collage.canonical.stages import LastDigits
+from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image import search as search_module
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
 from fractal_exp.methods.collage.image.search import ImageSearch
+from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.stages import FullSize, ImageMoves, Restart
-from fractal_exp.methods.collage.state import State
+from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.deadline import Deadline
 
 
@@ -32,7 +35,7 @@ def test_the_lit_pixels_of_a_binary_image_may_fall_short_of_its_frame():
     assert objective(image, BINARY).own_frame() is None, "what is nearly right is polished without"
 
 
-def test_the_first_of_several_rounds_of_a_binary_image_avoids_isometries(triangle):
+def test_every_other_round_of_a_binary_image_avoids_isometries(triangle):
     right = affine.from_code(triangle[0])
     before = tied(torch.cat([right, torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])]), 1.0)  # with a turn
 
@@ -41,7 +44,7 @@ def test_the_first_of_several_rounds_of_a_binary_image_avoids_isometries(triangl
         stage.open(State(before=before if number else None))
         return stage.search.smaller_limit
 
-    assert [limit(number, rounds=3) for number in range(3)] == [0.9, 1.0, 1.0]
+    assert [limit(number, rounds=3) for number in range(3)] == [0.9, 1.0, 0.9]
     assert limit(0, rounds=1) == limit(0, stages={"avoid_isometries": False}) == 1.0
 
 
@@ -90,6 +93,14 @@ def test_a_firm_polish_that_the_code_does_not_need_is_left_out(pulled):
     given = objective(image, BINARY, frame={"firm_above": 1000.0, "firm_only": 1000.0})
     wrong = given.judge(maps)
     assert firmly_framed(given, wrong) is wrong
+
+
+def test_firm_polishes_end_once_the_code_is_nearly_right(pulled, monkeypatch):
+    image, right, maps = pulled
+    given, told = objective(image, BINARY), []
+    monkeypatch.setattr(gauss_newton, "polished", lambda within, *_, **__: told.append(1) or within.judge(right))
+    found = firmly_framed(given, given.judge(maps))
+    assert len(told) == 1 and torch.equal(found.maps, right)
 
 
 def test_a_firm_polish_keeps_the_code_of_least_framed_error(pulled):
@@ -166,6 +177,34 @@ def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled, monk
     assert len(told) == 1 and told[0] < 2
 
 
+def test_another_round_of_a_binary_image_begins_from_nothing(pulled, monkeypatch):
+    """Even after a hopeless one. With greys, a round continues from the rounds before."""
+    image, right, wrong = pulled
+
+    def after(levels):
+        given = problem(image, levels=levels, rounds=2, search={"restarts": 3, "mixture": True})
+        stage, state = ImageMoves(given, 0), State(best=tied(wrong), pool=wrong)
+        stage.open(state)
+        state = replace(state, current=stage.begin(state))
+        monkeypatch.setattr(stage.search, "noise_ratio", lambda now: 10.0)
+        monkeypatch.setattr(stage.search.objective, "is_hopeless", lambda error: levels == "binary")
+        state, again = stage.close(state), Restart(given, 1)
+        again.open(replace(state, before=tied(right)))
+        return state, again, given
+
+    state, again, given = after("binary")
+    assert state.best is None and state.before is not None and state.pool is None
+    first = Restart(given, 0)
+    first.open(State())
+    assert given.restarts(1) == 3 and torch.equal(again.search.measure.bins, first.search.measure.bins)
+    found = replace(tied(wrong), score=5.0)
+    monkeypatch.setattr(again.search, "mixed", lambda pool: pytest.fail("its pool holds its own maps alone"))
+    assert again.close(replace(state, current=found)).best is found
+    state, again, given = after("density")
+    assert state.pool is not None and given.restarts(1) == 2
+    assert not torch.equal(again.search.measure.bins, first.search.measure.bins)
+
+
 def ends(image, seconds, **options):
     """The share of a limit at which the restarts and the moves of both rounds end, with a clock that stands still."""
     given = replace(problem(image, **{"rounds": 2} | options), deadline=Deadline(seconds, lambda: 0.0))
@@ -177,17 +216,80 @@ def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
     assert ends(grey, 40) == pytest.approx([0.35, 0.95, 0.95, 0.95])
     assert ends(binary, 40) == pytest.approx([0.35, 0.85, 0.85, 0.85])
     for options in ({"enabled": False}, {"firm": ()}, {"binary_shortest": 1.0, "shortest": 1.0}):
-        assert ends(binary, 1000, frame=options) == pytest.approx([0.35, 0.95, 0.95, 0.95])
+        assert ends(binary, 40, frame=options) == pytest.approx([0.35, 0.95, 0.95, 0.95])
+
+
+def test_rounds_of_a_binary_image_have_equal_parts_of_the_time(triangle):
+    grey, binary = triangle[1], (triangle[1] > 0.25).float()
+    assert ends(binary, 80) == pytest.approx([0.175, 0.425, 0.675, 0.925])
+    assert ends(grey, 80) == pytest.approx([0.35, 0.95, 0.95, 0.95])
+    for options in ({"round_seconds": 50}, {"independent_rounds": 0}):
+        assert ends(binary, 80, stages=options) == pytest.approx([0.35, 0.85, 0.85, 0.85])
+    given = replace(problem(binary, rounds=3), deadline=Deadline(80, lambda: 0.0))
+    stage, begun = ImageMoves(given, 0), State(best=tied(affine.from_code(triangle[0])))
+    stage.open(begun)
+    assert stage.search.deadline.seconds == 40 and given.full_rounds == 2
+    assert [problem(binary, rounds=3).full_rounds, problem(grey, rounds=3).full_rounds] == [3, 1]
+    assert [replace(given, deadline=Deadline(seconds)).full_rounds for seconds in (0, 59, 60, 1e9, float("inf"))] == [
+        1, 1, 2, 3, 3]
+    large = replace(problem(torch.ones(512, 512), levels="binary", rounds=3), deadline=Deadline(239))
+    assert large.full_rounds == 1 and replace(large, deadline=Deadline(240)).full_rounds == 2
+    assert [replace(given, deadline=Deadline(80), params=PARAMS).restarts(number) for number in range(3)] == [5, 5, 3]
+
+
+def test_a_round_that_begins_late_still_makes_a_code(triangle):
+    seconds = [0.0]
+    given = replace(problem((triangle[1] > 0.25).float(), rounds=2, search={"restarts": 2}),
+                    deadline=Deadline(80, lambda: seconds[0]))
+    seconds[0] = 60
+    assert [Restart(given, 1, number).latest_start.passed for number in (0, 1)] == [False, True]
+    pipeline = Pipeline(given, State(done=Key(0, "image"), before=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
+                        on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key))
+    done = []
+    pipeline.run()
+    assert [key.stage for key in done][:2] == ["restart", "detail"]
+
+
+def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(triangle):
+    """Otherwise the search would end with this code."""
+    seconds = [0.0]
+    given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(80, lambda: seconds[0]))
+    done = []
+    seconds[0] = 41
+    Pipeline(given, State(done=Key(0, "detail"), best=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
+             on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
+    assert [(key.round, key.stage) for key in done][:2] == [(0, "image"), (1, "restart")]
+    seconds[0] = 75
+    assert ImageMoves(given, 0).latest_start.passed and not LastDigits(given, 2).latest_start.passed
+
+
+@pytest.mark.parametrize(("levels", "growth", "share", "another"), [
+    ("binary", True, 0.5, True), ("binary", True, 0.8, False), ("binary", False, 0.8, True),
+    ("density", True, 0.5, False)])
+def test_a_round_follows_a_hopeless_code_of_a_binary_image_if_growth_has_time_left(pulled, levels, growth, share,
+                                                                                   another):
+    (image, _, wrong), seconds = pulled, [0.0]
+    given = replace(problem(image, levels=levels, rounds=2, growth={"enabled": growth}),
+                    deadline=Deadline(1000, lambda: seconds[0]))
+    stage, state = ImageMoves(given, 0), State(best=tied(wrong))
+    stage.open(state)
+    state = replace(state, current=stage.begin(state))
+    stage.search.noise_ratio, stage.search.objective.is_hopeless = lambda now: 10.0, lambda error: True
+    seconds[0] = share * 1000
+    assert (stage.close(state).best is None) == another
 
 
 def test_moves_that_the_time_limit_ends_say_so(triangle):
     seconds = [0.0]
-    given = replace(problem((triangle[1] > 0.25).float()), deadline=Deadline(1000, lambda: seconds[0]))
-    stage, begun = ImageMoves(given), State(best=tied(affine.from_code(triangle[0]) * 0.9))
-    stage.open(begun)
-    begun = replace(begun, current=stage.begin(begun))
-    seconds[0] = 870
-    assert stage.close(begun).stopped == "the time limit of 1000 s was reached"
+    for number, late, stopped in ((1, 970, "the time limit of 1000 s was reached"),
+                                  (0, 470, "the time of its round was up")):
+        given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(1000, lambda: seconds[0]))
+        stage, begun = ImageMoves(given, number), State(best=tied(affine.from_code(triangle[0]) * 0.9))
+        stage.open(begun)
+        begun = replace(begun, current=stage.begin(begun))
+        seconds[0] = late
+        assert stage.close(begun).stopped == stopped
+        seconds[0] = 0
 
 
 def test_a_firm_polish_follows_at_full_size(pulled):

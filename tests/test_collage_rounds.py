@@ -97,7 +97,8 @@ def test_a_search_without_isometries_finds_and_takes_none(triangle, monkeypatch)
 def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):
     _, image = triangle
     assert [problem(image, **({"rounds": None} | options)).rounds
-            for options in ({}, {"levels": "coverage"}, {"levels": "binary"}, {"rounds": 2})] == [4, 3, 2, 2]
+            for options in ({}, {"levels": "coverage"}, {"levels": "binary"}, {"rounds": 2})] == [4, 3, 4, 2]
+    assert problem(image, rounds=None, levels="binary", stages={"independent_rounds": 0}).rounds == 2
 
 
 def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls(triangle, tmp_path, monkeypatch):

@@ -1,5 +1,7 @@
 """The search on a picture that may be a density behind a tone curve."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -18,6 +20,7 @@ from fractal_exp.methods.collage.problem import SearchProblem
 from fractal_exp.methods.collage.recursion import Recursion
 from fractal_exp.methods.collage.stages import Approach, DrawnMoves, stages_of
 from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.runtime.deadline import Deadline
 
 SIDE, PARAMS = 128, CollageParams()
 CAMERA = PARAMS.camera
@@ -54,6 +57,13 @@ def test_only_the_first_round_of_such_a_picture_searches_it_as_a_density_too():
     assert Uncurved not in kinds(problem(), 1) + kinds(problem(DRAWING))
     for options in ({"levels": "coverage"}, {"camera": {"estimate": False}}, {"camera": {"grey_inside": 1.0}}):
         assert Uncurved not in kinds(problem(**options)), options
+
+
+def test_a_restart_on_another_measure_does_not_begin_late():
+    seconds = [0.0]
+    given = replace(problem(), deadline=Deadline(100, lambda: seconds[0]))
+    seconds[0] = 50
+    assert [stage(given).latest_start.passed for stage in (Restart, Uncurved)] == [False, True]
 
 
 @pytest.mark.parametrize("is_better", [True, False])

@@ -21,6 +21,7 @@ from .measure.camera_params import CameraParams
 from .measure.params import BirthParams, DescentParams, PopulationParams, SaturationParams, SearchParams
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
+ROUND_SIDE = 256   # maximum side, pixels, of an image to which `StageParams.round_seconds` applies as it is
 CAMERAS = {   # values of the camera, with the levels that they are of
     "pen_px": ("coverage",), "gain": ("dots", "tonemapped"), "gamma": ("tonemapped",),
     "blur_px": ("coverage", "dots", "tonemapped", "linear"),
@@ -32,8 +33,13 @@ class StageParams(Params):
 
     density_rounds: Positive = 4
     """Maximum number of rounds where grey levels are a density."""
+    independent_rounds: Count = 4
+    """Maximum number of rounds on a binary image. Each begins from nothing. 0: rounds continue from each other."""
+    round_seconds: Annotated[float, Field(ge=1)] = 30.0
+    """Minimum length, seconds, of the parts into which a time limit is divided, one for each independent round. It
+    grows in proportion to the pixels of an image beyond 256²."""
     other_rounds: Positive = 2
-    """Maximum number of rounds on other images, which are less likely to show an attractor."""
+    """Maximum number of rounds on a binary image if rounds continue from each other."""
     drawn_rounds: Positive = 3
     """Maximum number of rounds on pictures that others drew."""
     drawn_blur_px: Amount = 3.0
@@ -46,10 +52,11 @@ class StageParams(Params):
     hopeless: Amount = 0.4
     """Error of a rendering, radians rms, from which the image is assumed to show no attractor."""
     later_restarts: PositiveShare = 0.5
-    """Restarts of each later round, as a share of `search.restarts`, rounded up."""
+    """Restarts of each later round that continues from earlier ones, or for which a time limit has no part of its own;
+    as a share of `search.restarts`, rounded up."""
     avoid_isometries: bool = True
-    """Whether every other round avoids near-isometries: the first, third … of a picture that others drew; the first of
-    a binary image, if there may be a second; the second, fourth … of another image, if a code with a near-isometry has
+    """Whether every other round avoids near-isometries: the first, third … of a picture that others drew, and of a
+    binary image that may have more than one; the second, fourth … of another image, if a code with a near-isometry has
     failed."""
     unlike: Share = 0.95
     """Likeness (F1 within 1 px) below which the code of a picture that others drew is not rounded, and another
@@ -68,7 +75,8 @@ class StageParams(Params):
     full_polish: Count = 4
     """Gauss-Newton steps on that image."""
     search_share: Share = 0.35
-    """Share of the time limit at which the restarts of the first round end."""
+    """Share of the time limit at which the restarts of the first round end. For independent rounds, this share and
+    those up to `image_share`, except `hopeless_share`, are of the part of the time that a round has."""
     mixture_share: Share = 0.45
     """Share at which the search from their mixture ends."""
     detail_share: Share = 0.65

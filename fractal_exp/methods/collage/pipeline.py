@@ -39,7 +39,7 @@ class Pipeline:
         state, deadline = self.state, stage.deadline
         if state.has_done(stage.key) or not stage.is_wanted(state):
             return
-        if state.current is None and state.result is not None and deadline.passed:
+        if state.current is None and state.result is not None and stage.latest_start.passed:
             self.state = replace(state.closed(stage.key), stopped=time_is_up(self.problem.deadline.seconds or 0))
             return
         stage.open(state)

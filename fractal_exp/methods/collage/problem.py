@@ -21,7 +21,7 @@ from .measure.bins import attractor_points
 from .measure.blur import blurred
 from .measure.levels import Levels
 from .measure.tones import Camera, seen_with
-from .params import CollageParams
+from .params import ROUND_SIDE, CollageParams
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ class SearchProblem:
     def rounds(self) -> int:
         """Maximum number of rounds."""
         stages = self.params.stages
-        most = 1 if self.is_crossed else stages.density_rounds if self.levels.is_density else stages.other_rounds
+        other = stages.independent_rounds if self.has_independent_rounds else stages.other_rounds
+        most = 1 if self.is_crossed else stages.density_rounds if self.levels.is_density else other
         return self.params.rounds or (most if self.levels.is_exact else stages.drawn_rounds)
 
     @property
@@ -62,6 +63,22 @@ class SearchProblem:
     def is_framed_firmly(self) -> bool:
         """Whether rounds end with polishes of the code in the frame of a binary image."""
         return Frame.firm_of(self.image, self.levels, self.params.frame) is not None
+
+    @property
+    def has_independent_rounds(self) -> bool:
+        """Whether each round begins from nothing. The measure of a binary image often leads to a wrong code that draws
+        it well, and a round that begins with the maps of such a code ends with them."""
+        return self.levels.is_exact and not self.levels.is_graded and self.params.stages.independent_rounds > 0
+
+    @property
+    def full_rounds(self) -> int:
+        """Number of rounds that have all restarts, and equal parts of the time limit. Later rounds have fewer restarts,
+        and the time that is left."""
+        if not self.has_independent_rounds:
+            return 1
+        seconds = self.params.stages.round_seconds * max(1.0, (len(self.image) / ROUND_SIDE) ** 2)
+        limit = self.deadline.seconds
+        return self.rounds if limit is None else max(1, int(min(self.rounds, limit / seconds)))
 
     def masses_of(self, number: int, measured_through: Camera = ()) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""
@@ -76,7 +93,7 @@ class SearchProblem:
     def restarts(self, number: int) -> int:
         """Number of restarts in a round."""
         restarts = self.params.search.restarts
-        return math.ceil(restarts * self.params.stages.later_restarts) if number else restarts
+        return restarts if number < self.full_rounds else math.ceil(restarts * self.params.stages.later_restarts)
 
     @property
     def is_reduced(self) -> bool:

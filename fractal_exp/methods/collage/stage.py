@@ -49,11 +49,25 @@ class Stage(ABC, Generic[Search]):
 
     @property
     def deadline(self) -> Deadline:
-        """When the stage ends. Later rounds share the time of the last stage of the first round."""
-        share = "image_share" if self.round else self.ends_at
-        if share == "image_share" and self.problem.is_framed_firmly:
-            share = "binary_image_share"
-        return self.problem.deadline.until(getattr(self.params.stages, share))
+        """When the stage ends. All stages after the full rounds have the time of stage 3 of the last full round."""
+        return self._until("image_share" if self.round >= self.problem.full_rounds else self.ends_at)
+
+    @property
+    def latest_start(self) -> Deadline:
+        """When it is too late for the stage to begin."""
+        return self.deadline
+
+    def _until(self, share: str) -> Deadline:
+        """The end of a share, named in `StageParams`, of the round's part of the time limit."""
+        return self._part_until(self._share(share))
+
+    def _share(self, name: str) -> float:
+        is_firm = name == "image_share" and self.problem.is_framed_firmly
+        return getattr(self.params.stages, "binary_image_share" if is_firm else name)
+
+    def _part_until(self, share: float) -> Deadline:
+        parts = self.problem.full_rounds
+        return self.problem.deadline.until((min(self.round, parts - 1) + share) / parts)
 
     @abstractmethod
     def open(self, state: State) -> None:
@@ -85,14 +99,14 @@ class Stage(ABC, Generic[Search]):
 
     def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
-        identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. In
-        pictures that others drew, the first and third rounds avoid them; in binary images the first, if there may
-        be another."""
+        identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. The
+        first and third rounds avoid them in pictures that others drew, and in binary images that may have several
+        rounds."""
         stages, levels = self.params.stages, self.problem.levels
         if not levels.is_exact:
             avoided = self.round % 2 == 0
         elif not levels.is_graded:
-            avoided = self.round == 0 and self.problem.rounds > 1
+            avoided = self.round % 2 == 0 and self.problem.rounds > 1
         else:
             avoided = self.round % 2 == 1 and self._has_failed_with_isometry(state)
         return stages.contraction if stages.avoid_isometries and avoided else 1.0

@@ -54,12 +54,18 @@ class ImageMoves(Stage[ImageSearch]):
         """The search goes on if the error was halved within this many moves."""
         return max(1, round(self.params.moves.recent * self.expected_moves))
 
+    @property
+    def latest_start(self) -> Deadline:
+        """The end of the moves of the last full round. A round whose code is not judged would end the search."""
+        parts = self.problem.full_rounds
+        return self.problem.deadline.until((parts - 1 + self._share("image_share")) / parts)
+
     def open(self, state: State) -> None:
         self.measured_through = state.measured_through
         self._open(state.leader, state.current and state.current.camera)
 
     def _open(self, best: Candidate, camera: tuple[str | float, ...] | None = None) -> None:
-        self.search = self.problem.image_search(best.code, self.problem.deadline, "retouch", self.round, camera=camera,
+        self.search = self.problem.image_search(best.code, self._part_until(1), "retouch", self.round, camera=camera,
                                                 measured_through=self.measured_through)
 
     def begin(self, state: State) -> Candidate:
@@ -77,21 +83,25 @@ class ImageMoves(Stage[ImageSearch]):
 
     def _is_late(self, state: State) -> bool:
         """Whether the remaining time is better spent on growth."""
-        late = self.params.growth.enabled and self.problem.deadline.until(self.params.stages.hopeless_share).passed
-        return late and self.search.objective.is_hopeless(state.now.error)
+        return self._grows_soon and self.search.objective.is_hopeless(state.now.error)
+
+    @property
+    def _grows_soon(self) -> bool:
+        return self.params.growth.enabled and self.problem.deadline.until(self.params.stages.hopeless_share).passed
 
     def close(self, state: State) -> State:
         problem = self.problem
         state = replace(state, stopped=self._reason(state))
         if problem.is_reduced and not problem.deadline.passed:
-            self.search = problem.image_search(state.now.code, problem.deadline, "finish", self.round,
+            self.search = problem.image_search(state.now.code, self._part_until(1), "finish", self.round,
                                                measured_through=self.measured_through)
         found, before = self._finished(state.now), state.before and self._judged_again(state.before)
         best = found if before is None or self._is_better(found, before) else before
         if self.round + 1 < problem.rounds and self._is_wrong(best):
             mended = self._mended(best)
             if mended is None:
-                return replace(state, pool=state.pool_with(found.maps), best=None, before=best, scores=())
+                pool = None if problem.has_independent_rounds else state.pool_with(found.maps)
+                return replace(state, pool=pool, best=None, before=best, scores=())
             best = mended
         return replace(state, best=best, before=None)
 
@@ -122,7 +132,8 @@ class ImageMoves(Stage[ImageSearch]):
     def _reason(self, state: State) -> str:
         """Why the moves ended."""
         if self.deadline.passed:
-            return time_is_up(self.problem.deadline.seconds or 0)
+            is_last = self.round + 1 >= self.problem.full_rounds
+            return time_is_up(self.problem.deadline.seconds or 0) if is_last else "the time of its round was up"
         if self.search.is_settled(state.now, state.step):
             return self.reached
         return "all moves were made" if state.step == self.most_moves else "no move helped any more"
@@ -131,7 +142,10 @@ class ImageMoves(Stage[ImageSearch]):
         """Whether a code is worth another round."""
         stages = self.params.stages
         worth = stages.later_rounds if self.round else stages.second_round
-        return self.search.noise_ratio(candidate) > worth and not self.search.objective.is_hopeless(candidate.error)
+        if self.search.noise_ratio(candidate) <= worth:
+            return False
+        goes_on = self.problem.has_independent_rounds and not self._grows_soon
+        return goes_on or not self.search.objective.is_hopeless(candidate.error)
 
 
 class FullSize(Stage):

@@ -72,15 +72,15 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
 
 
 def firmly_framed(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code of a binary image, polished with ever larger weights of its frame, unless it is nearly right. Each
+    """The code of a binary image, polished with ever larger weights of its frame, until it is nearly right. Each
     polish begins with the code of the one before. The result is the code of least `framed_error` that has at most
     `firm_worse` times the error of the first code, and is hopeless only if the first code was."""
     params, hopeless, frame = objective.params.frame, objective.is_hopeless, objective.firm_frame()
-    if frame is None or found.error < params.firm_above * objective.noise(found.code):
+    if frame is None:
         return found
     best, least, most = found, objective.framed_error(found), params.firm_worse * found.error
     for factor in params.firm:
-        if deadline.passed:
+        if deadline.passed or best.error < params.firm_above * objective.noise(best.code):
             break
         within = objective.within(frame.firmer(factor))
         fitted = polished(within, within.judge(found.maps, found.weights), params.firm_steps,

@@ -156,7 +156,8 @@ class ImageObjective:
 
     def is_hopeless(self, error: float) -> bool:
         """Whether a code with this error is so far from the image that the image may show no attractor. Expensive steps
-        that help only near a true code are then skipped: roots of codes of many maps, the last polish, another round.
+        that help only near a true code are then skipped: roots of codes of many maps, the last polish, another round
+        that continues from it.
         """
         return self.angle(error) >= self.params.stages.hopeless
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ..image.camera import angle_as_density
 from ..image.crossing import Crossing
@@ -17,13 +18,19 @@ from .search import MeasureSearch, Regime
 
 
 class Restart(Stage[MeasureSearch]):
-    """A search from random maps. At its end, the maps of all restarts so far, of this and earlier rounds, are mixed."""
+    """A search from random maps. At its end, the maps of all restarts so far are mixed: those of this round and, unless
+    rounds are independent, of earlier ones."""
 
     name, part, ends_at = "search", "restart", "search_share"
 
     @property
     def expected_moves(self) -> int:
         return self.params.search.moves
+
+    @property
+    def latest_start(self) -> Deadline:
+        """The first restart may begin as long as its round lasts, because the later stages need its code."""
+        return self.deadline if self.key.restart else self._until("image_share")
 
     def is_wanted(self, state: State) -> bool:
         """False once two restarts of the round agree."""
@@ -37,7 +44,8 @@ class Restart(Stage[MeasureSearch]):
     def open(self, state: State) -> None:
         # the words in seed paths name random streams: another word gives other numbers
         seed = derive(self.problem.seed, "island", 1000 * self.round + self.restart)
-        self.search = self._measure_search(state, state.before, Regime.whole(self.params), seed)
+        before = None if self.problem.has_independent_rounds else state.before
+        self.search = self._measure_search(state, before, Regime.whole(self.params), seed)
 
     def begin(self, state: State) -> Candidate:
         return self.search.start()
@@ -45,7 +53,7 @@ class Restart(Stage[MeasureSearch]):
     def close(self, state: State) -> State:
         found = state.now
         scores, pool = tuple(sorted((*state.scores, found.score))), state.pool_with(found.maps)
-        alone = state.best is None and state.before is None
+        alone = state.best is None and (state.before is None or self.problem.has_independent_rounds)
         candidates = [found] if alone else [state.best or found, found]
         if self.params.search.mixture and not alone:
             candidates.append(self.search.mixed(pool))

@@ -16,6 +16,7 @@ from fractal_exp.methods.collage.growth.growing import Grower
 from fractal_exp.methods.collage.growth.paving import paving
 from fractal_exp.methods.collage.growth.silhouette import Silhouette
 from fractal_exp.methods.collage.growth.stage import Growth
+from fractal_exp.methods.collage.image.camera import estimated
 from fractal_exp.methods.collage.measure.tones import levels_of
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
@@ -171,14 +172,34 @@ def test_a_code_that_draws_faint_parts_too_is_no_blob(kind, number):
     assert stage(image).is_wanted(State(best=tied(BLOB)))
 
 
-def test_what_was_found_stays_unless_grown_maps_are_better():
+def test_what_was_found_stays_unless_grown_maps_draw_the_picture_better():
     some = stage(BRANCH)
     some.open(State())
-    found = some.grower.grown(18)
-    state = State(best=replace(tied(found.maps), weights=found.weights), curve=(some.grower.plain(6),))
-    assert torch.equal(some.close(state).result.maps, found.maps)
-    better = replace(state.curve[0], likeness=found.likeness + 0.1)
-    assert len(some.close(replace(state, curve=(better,))).result.maps) == 6
+    few, many = some.grower.plain(6), some.grower.grown(18)
+    promised = replace(few, likeness=2.0)                 # beyond what any drawing has
+    for curve in ((few,), (promised,)):
+        kept = some.close(State(best=replace(tied(many.maps), weights=many.weights), curve=curve))
+        assert torch.equal(kept.result.maps, many.maps)
+    grown = some.close(State(best=replace(tied(few.maps), weights=few.weights), curve=(many,)))
+    assert torch.equal(grown.result.maps, many.maps)
+
+
+def test_grown_maps_get_a_camera_that_shows_them():
+    g = torch.Generator().manual_seed(3)
+    picture = (LETTER > 0.5) & (torch.rand(LETTER.shape, generator=g) < 0.3)   # sparse dots of one grey level
+    picture = 0.6 * picture.float()
+    some = stage(picture, levels="dots")
+    some.open(State())
+    grown = some.grower.grown(18)
+    shown = some.close(State(best=tied(BLOB), curve=(grown,))).result
+
+    def likeness(camera) -> float:
+        judge = some.problem.objective(len(picture), grown.code, 0, camera=camera)
+        return judge.likeness(judge.judge(grown.maps, grown.weights).image)
+
+    nearest = estimated(picture, some.problem.levels, grown.code, some.params, 0)
+    assert likeness(nearest) < 0.5, "too faint to be seen"
+    assert likeness(shown.camera) > 0.95 and shown.camera[0] == "dots"
 
 
 def test_what_draws_a_binary_image_with_less_error_stays():

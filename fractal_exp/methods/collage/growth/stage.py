@@ -7,6 +7,7 @@ from typing import Any
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
+from ..image.camera import showing
 from ..image.likeness import likeness_of
 from ..problem import SearchProblem
 from ..stage import Stage
@@ -69,14 +70,21 @@ class Growth(Stage[Any]):
 
     def close(self, state: State) -> State:
         found, chosen = state.result, self._chosen(state.curve)
+        grown, likeness = self._drawn(chosen)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
-                chosen.likeness < self._likeness(found) + self.params.growth.margin
-                or self._draws_better(found, chosen)):
+                likeness < self._likeness(found) + self.params.growth.margin or self._draws_better(found, chosen)):
             return replace(state, best=found, before=None)
-        objective = self.problem.objective(len(self.problem.image), chosen.code, derive(self.problem.seed, "grown"))
-        error = objective.judge(chosen.maps, chosen.weights).error
-        return replace(state, best=Candidate(chosen.maps, chosen.weights, error, error), before=None,
-                       stopped=f"{len(chosen.maps)} maps were grown, F1 {chosen.likeness:.3f} within a pixel")
+        return replace(state, best=grown, before=None,
+                       stopped=f"{len(chosen.maps)} maps were grown, F1 {likeness:.3f} within a pixel")
+
+    def _drawn(self, chosen: Grown) -> tuple[Candidate, float]:
+        """Grown maps with the camera that shows them best, and the likeness of what it draws."""
+        problem, seed = self.problem, derive(self.problem.seed, "grown")
+        camera = showing(problem.image, problem.levels, chosen.code, self.params, seed)
+        objective = problem.objective(len(problem.image), chosen.code, seed, camera=camera)
+        shown = objective.judge(chosen.maps, chosen.weights)
+        drawn = Candidate(chosen.maps, chosen.weights, shown.error, shown.error, camera)
+        return drawn, chosen.likeness if problem.levels.is_exact else likeness_of(shown, objective)
 
     def _draws_better(self, found: Candidate, grown: Grown) -> bool:
         """Whether what the search found draws a binary image well, and with less error than the grown maps do. The

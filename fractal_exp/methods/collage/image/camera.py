@@ -46,6 +46,28 @@ def estimated(image: Tensor, levels: Levels, code: IFS, params: CollageParams, s
     return likely[1]
 
 
+def showing(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> Camera:
+    """The camera with which the drawing of a code is most like the shape on the image (R,R): with the highest F1 within
+    a pixel, to a hundredth, and then the least error. It is of the kind that `estimated` finds, and empty if that
+    finds none.
+
+    It is for grown maps. They cover a shape evenly, so the error, which compares grey levels, may prefer a camera that
+    draws them too faint to be seen."""
+    camera = estimated(image, levels, code, params, seed)
+    if not camera:
+        return ()
+    seen = seen_with(levels, camera)
+    judge = ImageObjective(image, seen, params)
+
+    def merit(tried: tuple[tuple[float, ...], Tensor]) -> tuple[float, float]:
+        rendering = tried[1].to(image)
+        return round(judge.likeness(rendering), 2), -judge.error(rendering)
+
+    whole = (tried for tried in seen.candidates(code, len(image), derive(seed, "camera"))
+             if seen_with(levels, camera_of(seen, tried[0])).shows_attractor)
+    return camera_of(seen, max(whole, key=merit)[0])
+
+
 def nearest(image: Tensor, levels: Levels, code: IFS, params: CollageParams, seed: int) -> list[tuple[float, Camera]]:
     """The cameras of this kind with which a code comes closest to the image (R,R): one for each value of
     `Levels.drawn`, with its angle of error, the lowest first. Empty if such a camera cannot draw the code."""

@@ -219,6 +219,10 @@ def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
         assert ends(binary, 40, frame=options) == pytest.approx([0.35, 0.95, 0.95, 0.95])
 
 
+def test_time_is_left_for_the_last_stage_of_a_picture_that_others_drew(triangle):
+    assert ends(triangle[1], 40, levels="coverage") == pytest.approx([0.35, 0.8, 0.8, 0.8])
+
+
 def test_rounds_of_a_binary_image_have_equal_parts_of_the_time(triangle):
     grey, binary = triangle[1], (triangle[1] > 0.25).float()
     assert ends(binary, 80) == pytest.approx([0.175, 0.425, 0.675, 0.925])

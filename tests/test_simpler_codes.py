@@ -1,4 +1,4 @@
-"""Simpler codes for one shape: its symmetries, parents of maps, doubles, and maps that nobody sees."""
+"""Simpler codes for one shape: its symmetries, parents of maps, doubles, and maps that nobody sees or needs."""
 
 import pytest
 import torch
@@ -7,15 +7,18 @@ from test_drawn_pictures import at, triangles
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.canonical import stages as last_stages
 from fractal_exp.methods.collage.canonical.flat import on_their_line
 from fractal_exp.methods.collage.canonical.stages import DrawnLastDigits
 from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
-from fractal_exp.methods.collage.image.likeness import without_unseen
+from fractal_exp.methods.collage.image import parents, simpler
+from fractal_exp.methods.collage.image.likeness import likeness_of, without_unseen
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents
+from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents, without_contained
 from fractal_exp.methods.collage.image.pruning import Price, without_doubles
+from fractal_exp.methods.collage.image.simpler import without_needless
 from fractal_exp.methods.collage.measure.bins import attractor_points
-from fractal_exp.methods.collage.measure.pens import Drawn
+from fractal_exp.methods.collage.measure.pens import Dots, Drawn
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
 
@@ -23,7 +26,23 @@ PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
 GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
 PEN = (0.0, 1.0 * PIXEL, 0.5 * PIXEL)
+CULCITA = attractor.normalize(codes.known("culcita"))
+INK, THICK_INK = (0.24, 0.5 * PIXEL), (0.15, 0.8 * PIXEL)   # gain and blur
 
+
+def inked(camera=INK, **options) -> ImageObjective:
+    """Dots of the fern culcita, looked at with this camera."""
+    params, image = PARAMS.updated(**options), Dots(CAMERA, torch.zeros(SIDE, SIDE), INK).render(CULCITA, SIDE, 0)
+    return ImageObjective(image, Dots(params.camera, image, camera), params)
+
+
+def with_compositions() -> affine.WeightedMaps:
+    """Another code of the same measure: half of what the largest map f brings is brought by f∘g, for each map g."""
+    maps, shares = affine.from_code(CULCITA), CULCITA.probabilities
+    largest = int(shares.argmax())
+    more = torch.stack([affine.composed(maps[largest], each) for each in maps])
+    less = shares.index_fill(0, torch.tensor([largest]), float(shares[largest]) / 2)
+    return affine.WeightedMaps(torch.cat([maps, more]), torch.cat([less, shares[largest] / 2 * shares]))
 
 
 def test_the_symmetries_of_a_triangle_are_found():
@@ -105,6 +124,44 @@ def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
     assert len(without_unseen(rough, rough.judge(shown.maps), 0).maps) == 3, "less than the noise of a picture"
 
 
+def test_maps_within_the_image_of_a_larger_one_give_it_their_weights(monkeypatch):
+    judge, many = inked(), with_compositions()
+    shown = judge.judge(many.maps, many.weights)
+    found = without_contained(judge, shown, 2)
+    assert torch.equal(found.maps, affine.from_code(CULCITA))
+    assert torch.allclose(found.probabilities, CULCITA.probabilities)
+    assert [len(without_contained(judge, shown, least).maps) for least in (6, 8)] == [6, 8]
+    assert without_contained(judge, found, 2) is found
+    tied = judge.judge(many.maps)
+    assert without_contained(judge, tied, 2).weights is None
+    monkeypatch.setattr(parents, "with_parents", lambda *_: [])
+    assert len(with_fewer_maps(judge, shown, Price(0.0, 0.1), 4).maps) == 4
+
+
+def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
+    judge, many = inked(THICK_INK), with_compositions()
+    seen = judge, judge.judge(many.maps, many.weights)
+    assert len(without_unseen(*seen, 0).maps) > 4, "with this camera, the code without them looks worse"
+    objective, found = without_needless(seen, 0)
+    assert torch.allclose(found.maps, affine.from_code(CULCITA), atol=0.6 * PIXEL)
+    assert found.error < 0.02 * seen[1].error and objective.levels is found.levels
+    assert objective.levels.values == pytest.approx(INK, rel=0.1)
+    assert len(without_needless(seen, 8)[1].maps) == 8
+    assert without_needless((objective, found), 0)[1] is found, "all are needed"
+    kept = inked(THICK_INK, moves={"unseen": None})
+    assert len(without_needless((kept, seen[1]), 0)[1].maps) == 8
+
+
+def test_single_maps_are_needless_too(monkeypatch):
+    monkeypatch.setattr(simpler, "without_contained", lambda judge, shown, least: shown)
+    judge, many = inked(THICK_INK), with_compositions()
+    seen = judge, judge.judge(many.maps, many.weights)
+    least = len(without_unseen(*seen, 0).maps) - 1
+    objective, found = without_needless(seen, least)
+    assert len(found.maps) == least
+    assert found.error <= 1.5 * seen[1].error and likeness_of(found, objective) > 0.99
+
+
 def test_two_maps_that_a_symmetry_makes_one_are_one():
     maps = affine.from_code(GASKET)
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
@@ -126,3 +183,14 @@ def test_a_number_of_maps_that_was_asked_for_stays():
     stage = DrawnLastDigits(SearchProblem(levels.picture, levels, asked))
     stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), asked)
     assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
+
+
+def test_the_last_stage_leaves_needless_maps_out(monkeypatch):
+    monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, found))
+    many = with_compositions()
+    only = PARAMS.updated(moves={"parent_maps": 0, "pruning": False}, canonical={"matrices": False})
+    for params, expected in (only, 4), (only.updated(maps=8), 8):
+        levels = inked().levels
+        stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
+        stage.objective = ImageObjective(levels.picture, Dots(CAMERA, levels.picture, THICK_INK), params)
+        assert len(stage._rounded(stage.objective.judge(many.maps, many.weights)).maps) == expected

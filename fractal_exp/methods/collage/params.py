@@ -85,6 +85,8 @@ class StageParams(Params):
     """Share at which the polish on a shrunk image ends."""
     hopeless_share: Share = 0.75
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
+    drawn_image_share: Share = 0.8
+    """Share at which stage 3 and all later rounds end on a picture that others drew. This leaves time for stage 4."""
     binary_image_share: Share = 0.85
     """Share at which stage 3 and all later rounds end on a binary image that has a frame. This leaves time for the firm
     polishes in this frame."""

@@ -65,6 +65,13 @@ class SearchProblem:
         return Frame.firm_of(self.image, self.levels, self.params.frame) is not None
 
     @property
+    def image_share(self) -> str:
+        """The share of `StageParams` at which stage 3 and later rounds end on such an image."""
+        if not self.levels.is_exact:
+            return "drawn_image_share"
+        return "binary_image_share" if self.is_framed_firmly else "image_share"
+
+    @property
     def has_independent_rounds(self) -> bool:
         """Whether each round begins from nothing. The measure of a binary image often leads to a wrong code that draws
         it well, and a round that begins with the maps of such a code ends with them."""

@@ -62,8 +62,7 @@ class Stage(ABC, Generic[Search]):
         return self._part_until(self._share(share))
 
     def _share(self, name: str) -> float:
-        is_firm = name == "image_share" and self.problem.is_framed_firmly
-        return getattr(self.params.stages, "binary_image_share" if is_firm else name)
+        return getattr(self.params.stages, self.problem.image_share if name == "image_share" else name)
 
     def _part_until(self, share: float) -> Deadline:
         parts = self.problem.full_rounds

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
-from ..image.camera import Seen, angle_of, sharpened
+from ..image.camera import Seen, angle_of, in_turns, sharpened
 from ..image.gauss_newton import polished
 from ..image.likeness import likeness_of, without_unseen, worst_error
-from ..image.objective import Rendered
+from ..image.objective import ImageObjective, Rendered
 from ..image.parents import flattened, with_fewer_maps
 from ..image.pruning import Price, pruned
+from ..image.simpler import without_needless
 from ..maps import WeightedMaps
 from ..measure.tones import camera_of
 from ..stage import Stage
@@ -76,8 +77,11 @@ class DrawnLastDigits(LastDigits):
 
     def _rounded(self, start: Rendered) -> Rendered:
         before = self.objective
-        self.objective, seen = self._sharpened(start)
-        last = pruned(self.objective, super()._rounded(seen), Price(0.0, self.params.moves.worth),
+        seen = self._sharpened(start)
+        self.objective, needed = self._without_needless(seen)
+        if needed is not seen[1]:
+            self.objective, needed = in_turns(self.objective, needed, self.problem.deadline)
+        last = pruned(self.objective, super()._rounded(needed), Price(0.0, self.params.moves.worth),
                       self.params.maps or 0, deadline=self.problem.deadline)
         if likeness_of(last, self.objective) >= min(self.params.stages.unlike, likeness_of(start, before)):
             return last
@@ -89,7 +93,8 @@ class DrawnLastDigits(LastDigits):
         If its error is higher with the camera of the code so far, it must be lower with its own."""
         objective, params, deadline = self.objective, self.params, self.problem.deadline
         found = without_unseen(objective, start, params.maps or 0, deadline)
-        simple = self._simplest(found)
+        objective, found = self._without_needless((objective, found))
+        simple = self._simplest(objective, found)
         if simple.error <= worst_error(objective, found):
             return sharpened(objective, simple, deadline)
         if objective.likeness(simple.image) >= params.stages.unlike:
@@ -98,10 +103,13 @@ class DrawnLastDigits(LastDigits):
                 return seen
         return sharpened(objective, found, deadline)
 
-    def _simplest(self, found: Rendered) -> Rendered:
+    def _without_needless(self, seen: Seen) -> Seen:
+        return without_needless(seen, self.params.maps or 0, self.problem.deadline)
+
+    def _simplest(self, objective: ImageObjective, found: Rendered) -> Rendered:
         """The simplest code for the shape. Codes may differ by symmetries of the shape, by doubles, and by parents in
         the place of maps."""
-        objective, params, deadline = self.objective, self.params.canonical, self.problem.deadline
+        params, deadline = self.params.canonical, self.problem.deadline
         simple = WeightedMaps(simplest(found.maps, symmetries(objective.image.cpu(), params), params), found.weights)
         single = self.problem.without_doubles(simple)  # mirrored, two maps of a symmetric shape may be one
         other = polished(objective, objective.judge(single.maps, single.weights), params.polish, deadline=deadline)

@@ -155,6 +155,9 @@ class MoveParams(Params):
     unseen: Share | None = 0.002
     """Loss of likeness (F1 within a pixel) up to which maps are dropped from the code of a picture that others
     drew; null: none is dropped."""
+    needless_tried: Count = 2
+    """Number of single maps whose absence is tried, polished together with the camera, in a picture that others
+    drew."""
     flat_px: Amount = 0.75
     """Standard deviation across a line, pixels, below which a shape is assumed to lie on the line."""
     parent_maps: Count = 8

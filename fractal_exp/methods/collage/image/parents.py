@@ -19,10 +19,11 @@ from .pruning import Price
 
 def with_fewer_maps(objective: ImageObjective, shown: Rendered, price: Price, steps: int,
                     deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """Replace maps of the code by parents, one parent at a time, as long as the score falls at this price per map. Each
-    code that is tried is polished for `steps` steps."""
+    """Replace maps of the code by parents, one parent at a time, or remove all contained maps, as long as the score
+    falls at this price per map. Each code that is tried is polished for `steps` steps."""
     while len(shown.maps) <= objective.params.moves.parent_maps and not deadline.passed:
-        tried = [polished(objective, each, steps, deadline=deadline) for each in with_parents(objective, shown)]
+        fewer = [without_contained(objective, shown, least=2), *with_parents(objective, shown)]
+        tried = [polished(objective, each, steps, deadline=deadline) for each in fewer if each is not shown]
         best = min([shown, *tried], key=lambda each: price.score(each.error, len(each.maps)))
         if best is shown:
             break
@@ -50,6 +51,26 @@ def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
         if bool(rest.any()):
             judged.append(objective.judge(torch.cat([parent[None], maps[rest]]).to(shown.maps), weights))
     return judged
+
+
+def without_contained(objective: ImageObjective, shown: Rendered, least: int) -> Rendered:
+    """The code without maps whose images lie within the image of a larger map, which gets their weights; at least
+    `least` maps stay.
+
+    The attractor is the same without them: it is still the union of its images. f∘g is such a map beside f."""
+    params, side = objective.params.moves, len(objective.image)
+    images, weights = _images(shown.maps.cpu(), _points(objective, shown)), shown.probabilities.cpu().clone()
+    order = affine.volumes(shown.maps.cpu()).argsort(stable=True).tolist()
+    kept = list(order)
+    for place, number in enumerate(order[:-1]):
+        larger = order[place + 1:]
+        shares = [float(_inside(images[number][None], _lit(images[k], side))) for k in larger]
+        if max(shares) >= params.parent_inside and len(kept) > least:
+            weights[larger[shares.index(max(shares))]] += weights[number]
+            kept.remove(number)
+    kept.sort()
+    own = None if shown.weights is None else weights[kept].to(shown.weights)
+    return objective.judge(shown.maps[kept], own) if len(kept) < len(order) else shown
 
 
 def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:

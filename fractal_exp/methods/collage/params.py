@@ -99,8 +99,11 @@ class StageParams(Params):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        shares = pairwise(name for name in type(self).model_fields if name.endswith("_share"))
-        check_order(self, *shares, ("largest_side", "full_side"), ("drawn_hopeless", "unlike"),
+        shares = [name for name in type(self).model_fields if name.endswith("_share")]
+        for kind in ("drawn_image_share", "binary_image_share"):     # alternatives to image_share
+            shares.remove(kind)
+            check_order(self, ("hopeless_share", kind), (kind, "image_share"))
+        check_order(self, *pairwise(shares), ("largest_side", "full_side"), ("drawn_hopeless", "unlike"),
                     ("contraction", "isometry"))
         return self
 

@@ -65,8 +65,8 @@ class SearchProblem:
         return Frame.firm_of(self.image, self.levels, self.params.frame) is not None
 
     @property
-    def image_share(self) -> str:
-        """The share of `StageParams` at which stage 3 and later rounds end on such an image."""
+    def image_share_name(self) -> str:
+        """The name in `StageParams` of the share at which stage 3 and later rounds end on such an image."""
         if not self.levels.is_exact:
             return "drawn_image_share"
         return "binary_image_share" if self.is_framed_firmly else "image_share"

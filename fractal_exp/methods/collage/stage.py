@@ -62,7 +62,7 @@ class Stage(ABC, Generic[Search]):
         return self._part_until(self._share(share))
 
     def _share(self, name: str) -> float:
-        return getattr(self.params.stages, self.problem.image_share if name == "image_share" else name)
+        return getattr(self.params.stages, self.problem.image_share_name if name == "image_share" else name)
 
     def _part_until(self, share: float) -> Deadline:
         parts = self.problem.full_rounds

@@ -9,10 +9,10 @@ from ....runtime.seeds import derive
 from ..image.camera import Seen, angle_of, in_turns, sharpened
 from ..image.gauss_newton import polished
 from ..image.likeness import likeness_of, without_unseen, worst_error
+from ..image.needless import without_needless
 from ..image.objective import ImageObjective, Rendered
 from ..image.parents import flattened, with_fewer_maps
 from ..image.pruning import Price, pruned
-from ..image.simpler import without_needless
 from ..maps import WeightedMaps
 from ..measure.tones import camera_of
 from ..stage import Stage

@@ -101,8 +101,7 @@ def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = N
     too large.
     """
     camera, levels = objective.params.camera, objective.levels
-    if (levels.is_exact or not levels.values or deadline.passed or len(found.maps) > camera.sharpened_maps
-            or len(objective.image) > camera.sharpened_side):
+    if deadline.passed or not may_be_sharpened(objective, found):
         return objective, found
     if isinstance(levels, ToneMapped):
         return in_turns(objective, found, deadline)
@@ -111,6 +110,13 @@ def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = N
     least = min(map(angle_of, starts), default=0.0)
     likely = [start for start in starts if angle_of(start) ** 2 <= least**2 / camera.plausible]
     return min([(objective, found), *(in_turns(*start, deadline) for start in likely)], key=angle_of)
+
+
+def may_be_sharpened(objective: ImageObjective, found: Rendered) -> bool:
+    """Whether a code has a camera, and so few maps and pixels that polishing both together takes seconds."""
+    camera, levels = objective.params.camera, objective.levels
+    return (not levels.is_exact and bool(levels.values) and len(found.maps) <= camera.sharpened_maps
+            and len(objective.image) <= camera.sharpened_side)
 
 
 def _starts(objective: ImageObjective, found: Rendered, kind: str, deadline: Deadline) -> list[Seen]:

@@ -155,18 +155,21 @@ class MoveParams(Params):
     unseen: Share | None = 0.002
     """Loss of likeness (F1 within a pixel) up to which maps are dropped from the code of a picture that others
     drew; null: none is dropped."""
+    needless: Share | None = 5e-4
+    """The same loss for maps that are removed while the others are polished together with the camera; null: none is
+    removed."""
     needless_tried: Count = 2
-    """Number of single maps whose absence is tried, polished together with the camera, in a picture that others
-    drew."""
+    """Number of single maps that are left out on trial in such a polish, besides the contained ones."""
     flat_px: Amount = 0.75
     """Standard deviation across a line, pixels, below which a shape is assumed to lie on the line."""
     parent_maps: Count = 8
-    """Maximum number of maps of a code whose parents are sought, in a picture that others drew. A parent is a map g
-    of which the code only holds compositions g∘f."""
+    """Maximum number of maps of a code whose parents and contained maps are sought, in a picture that others drew. A
+    parent is a map g of which the code only holds compositions g∘f. A contained map is such a g∘f beside g."""
     parent_tried: Count = 6
     """Maximum number of parents that are tried."""
     parent_inside: Share = 0.97
-    """Minimum share of the attractor's points that a parent must send to lit pixels."""
+    """Minimum share of the attractor's points that a parent must send to lit pixels, and that a contained map sends to
+    the image of a larger map."""
     parent_points: Positive = 20_000
     """Number of points in this test."""
     root_all: Count = 5

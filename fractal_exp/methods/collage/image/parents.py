@@ -58,15 +58,16 @@ def without_contained(objective: ImageObjective, shown: Rendered, least: int) ->
     `least` maps stay.
 
     The attractor is the same without them: it is still the union of its images. f∘g is such a map beside f."""
-    params, side = objective.params.moves, len(objective.image)
+    inside, side = objective.params.moves.parent_inside, len(objective.image)
     images, weights = _images(shown.maps.cpu(), _points(objective, shown)), shown.probabilities.cpu().clone()
-    order = affine.volumes(shown.maps.cpu()).argsort(stable=True).tolist()
-    kept = list(order)
-    for place, number in enumerate(order[:-1]):
+    order = affine.volumes(shown.maps.cpu()).argsort(stable=True)
+    shares = torch.stack([_inside(images, _lit(each, side)) for each in images], 1)   # of the rows in the columns
+    kept = order.tolist()
+    for place, number in enumerate(order[:-1].tolist()):
         larger = order[place + 1:]
-        shares = [float(_inside(images[number][None], _lit(images[k], side))) for k in larger]
-        if max(shares) >= params.parent_inside and len(kept) > least:
-            weights[larger[shares.index(max(shares))]] += weights[number]
+        most = shares[number, larger].argmax()
+        if shares[number, larger[most]] >= inside and len(kept) > least:
+            weights[larger[most]] += weights[number]
             kept.remove(number)
     kept.sort()
     own = None if shown.weights is None else weights[kept].to(shown.weights)

@@ -1,11 +1,11 @@
-"""Codes without needless maps for a picture that others drew, each with a camera that moves along."""
+"""Codes without needless maps, for a picture that others drew. The camera moves along."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from .camera import Seen
+from .camera import Seen, may_be_sharpened
 from .gauss_newton import polished
 from .jacobian import FromPoints, FromRenderings
 from .likeness import likeness_of_attractor, worst_error
@@ -17,16 +17,23 @@ def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE) -
     """Remove maps whose absence the camera can make up for, and polish the others together with the camera.
 
     A code of too many maps and its camera are made for each other. With this camera, the code without such a map looks
-    worse than it is. Maps are removed if the error then stays within `worst_error`, the likeness of the drawing within
-    `MoveParams.unseen` of the initial one, and that of the attractor above `StageParams.unlike`, or also within
-    `unseen`. At least `least` maps stay.
+    worse than it is. The code with all maps is polished together with the camera too, for comparison. Maps are removed
+    if the error then stays within `worst_error`, the likeness of the drawing within `MoveParams.needless`, and that of
+    the attractor as well, or above `StageParams.unlike`. At least `least` maps stay, and at least two. If no map is
+    removed, `seen` is returned.
     """
     objective, shown = seen
-    params = objective.params
-    if params.moves.unseen is None or not objective.levels.values:
+    params, least = objective.params, max(2, least)
+    if params.moves.needless is None or len(shown.maps) <= least or not may_be_sharpened(objective, shown):
         return seen
+
+    def polished_with_camera(tried: Rendered, **options) -> Rendered:
+        return polished(objective, tried, params.canonical.polish, deadline=deadline, camera=True, **options)
+
+    shown = polished_with_camera(shown)
+    objective, before = objective.seen_with(shown.levels), len(shown.maps)
     worst = worst_error(objective, shown)
-    drawing, attractor = (each - params.moves.unseen for each in _likenesses(objective, shown))
+    drawing, attractor = (each - params.moves.needless for each in _likenesses(objective, shown))
     goals = drawing, min(attractor, params.stages.unlike)
 
     def is_alike(other: Rendered) -> bool:
@@ -34,30 +41,30 @@ def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE) -
         return all(each >= goal for each, goal in zip(likenesses, goals, strict=True))
 
     def fewer() -> Rendered | None:
-        for tried in _with_fewer_maps(objective, shown, max(2, least)):
+        for tried in _trials(objective, shown, least):
             for jacobian in FromPoints, FromRenderings:
-                tried = polished(objective, tried, params.canonical.polish, deadline=deadline, jacobian=jacobian,
-                                 camera=True)
+                if deadline.passed:
+                    return None
+                tried = polished_with_camera(tried, jacobian=jacobian)
                 if not is_alike(tried):
                     break
                 if tried.error <= worst:
                     return tried
         return None
 
-    while not deadline.passed and (found := fewer()):
+    while found := fewer():
         objective, shown = objective.seen_with(found.levels), found
-    return objective, shown
+    return seen if len(shown.maps) == before else (objective, shown)
 
 
-def _with_fewer_maps(objective: ImageObjective, shown: Rendered, least: int) -> Iterator[Rendered]:
-    """The code without all contained maps, and then without single maps, those with the lowest errors first."""
-    number = len(shown.maps)
-    if number <= least:
+def _trials(objective: ImageObjective, shown: Rendered, least: int) -> Iterator[Rendered]:
+    """The code without all contained maps, and then without one map, those with the lowest errors first."""
+    if len(shown.maps) <= least:
         return
     bare = without_contained(objective, shown, least)
-    if len(bare.maps) < number:
+    if len(bare.maps) < len(shown.maps):
         yield bare
-    single = (objective.without(shown, [i]) for i in range(number))
+    single = (objective.without(shown, [i]) for i in range(len(shown.maps)))
     yield from sorted(single, key=error_of)[:objective.params.moves.needless_tried]
 
 

@@ -148,6 +148,7 @@ def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
     assert objective.levels.values == pytest.approx(INK, rel=0.1)
     assert len(without_needless(seen, 8)[1].maps) == 8
     assert without_needless((objective, found), 0)[1] is found, "all are needed"
+    assert len(without_needless(seen, 0, contained=True)[1].maps) == 4
     kept = inked(THICK_INK, moves={"needless": None})
     assert len(without_needless((kept, seen[1]), 0)[1].maps) == 8
 
@@ -194,12 +195,16 @@ def test_a_number_of_maps_that_was_asked_for_stays():
     assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
 
 
-def test_the_last_stage_leaves_needless_maps_out(monkeypatch):
+@pytest.mark.parametrize("contained", [True, False])
+def test_the_last_stage_leaves_needless_maps_out(monkeypatch, contained):
+    """Contained ones before the polish with all cameras, any after it."""
     monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, found))
-    many = with_compositions()
+    tried = last_stages.without_needless
+    monkeypatch.setattr(last_stages, "without_needless", lambda seen, *args, **options: (
+        tried(seen, *args, **options) if options.get("contained", False) is contained else seen))
+    many, levels = with_compositions(), inked().levels
     only = PARAMS.updated(moves={"parent_maps": 0, "pruning": False}, canonical={"matrices": False})
     for params, expected in (only, 4), (only.updated(maps=8), 8):
-        levels = inked().levels
         stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
         stage.objective = ImageObjective(levels.picture, Dots(CAMERA, levels.picture, THICK_INK), params)
         assert len(stage._rounded(stage.objective.judge(many.maps, many.weights)).maps) == expected

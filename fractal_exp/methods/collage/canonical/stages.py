@@ -78,7 +78,7 @@ class DrawnLastDigits(LastDigits):
     def _rounded(self, start: Rendered) -> Rendered:
         before = self.objective
         seen = self._sharpened(start)
-        self.objective, needed = self._without_needless(seen)
+        self.objective, needed = without_needless(seen, self.params.maps or 0, self.problem.deadline)
         if needed is not seen[1]:
             self.objective, needed = in_turns(self.objective, needed, self.problem.deadline)
         last = pruned(self.objective, super()._rounded(needed), Price(0.0, self.params.moves.worth),
@@ -93,7 +93,7 @@ class DrawnLastDigits(LastDigits):
         If its error is higher with the camera of the code so far, it must be lower with its own."""
         objective, params, deadline = self.objective, self.params, self.problem.deadline
         found = without_unseen(objective, start, params.maps or 0, deadline)
-        objective, found = self._without_needless((objective, found))
+        objective, found = without_needless((objective, found), params.maps or 0, deadline, contained=True)
         simple = self._simplest(objective, found)
         if simple.error <= worst_error(objective, found):
             return sharpened(objective, simple, deadline)
@@ -102,9 +102,6 @@ class DrawnLastDigits(LastDigits):
             if angle_of(seen) <= objective.angle(found.error):
                 return seen
         return sharpened(objective, found, deadline)
-
-    def _without_needless(self, seen: Seen) -> Seen:
-        return without_needless(seen, self.params.maps or 0, self.problem.deadline)
 
     def _simplest(self, objective: ImageObjective, found: Rendered) -> Rendered:
         """The simplest code for the shape. Codes may differ by symmetries of the shape, by doubles, and by parents in

@@ -13,8 +13,9 @@ from .objective import ImageObjective, Rendered, error_of
 from .parents import without_contained
 
 
-def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE) -> Seen:
-    """Remove maps whose absence the camera can make up for, and polish the others together with the camera.
+def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE, *, contained: bool = False) -> Seen:
+    """Remove maps whose absence the camera can make up for, and polish the others together with the camera. contained:
+    whether only all contained maps together are tried, which takes no time if there are none.
 
     A code of too many maps and its camera are made for each other. With this camera, the code without such a map looks
     worse than it is. The code with all maps is polished together with the camera too, for comparison. Maps are removed
@@ -25,6 +26,8 @@ def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE) -
     objective, shown = seen
     params, least = objective.params, max(2, least)
     if params.moves.needless is None or len(shown.maps) <= least or not may_be_sharpened(objective, shown):
+        return seen
+    if contained and without_contained(objective, shown, least) is shown:
         return seen
 
     def polished_with_camera(tried: Rendered, **options) -> Rendered:
@@ -41,7 +44,7 @@ def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE) -
         return all(each >= goal for each, goal in zip(likenesses, goals, strict=True))
 
     def fewer() -> Rendered | None:
-        for tried in _trials(objective, shown, least):
+        for tried in _trials(objective, shown, least, single=not contained):
             for jacobian in FromPoints, FromRenderings:
                 if deadline.passed:
                     return None
@@ -57,15 +60,16 @@ def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE) -
     return seen if len(shown.maps) == before else (objective, shown)
 
 
-def _trials(objective: ImageObjective, shown: Rendered, least: int) -> Iterator[Rendered]:
+def _trials(objective: ImageObjective, shown: Rendered, least: int, *, single: bool) -> Iterator[Rendered]:
     """The code without all contained maps, and then without one map, those with the lowest errors first."""
     if len(shown.maps) <= least:
         return
     bare = without_contained(objective, shown, least)
-    if len(bare.maps) < len(shown.maps):
+    if bare is not shown:
         yield bare
-    single = (objective.without(shown, [i]) for i in range(len(shown.maps)))
-    yield from sorted(single, key=error_of)[:objective.params.moves.needless_tried]
+    if single:
+        fewer = (objective.without(shown, [i]) for i in range(len(shown.maps)))
+        yield from sorted(fewer, key=error_of)[:objective.params.moves.needless_tried]
 
 
 def _likenesses(objective: ImageObjective, shown: Rendered) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The parameters of collage search: each is documented, reached by Hydra, checked, and every part can be left out."""
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -152,6 +153,12 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"lines": {"shortest": 1.0}}, "lines.shortest must be at least 0 and below 1, got 1.0"),
     ({"camera": {"points_per_pixel": float("inf")}}, "camera.points_per_pixel must be a finite number, got inf"),
     ({"stages": {"detail_share": 0.4}}, "stages.detail_share must be at least mixture_share, which is 0.45; got 0.4"),
+    ({"stages": {"drawn_image_share": 0.7}},
+     "stages.drawn_image_share must be at least hopeless_share, which is 0.75; got 0.7"),
+    ({"stages": {"drawn_image_share": 0.96}},
+     "stages.image_share must be at least drawn_image_share, which is 0.96; got 0.95"),
+    ({"stages": {"binary_image_share": 0.7}},
+     "stages.binary_image_share must be at least hopeless_share, which is 0.75; got 0.7"),
     ({"stages": {"largest_side": 2048}}, "stages.full_side must be at least largest_side, which is 2048; got 1024"),
     ({"stages": {"drawn_hopeless": 0.99}}, "stages.unlike must be at least drawn_hopeless, which is 0.99; got 0.95"),
     ({"stages": {"isometry": 0.8}}, "stages.isometry must be at least contraction, which is 0.9; got 0.8"),
@@ -225,4 +232,4 @@ def test_the_page_says_how_each_part_is_left_out(part):
     [row] = [line for line in page.splitlines() if line.startswith(f"| `{part}` |")]
     changes = leaves(yaml.safe_load((CONF / "without" / f"{part}.yaml").read_text())["method"])
     for name, value in changes.items():
-        assert f"`{name}={str(value).lower()}`" in row
+        assert f"`{name}={json.dumps(value)}`" in row

@@ -136,6 +136,7 @@ def test_maps_within_the_image_of_a_larger_one_give_it_their_weights(monkeypatch
     assert without_contained(judge, tied, 2).weights is None
     monkeypatch.setattr(parents, "with_parents", lambda *_: [])
     assert len(with_fewer_maps(judge, shown, Price(0.0, 0.1), 4).maps) == 4
+    assert with_fewer_maps(inked(moves={"needless": None}), shown, Price(0.0, 0.1), 4) is shown
 
 
 def test_maps_whose_absence_the_camera_makes_up_for_are_needless():

@@ -14,14 +14,14 @@ from .parents import without_contained
 
 
 def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE, *, contained: bool = False) -> Seen:
-    """Remove maps whose absence the camera can make up for, and polish the others together with the camera. contained:
-    whether only all contained maps together are tried, which takes no time if there are none.
+    """Remove maps whose absence the camera can make up for, and polish the others together with the camera.
 
     A code of too many maps and its camera are made for each other. With this camera, the code without such a map looks
-    worse than it is. The code with all maps is polished together with the camera too, for comparison. Maps are removed
-    if the error then stays within `worst_error`, the likeness of the drawing within `MoveParams.needless`, and that of
-    the attractor as well, or above `StageParams.unlike`. At least `least` maps stay, and at least two. If no map is
-    removed, `seen` is returned.
+    worse than it is. So both codes are polished together with the camera before they are compared. A removal may raise
+    the error to `worst_error`. It may lower the likeness of the drawing by `MoveParams.needless`. The likeness of the
+    attractor may fall as far, or to `StageParams.unlike` if that is lower. At least `least` maps stay, and at least
+    two. contained: whether to try no more than the removal of all contained maps, which takes no time if there are
+    none. If no map is removed, `seen` is returned.
     """
     objective, shown = seen
     params, least = objective.params, max(2, least)

@@ -157,7 +157,7 @@ class MoveParams(Params):
     drew; null: none is dropped."""
     needless: Share | None = 5e-4
     """The same loss for maps that are removed while the others are polished together with the camera; null: none is
-    removed."""
+    removed, and contained maps stay as well."""
     needless_tried: Count = 2
     """Number of single maps that are left out on trial in such a polish, besides the contained ones."""
     flat_px: Amount = 0.75

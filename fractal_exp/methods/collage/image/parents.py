@@ -1,4 +1,8 @@
-"""Parents: maps g for which a code only holds compositions g∘f with its other maps, as for half of a dragon curve."""
+"""Codes of fewer maps for the same shape, with parents in the place of some maps, or without contained maps.
+
+A parent is a map g of which a code only holds compositions g∘f with its other maps, as for half of a dragon curve. A
+contained map is such a g∘f beside g.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,9 @@ def with_fewer_maps(objective: ImageObjective, shown: Rendered, price: Price, st
     """Replace maps of the code by parents, one parent at a time, or remove all contained maps, as long as the score
     falls at this price per map. Each code that is tried is polished for `steps` steps."""
     while len(shown.maps) <= objective.params.moves.parent_maps and not deadline.passed:
-        fewer = [without_contained(objective, shown, least=2), *with_parents(objective, shown)]
+        fewer = with_parents(objective, shown)
+        if objective.params.moves.needless is not None:
+            fewer.append(without_contained(objective, shown, least=2))
         tried = [polished(objective, each, steps, deadline=deadline) for each in fewer if each is not shown]
         best = min([shown, *tried], key=lambda each: price.score(each.error, len(each.maps)))
         if best is shown:
@@ -54,10 +60,10 @@ def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
 
 
 def without_contained(objective: ImageObjective, shown: Rendered, least: int) -> Rendered:
-    """The code without maps whose images lie within the image of a larger map, which gets their weights; at least
-    `least` maps stay.
+    """The code without its contained maps, except that at least `least` maps stay. If all maps stay, `shown` itself.
 
-    The attractor is the same without them: it is still the union of its images. f∘g is such a map beside f."""
+    A map is contained if its image lies within the image of a larger map, as that of f∘g lies within that of f. Without
+    it, the attractor is still the union of its images, so it is the same. The larger map gets its weight."""
     inside, side = objective.params.moves.parent_inside, len(objective.image)
     images, weights = _images(shown.maps.cpu(), _points(objective, shown)), shown.probabilities.cpu().clone()
     order = affine.volumes(shown.maps.cpu()).argsort(stable=True)

@@ -19,7 +19,7 @@ from .runtime.params import Amount, Params, Positive, Share, check_order
 Kind = Literal["recovered", "approximation", "not self-similar"]
 
 TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
-OTHER_LEVELS = {"density": "coverage", "coverage": "density", "binary": "coverage"}
+OTHER_LEVELS = {"density": "coverage", "binary": "coverage", "coverage": "auto"}
 SEARCH = CollageParams()      # its defaults decide in the same way whether a code is good enough
 
 
@@ -44,6 +44,8 @@ class VerdictParams(Params):
     """F1 within a pixel at which the shape is right, though grey levels may be wrong."""
     small: Amount = 2.0
     """Factor of enlargement above which a picture is small."""
+    shrunk: Amount = 0.75
+    """Factor below which a picture was shrunk so much that a finer image may show more."""
     more_time: Amount = 4.0
     """Factor on the time that is suggested."""
     more_maps: Positive = 2
@@ -140,9 +142,9 @@ def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | No
     if picture is not None and picture.scale > params.small:
         yield "a larger picture", f"a larger picture: the shape was enlarged {picture.scale:.2g} times"
     if likeness.f1_1px >= params.shape_right:
-        guessed = options.get("levels") or "auto"
-        guessed = guess_levels(image, CameraParams()) if guessed == "auto" else str(guessed)
-        yield "another meaning of grey levels", f"levels={OTHER_LEVELS.get(guessed, 'coverage')} instead of {guessed}"
+        yield from _other_levels(image, str(options.get("levels") or "auto"))
+        if picture is not None and picture.scale < params.shrunk:
+            yield "a finer image", f"resolution={2 * len(image)}, as the picture was shrunk {1 / picture.scale:.2g} times"
     name = "at_most" if options.get("at_most") else "maps"
     more = f"{name}={params.more_maps * int(options.get(name) or maps)}"
     yield "more maps", f"more maps: {more}, with more time for each"
@@ -151,3 +153,10 @@ def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | No
 def _short(share: float) -> str:
     """A share as .55."""
     return f"{share:.2f}".removeprefix("0")
+
+
+def _other_levels(image: Tensor, asked: str) -> Iterator[tuple[str, str]]:
+    """Another meaning of grey levels, unless `auto` has tried all others."""
+    taken = guess_levels(image, CameraParams()) if asked == "auto" else asked
+    if taken != "coverage" or asked != "auto":
+        yield "another meaning of grey levels", f"levels={OTHER_LEVELS.get(taken, 'coverage')} instead of {taken}"

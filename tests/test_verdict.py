@@ -66,10 +66,18 @@ def test_the_remedy_is_what_is_most_likely_to_help(facts, expected):
 
 
 @pytest.mark.parametrize("options, expected", [({}, "levels=coverage instead of binary"),
-                                               ({"levels": "coverage"}, "levels=density instead of coverage")])
+                                               ({"levels": "coverage"}, "levels=auto instead of coverage")])
 def test_where_the_shape_is_right_the_levels_may_be_wrong(options, expected):
     verdict = Verdict.of(likeness(0.97), 4, SHAPE, options=options)
     assert verdict.remedy == expected and "another meaning of grey levels would help" in verdict.words
+
+
+@pytest.mark.parametrize("scale, expected", [(0.4, "resolution=128, as the picture was shrunk 2.5 times"),
+                                             (0.8, "more maps: maps=8, with more time for each")])
+def test_where_all_meanings_of_grey_levels_were_tried_a_finer_image_may_help(scale, expected):
+    drawn = SHAPE.clone()
+    drawn[drawn > 0] = torch.linspace(0.3, 1, int((drawn > 0).sum()))
+    assert Verdict.of(likeness(0.97), 4, drawn, picture=read(scale=scale)).remedy == expected
 
 
 def test_a_code_no_better_than_a_box_is_none():

@@ -144,7 +144,8 @@ def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | No
     if likeness.f1_1px >= params.shape_right:
         yield from _other_levels(image, str(options.get("levels") or "auto"))
         if picture is not None and picture.scale < params.shrunk:
-            yield "a finer image", f"resolution={2 * len(image)}, as the picture was shrunk {1 / picture.scale:.2g} times"
+            finer = f"resolution={2 * len(image)}, as the picture was shrunk {1 / picture.scale:.2g} times"
+            yield "a finer image", finer
     name = "at_most" if options.get("at_most") else "maps"
     more = f"{name}={params.more_maps * int(options.get(name) or maps)}"
     yield "more maps", f"more maps: {more}, with more time for each"

@@ -1,5 +1,5 @@
-"""Pictures from elsewhere: textbook fractals, density maps, shapes, the binary suite, tone curves, and samples of
-long ago.
+"""Pictures from elsewhere: textbook fractals, trees, density maps, shapes, the binary suite, tone curves, and samples
+of long ago.
 
     python -m benchmarks.pictures textbook --seconds 30                    all pictures of the set, half a minute each
     python -m benchmarks.pictures textbook --tuning --names 'koch*' '*-jpeg'   some of those for tuning

@@ -15,7 +15,7 @@ from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage
 
-from . import binary, density_maps, judging, tables, textbook, tone_curves
+from . import binary, density_maps, judging, tables, textbook, tone_curves, trees
 from .figures import Truth
 from .paving import paving
 from .shapes import shapes
@@ -109,4 +109,7 @@ SETS: dict[str, PictureSet] = {
     "tone_curves": PictureSet(lambda: {name: role for name, (_, _, role) in tone_curves.problems().items()},
                               tone_curves.picture, lambda name, code, read: tone_curves.score(name, code),
                               tables.tone_curves, {"frame": "keep"}),
+    "trees": PictureSet(lambda: {name: each.role for name, each in trees.trees().items()},
+                        lambda name: trees.trees()[name].source(name), trees.score, tables.trees,
+                         truth=lambda name, read: trees.truth(name, read).code),
 }

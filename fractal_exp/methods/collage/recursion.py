@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from ...runtime.seeds import derive
-from .image.camera import as_seen, in_turns
+from .image.camera import Seen, angle_of, as_seen, in_turns
 from .image.likeness import likeness_of
 from .image.objective import ImageObjective, Rendered
+from .image.trunk import with_trunk
 from .maps import WeightedMaps
 from .measure.blur import blurred
 from .measure.pens import Drawn
@@ -85,14 +88,36 @@ class Recursion(Stage[Any]):
     def step(self, now: Candidate, number: int) -> Candidate:
         tried = self._tries[number]
         few = self._few_maps(tried, number)
-        seen = as_seen(self.objective, few, tried.camera, self.deadline)
-        if not seen or self._error(*seen[0]) >= self._enough(few, tried):
+        seen = self._as_strokes(few) if tried.camera == STROKES else as_seen(self.objective, few, TILES, self.deadline)
+        if not seen:
             return now
         best = self._candidate(*in_turns(*seen[0], self.deadline))
         return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
 
+    def _as_strokes(self, few: Rendered) -> list[Seen]:
+        """The copies of a code with a trunk, polished as strokes, the best first. A small image comes first: on the
+        whole one, strokes that lie beside those of the picture do not overlap them. Empty if the code is not promising
+        there."""
+        tree, seen = with_trunk(self.objective, few), []
+        if tree is None:
+            return []
+        promising = math.inf if self._has_tiles(few) else \
+            self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
+        for objective, goal in (self._coarse, promising), (self._coarse, promising), (self.objective, math.inf):
+            seen = as_seen(objective, tree, STROKES, self.deadline)
+            if not seen or angle_of(seen[0]) > goal:
+                return []
+            tree = seen[0][1]
+        return seen
+
+    @cached_property
+    def _coarse(self) -> ImageObjective:
+        """The picture at no more than `camera.coarse_side` pixels per side."""
+        problem, size = self.problem, min(len(self.problem.image), self.params.camera.coarse_side)
+        return ImageObjective(problem.levels.shrunk(problem.image, size), problem.levels, self.params, problem.seed)
+
     def is_settled(self, state: State) -> bool:
-        """Once tiles explain the picture, strokes are not tried. All searches for tiles are made first."""
+        """Once strokes explain the picture, nothing more is tried. Once tiles do, all searches for tiles are made."""
         left = {each.camera for each in self._tries[state.step:]}
         return self._is_explained(state.now) and (has_strokes(state.now) or TILES not in left)
 
@@ -115,12 +140,6 @@ class Recursion(Stage[Any]):
             found = search.step(found, move)
         return self.objective.judge(found.maps)
 
-    def _enough(self, few: Rendered, tried: _Try) -> float:
-        """The error below which a code is polished with its camera."""
-        if tried.camera == TILES or self._has_tiles(few):
-            return float("inf")
-        return self.params.camera.recursion_gain * self._error(self.objective, few)
-
     def _error_to_beat(self, now: Candidate) -> float:
         if self._is_explained(now):
             return now.error
@@ -134,9 +153,11 @@ class Recursion(Stage[Any]):
         """Whether a code draws the picture as strokes, or as tiles of so few maps that this is no accident."""
         if not is_construction(found, self.params.camera.tiled_maps):
             return False
-        least = self.params.stages.unlike if has_strokes(found) else self.params.moves.alike
         shown, objective = self._shown(found)
-        return objective.likeness(shown.image) >= least and likeness_of(shown, objective) >= self.params.stages.unlike
+        drawing = objective.likeness(shown.image)
+        if has_strokes(found):
+            return drawing >= self.params.growth.unlike
+        return drawing >= self.params.moves.alike and likeness_of(shown, objective) >= self.params.stages.unlike
 
     def _likeness(self, found: Candidate) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
@@ -158,14 +179,15 @@ class Recursion(Stage[Any]):
 
 
 def _tries(params: CollageParams) -> list[_Try]:
-    """The searches, those for tiles first: none for tiles where the user knows the pen, none at all where the user
-    knows that the picture shows dots."""
+    """The searches: the first one for strokes, then those for tiles, then the others for strokes. None for tiles where
+    the user knows the pen, none at all where the user knows that the picture shows dots."""
     if "coverage" not in params.camera_kinds:
         return []
     camera = params.camera
     has_tiles = camera.tiles_px and camera.pen_px is None
-    return [*(_Try(camera.tiled_maps, blur, TILES) for blur in (camera.recursion_blurs_px if has_tiles else ())),
-            *(_Try(most, 0.0, STROKES) for most in (camera.recursion_maps if camera.strokes else ()))]
+    tiles = [_Try(camera.tiled_maps, blur, TILES) for blur in (camera.recursion_blurs_px if has_tiles else ())]
+    strokes = [_Try(most, 0.0, STROKES) for most in (camera.recursion_maps if camera.strokes else ())]
+    return [*strokes[:1], *tiles, *strokes[1:]]
 
 
 def has_strokes(found: Candidate) -> bool:

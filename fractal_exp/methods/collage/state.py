@@ -13,7 +13,7 @@ from ...runtime.checkpoint import Snapshot
 from .maps import WeightedMaps
 from .measure.tones import Camera
 
-VERSION = 14   # of the stages and their scores; stored in checkpoints
+VERSION = 15   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
 STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "last digits",
           "growth")   # in order; the last three come after all rounds

@@ -36,6 +36,7 @@ class Jacobian(ABC):
                  fixed: Collection[tuple[int, int]] = (), camera: bool = False):
         self.params = objective.params.gauss_newton
         self.maps, self.side = rendered.maps, objective.side
+        self.least_effect = 0.0 if objective.levels.is_whole else self.params.stroke_effect
         self.seed = derive(objective.seed, "jacobian", number)
         self.count = int(self.params.points_per_cell * self.side**2)
         self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed,
@@ -96,7 +97,9 @@ class Jacobian(ABC):
 
     def solve(self, damping: float) -> Tensor:
         """The step of each parameter: pixels, or multiples of `log_step` for logarithms."""
-        ridge = damping * self.square.diagonal() + 1e-9 * self.square.diagonal().max() + 1e-12
+        effects = self.square.diagonal()
+        ridge = damping * effects + 1e-9 * effects.max() + 1e-12
+        ridge[effects < self.least_effect * effects.max()] = 1e6 * effects.max()  # these stay
         return self._limited(torch.linalg.solve(self.square + ridge.diag(), self.gradient))
 
     def solve_alone(self) -> Tensor:

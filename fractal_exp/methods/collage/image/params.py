@@ -268,6 +268,9 @@ class GaussNewtonParams(Params):
     """Cells per side of the window in which grey levels are related to masses, in a Jacobian from points."""
     step_px: Factor = 0.05
     """Finite difference of a parameter, pixels, in a Jacobian from points."""
+    stroke_effect: Share = 1e-3
+    """Where strokes are drawn, a parameter stays if its effect is below this share of the largest one. The width of a
+    stroke has no effect until the map is no longer flat."""
     nudge_px: Factor = 0.05
     """Finite difference of a parameter, pixels, in a Jacobian from renderings."""
     binary_nudge_px: Factor = 0.3

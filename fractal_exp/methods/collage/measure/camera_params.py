@@ -83,14 +83,18 @@ class CameraParams(Params):
     """Whether strokes are tried: the drawing of a recursion that ended, as of a tree."""
     stroke: Amount = 0.06
     """Maximum width, canvas units, of the image of a map that draws a stroke."""
+    trunk_strokes: Count = 4
+    """Maximum number of strokes that are added to copies of the whole, where the copies leave them over; 0: none."""
+    trunk_beside_px: Amount = 2.5
+    """Distance, pixels, up to which a pixel of the picture is not left over beside the copies."""
+    trunk_least_px: Factor = 8.0
+    """Minimum length, pixels, of such a stroke."""
     twigs_px: Annotated[tuple[Factor, Factor], AfterValidator(ascending)] = (0.4, 24.0)
     """Minimum and maximum length, pixels, of the last strokes of a recursion that are tried."""
     deepest: Positive = 24
     """Maximum depth that is tried: how many maps copy a stroke."""
     most_strokes: Positive = 40_000
     """Maximum number of strokes that are copied by equally many maps. Drawings with more are not tried."""
-    stroke_points: Positive = 2_000_000
-    """Maximum number of points that draw these strokes. With fewer strokes, points are a subpixel apart."""
     stroked: PositiveShare = 0.9
     """Strokes are taken if their error is below this factor times that of the best pen or tiles."""
     likeliest: Positive = 3
@@ -98,14 +102,17 @@ class CameraParams(Params):
     sizes, or pairs of depth and thinning of strokes."""
     plausible: PositiveShare = 0.7
     """Only cameras whose error is at most the least error divided by this are polished further."""
-    recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (3, 4)
-    """Maximum number of maps in each search for a trunk and its branches, in a picture that the maps of stage 2 do not
-    draw; empty: no such search."""
+    recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (4, 3, 2)
+    """Maximum number of maps in each search for the branches of a tree, in a picture that the maps of stage 2 do not
+    draw; empty: no such search. The first one comes before those for tiles."""
     recursion_blurs_px: tuple[Amount, ...] = (3.0, 6.0)
     """Blurs of the measure, pixels, in searches for few maps (`tiled_maps`) in such a picture, whose codes are then
     seen as tiles; empty: no such search."""
+    coarse_side: Positive = 128
+    """Maximum side, pixels, of the image on which strokes are polished first."""
     recursion_gain: Share = 0.3
-    """Strokes are polished with their camera if their error is below this share of a pen's, for the same maps."""
+    """Strokes are polished on the whole image if their error on the small one is below this share of the error of the
+    same maps with a pen, pixel for pixel."""
     recursion_contraction: SingularValue = 0.75
     """Limit on smaller singular values in such a search. A mirrored copy of the whole tree would replace a branch."""
     dotted: Share = 0.75
@@ -143,6 +150,8 @@ class CameraParams(Params):
     """Pen radii that are tried."""
     blurs_px: Annotated[tuple[Amount, ...], Some] = (0.0, 0.2, 0.35, 0.5, 0.7, 1.0)
     """Blurs that are tried."""
+    stroke_blurs_px: Annotated[tuple[Amount, ...], Some] = (0.35, 0.7)
+    """Blurs that are tried for strokes. From less blur, a polish does not find a larger one."""
     gains: Annotated[tuple[Factor, ...], Some] = tuple(0.01 * 2**(k / 2) for k in range(18))
     """Gains that are tried."""
     pen_supersample: Positive = 3

@@ -45,7 +45,7 @@ class VerdictParams(Params):
     small: Amount = 2.0
     """Factor of enlargement above which a picture is small."""
     shrunk: Amount = 0.75
-    """Factor below which a picture was shrunk so much that a finer image may show more."""
+    """Factor of enlargement below which a picture was shrunk so much that a finer image may show more."""
     more_time: Amount = 4.0
     """Factor on the time that is suggested."""
     more_maps: Positive = 2
@@ -143,9 +143,9 @@ def _remedies(likeness: Alike, maps: int, image: Tensor, picture: ReadImage | No
         yield "a larger picture", f"a larger picture: the shape was enlarged {picture.scale:.2g} times"
     if likeness.f1_1px >= params.shape_right:
         yield from _other_levels(image, str(options.get("levels") or "auto"))
-        if picture is not None and picture.scale < params.shrunk:
-            finer = f"resolution={2 * len(image)}, as the picture was shrunk {1 / picture.scale:.2g} times"
-            yield "a finer image", finer
+        if picture is not None and picture.scale < params.shrunk and len(image) < SEARCH.stages.largest_side:
+            finer = min(round(len(image) / picture.scale), SEARCH.stages.largest_side)
+            yield "a finer image", f"resolution={finer}: the picture was shrunk {1 / picture.scale:.2g} times"
     name = "at_most" if options.get("at_most") else "maps"
     more = f"{name}={params.more_maps * int(options.get(name) or maps)}"
     yield "more maps", f"more maps: {more}, with more time for each"
@@ -157,7 +157,7 @@ def _short(share: float) -> str:
 
 
 def _other_levels(image: Tensor, asked: str) -> Iterator[tuple[str, str]]:
-    """Another meaning of grey levels, unless `auto` has tried all others."""
+    """Another meaning of grey levels, unless `auto` took the picture for a drawing, of which it tries several."""
     taken = guess_levels(image, CameraParams()) if asked == "auto" else asked
     if taken != "coverage" or asked != "auto":
         yield "another meaning of grey levels", f"levels={OTHER_LEVELS.get(taken, 'coverage')} instead of {taken}"

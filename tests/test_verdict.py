@@ -72,7 +72,7 @@ def test_where_the_shape_is_right_the_levels_may_be_wrong(options, expected):
     assert verdict.remedy == expected and "another meaning of grey levels would help" in verdict.words
 
 
-@pytest.mark.parametrize("scale, expected", [(0.4, "resolution=128, as the picture was shrunk 2.5 times"),
+@pytest.mark.parametrize("scale, expected", [(0.4, "resolution=160: the picture was shrunk 2.5 times"),
                                              (0.8, "more maps: maps=8, with more time for each")])
 def test_where_all_meanings_of_grey_levels_were_tried_a_finer_image_may_help(scale, expected):
     drawn = SHAPE.clone()

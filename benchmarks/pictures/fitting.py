@@ -76,7 +76,7 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
     except Exception as error:  # a set goes on without one of its pictures
         return line | {"error": f"{type(error).__name__}: {error}"}
     return line | {"maps": len(found.code), **scores, **took, "stopped": found.stopped,
-                   "verdict": found.facts()["verdict"], "f1_drawing": found.likeness.f1_1px,
+                   "verdict": found.facts()["verdict"], "likeness": found.likeness.f1_1px,
                    "code": archive.plain(found.code)}
 
 

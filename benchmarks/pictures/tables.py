@@ -122,13 +122,13 @@ def _curve_row(rows: pd.DataFrame) -> dict[str, object]:
 
 def trees(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Overall and tree by tree."""
-    each = fits[["picture", "depth", "f1_drawing", "f1_truth", "recovered", "missed", "maps", "true_maps",
+    each = fits[["picture", "depth", "likeness", "f1_truth", "recovered", "missed", "maps", "true_maps",
                  "core_seconds"]]
     return {"Trees": _grouped(fits, "role", _tree_row), "Each": each}
 
 
 def _tree_row(rows: pd.DataFrame) -> dict[str, object]:
-    return {"n": len(rows), "F1 of the drawing": _mean(rows["f1_drawing"]),
+    return {"n": len(rows), "likeness": _mean(rows["likeness"]),
             "F1 with the true attractor": _mean(rows["f1_truth"]), "recovered": _mean(rows["recovered"]),
             "maps": _mean(rows["maps"], 1), "true maps": _mean(rows["true_maps"], 1), "core s": _core(rows)}
 

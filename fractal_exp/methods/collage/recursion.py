@@ -22,6 +22,7 @@ from .problem import SearchProblem
 from .stage import Stage
 from .state import Candidate, State
 
+LEAST_TREE = 3                          # maps: a trunk and two branches
 TILES, STROKES = "coverage", "strokes"  # tiles are coverage with a tile size above 0; without one it is a pen
 
 
@@ -39,9 +40,9 @@ class Recursion(Stage[Any]):
 
     A dragon or a tree of few levels is a lattice of lines. Many maps explain it better than its true code does, unless
     it is known that the construction ends. From afar it looks like its attractor, so few maps (`camera.tiled_maps`) are
-    searched for on a blurred measure, and seen as tiles. A tree needs a trunk too, and is seen as strokes of the depth
-    that suits them. The code is taken if it draws the picture; the moves by renderings are then left out. A move is a
-    search.
+    searched for on a blurred measure, and seen as tiles. A tree has a trunk too, which is what its branches leave over.
+    It is seen as strokes, at the depth that suits the drawing. The code is taken if it draws the picture; the moves by
+    renderings are then left out. A move is a search.
     """
 
     name, ends_at = "construction", "approach_share"
@@ -95,26 +96,30 @@ class Recursion(Stage[Any]):
         return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
 
     def _as_strokes(self, few: Rendered) -> list[Seen]:
-        """The copies of a code with a trunk, polished as strokes, the best first. A small image comes first: on the
-        whole one, strokes that lie beside those of the picture do not overlap them. Empty if the code is not promising
-        there."""
-        tree, seen = with_trunk(self.objective, few), []
-        if tree is None:
-            return []
+        """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
+        image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
+        the code is not promising there."""
+        strokes = sorted({self.params.camera.trunk_strokes, 1}, reverse=True)
+        trees = [tree for most in strokes if (tree := with_trunk(self.objective, few, most)) is not None]
         promising = math.inf if self._has_tiles(few) else \
             self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
+        seen: list[Seen] = []
         for objective, goal in (self._coarse, promising), (self._coarse, promising), (self.objective, math.inf):
-            seen = as_seen(objective, tree, STROKES, self.deadline)
+            seen = sorted((each for tree in trees for each in as_seen(objective, tree, STROKES, self.deadline)),
+                          key=angle_of)
             if not seen or angle_of(seen[0]) > goal:
                 return []
-            tree = seen[0][1]
+            trees = [seen[0][1]]
         return seen
 
     @cached_property
     def _coarse(self) -> ImageObjective:
         """The picture at no more than `camera.coarse_side` pixels per side."""
-        problem, size = self.problem, min(len(self.problem.image), self.params.camera.coarse_side)
-        return ImageObjective(problem.levels.shrunk(problem.image, size), problem.levels, self.params, problem.seed)
+        problem, camera, side = self.problem, self.params.camera, len(self.problem.image)
+        size = min(side, camera.coarse_side)
+        known = {name: value * size / side for name in ("pen_px", "blur_px") if (value := getattr(camera, name))}
+        return ImageObjective(problem.levels.shrunk(problem.image, size), problem.levels,
+                              self.params.updated(camera=known), problem.seed)
 
     def is_settled(self, state: State) -> bool:
         """Once strokes explain the picture, nothing more is tried. Once tiles do, all searches for tiles are made."""
@@ -127,9 +132,9 @@ class Recursion(Stage[Any]):
         return replace(state, best=state.current, stopped="few steps of a construction explain the picture")
 
     def _few_maps(self, tried: _Try, number: int) -> Rendered:
-        """What a search for few maps finds."""
-        few = self.params.updated(at_most=min(tried.maps, self.params.most_maps or tried.maps), bytes=None,
-                                  likeness=None)
+        """What a search for few maps finds. It leaves one for a trunk."""
+        most = (self.params.most_maps or tried.maps + 1) - (tried.camera == STROKES)
+        few = self.params.updated(at_most=min(tried.maps, most), bytes=None, likeness=None)
         masses = blurred(self.problem.masses_of(self.round), tried.blur_px, few.camera)
         search = MeasureSearch(masses, Regime.whole(few), few, derive(self.problem.seed, "recursion", number),
                                few.camera.recursion_contraction)
@@ -156,7 +161,7 @@ class Recursion(Stage[Any]):
         shown, objective = self._shown(found)
         drawing = objective.likeness(shown.image)
         if has_strokes(found):
-            return drawing >= self.params.growth.unlike
+            return drawing >= self.params.camera.recursion_alike
         return drawing >= self.params.moves.alike and likeness_of(shown, objective) >= self.params.stages.unlike
 
     def _likeness(self, found: Candidate) -> float:
@@ -186,7 +191,8 @@ def _tries(params: CollageParams) -> list[_Try]:
     camera = params.camera
     has_tiles = camera.tiles_px and camera.pen_px is None
     tiles = [_Try(camera.tiled_maps, blur, TILES) for blur in (camera.recursion_blurs_px if has_tiles else ())]
-    strokes = [_Try(most, 0.0, STROKES) for most in (camera.recursion_maps if camera.strokes else ())]
+    has_strokes = camera.strokes and (params.most_maps or LEAST_TREE) >= LEAST_TREE
+    strokes = [_Try(most, 0.0, STROKES) for most in (camera.recursion_maps if has_strokes else ())]
     return [*strokes[:1], *tiles, *strokes[1:]]
 
 

@@ -269,8 +269,8 @@ class GaussNewtonParams(Params):
     step_px: Factor = 0.05
     """Finite difference of a parameter, pixels, in a Jacobian from points."""
     stroke_effect: Share = 1e-3
-    """Where strokes are drawn, a parameter stays if its effect is below this share of the largest one. The width of a
-    stroke has no effect until the map is no longer flat."""
+    """Where strokes are drawn, a parameter stays if the sum of its squared derivatives is below this share of the
+    largest such sum. The width of a stroke has no effect until the map is no longer flat."""
     nudge_px: Factor = 0.05
     """Finite difference of a parameter, pixels, in a Jacobian from renderings."""
     binary_nudge_px: Factor = 0.3

@@ -6,33 +6,41 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....ifs import attractor
+from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..measure.strokes import flat_maps
-from ..params import CollageParams
+from ..measure.camera_params import CameraParams
+from ..measure.strokes import extent, flat_maps
 from .objective import ImageObjective, Rendered
 
+Segment = tuple[Tensor, Tensor]   # two ends (2,) on the canvas
+DIRECTIONS = 180                  # in which the extent of a shape is measured
 
-def with_trunk(objective: ImageObjective, found: Rendered) -> Rendered | None:
-    """The copies of a code, which are its maps that are not flat, with flat maps for what they leave over of the
-    picture; None if there are fewer than two copies, or if they leave over no line.
 
-    A drawing of a recursion consists of its copies and of the strokes between them. A pixel is left over if no image of
-    a lit pixel is near. What is left over is thinned to lines one pixel wide. Segments are found on them one after the
-    other, the longest first, by RANSAC (Fischler and Bolles 1981). Each gets a map that flattens the shape along its
-    longer axis.
+def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendered | None:
+    """The copies of a code, which are its maps that are not flat, with at most so many flat maps for what they leave
+    over of the picture. If they leave over no line, the code as it is, or None if it has no flat map. None if it has
+    fewer than two copies.
+
+    A drawing of a recursion consists of its copies and of the strokes between them. A lit pixel is left over if no
+    image of a lit pixel is near. The middle of what is left over consists of the pixels that are as far from its
+    outline as any beside them. On them lie the segments, of which the longest is taken first.
     """
     params = objective.params
-    copies = found.maps[~flat_maps(found.code, params.camera)]
-    shape = (objective.image > objective.levels.lit_above).cpu()
+    camera = params.camera
+    flat = flat_maps(found.code, camera)
+    copies = found.maps[~flat]
+    shape = (objective.image > params.growth.lit * objective.image.max()).cpu()  # thin lines are faint
     if len(copies) < 2 or not bool(shape.any()):
         return None
     points = _centres(shape)
-    segments = _segments(_left_over(shape, points, copies, params), params, objective.seed)
+    most = min(most, (params.most_maps or len(copies) + most) - len(copies))
+    segments = _segments(_left_over(shape, points, copies, camera), most, camera, objective.seed)
     if not segments:
-        return None
-    trunk = torch.stack([_flattened(points, *map(torch.from_numpy, ends)) for ends in segments]).to(copies)
-    return objective.judge(torch.cat([copies, trunk]))
+        return found if bool(flat.any()) else None
+    trunk = _trunk(copies, segments, points, params.gauss_newton.largest)
+    return objective.judge(torch.cat([copies, trunk.to(copies)]))
 
 
 def _centres(shape: Tensor) -> Tensor:
@@ -41,61 +49,83 @@ def _centres(shape: Tensor) -> Tensor:
     return torch.stack([2 * column / len(shape) - 1, 1 - 2 * row / len(shape)], 1)
 
 
-def _left_over(shape: Tensor, points: Tensor, copies: Tensor, params: CollageParams) -> np.ndarray:
-    """The pixels (R,R) of the shape that are far from the images of its points under all copies."""
+def _left_over(shape: Tensor, points: Tensor, copies: Tensor, camera: CameraParams) -> np.ndarray:
+    """The pixels (R,R) of the shape that are far from the images of its points (n,2) under all copies."""
     from scipy.ndimage import distance_transform_edt
 
     side = len(shape)
-    linear = copies[:, :4].unflatten(1, (2, 2)).double().cpu()
-    images = (points @ linear.transpose(1, 2) + copies[:, None, 4:].double().cpu()).flatten(0, 1)
-    column, row = ((images * images.new_tensor([1, -1]) + 1) * (side / 2)).floor().long().clamp(0, side - 1).unbind(1)
+    linear, offset = copies[:, :4].unflatten(1, (2, 2)).double().cpu(), copies[:, None, 4:].double().cpu()
+    images = (points @ linear.transpose(1, 2) + offset).flatten(0, 1)
+    images = images[(images.abs() < 1).all(1)]
+    column, row = ((images * images.new_tensor([1, -1]) + 1) * (side / 2)).long().unbind(1)
     drawn = torch.zeros(side, side, dtype=torch.bool)
     drawn[row, column] = True
-    distance = np.asarray(distance_transform_edt(~drawn.numpy()))
-    return shape.numpy() & (distance > params.camera.trunk_beside_px)
+    if not bool(drawn.any()):
+        return shape.numpy()
+    return shape.numpy() & (np.asarray(distance_transform_edt(~drawn.numpy())) > camera.trunk_beside_px)
 
 
-def _segments(mask: np.ndarray, params: CollageParams, seed: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Pairs of ends (2,) on the canvas of the segments on a mask (R,R), the longest first."""
-    from skimage.measure import LineModelND, ransac
-    from skimage.morphology import skeletonize
+def _segments(mask: np.ndarray, most: int, camera: CameraParams, seed: int) -> list[Segment]:
+    """At most so many segments on a mask (R,R), the longest first, by RANSAC (Fischler and Bolles 1981): of the lines
+    through random pairs of pixels, that with the longest run of pixels beside it."""
+    from scipy.ndimage import distance_transform_edt, maximum_filter
 
-    camera, found = params.camera, []
-    left = np.argwhere(skeletonize(mask)) + 0.5
-    while len(left) >= camera.trunk_least_px and len(found) < camera.trunk_strokes:
-        _, inliers = ransac(left, LineModelND, min_samples=2, residual_threshold=1.0, max_trials=200,
-                            rng=derive(seed, "trunk", len(found)) % 2**32)
-        if inliers is None:
-            break
-        middle = left[inliers].mean(0)
-        direction = np.linalg.svd(left[inliers] - middle, full_matrices=False)[2][0]
-        along = (left - middle) @ direction
-        start, end = _longest_run(np.sort(along[inliers]), camera.trunk_least_px / 2)
+    rng, found = np.random.default_rng(derive(seed, "trunk")), []
+    inside = np.asarray(distance_transform_edt(np.pad(mask, 1)))[1:-1, 1:-1]
+    left = np.argwhere(mask & (inside >= maximum_filter(inside, 3))) + 0.5
+    while len(left) >= 2 and len(found) < most:
+        pairs = [rng.choice(len(left), 2, replace=False) for _ in range(camera.trunk_trials)]
+        runs = (_run(left, left[first], left[second] - left[first], camera) for first, second in pairs)
+        run = left[max(runs, key=lambda each: each[1])[0]]
+        middle = run.mean(0)
+        direction = np.linalg.svd(run - middle, full_matrices=False)[2][0]
+        along = (run - middle) @ direction
+        start, end = along.min(), along.max()
         if end - start < camera.trunk_least_px:
             break
-        found.append(tuple(_on_canvas(middle + direction * place, len(mask)) for place in (start, end)))
-        beside = np.linalg.norm(left - middle - along[:, None] * direction, axis=1)
-        left = left[(beside > 2) | (along < start - 1) | (along > end + 1)]
+        found.append(tuple(_on_canvas(middle + place * direction, len(mask)) for place in (start, end)))
+        place = (left - middle) @ direction
+        beside = np.linalg.norm(left - middle - place[:, None] * direction, axis=1)
+        width = 2 * camera.trunk_line_px
+        left = left[(beside > width) | (place < start - width) | (place > end + width)]
     return found
 
 
-def _longest_run(places: np.ndarray, gap: float) -> tuple[float, float]:
-    """First and last of the most places in ascending order of which none is farther than a gap from the next."""
-    runs = np.split(places, np.nonzero(np.diff(places) > gap)[0] + 1)
-    most = max(runs, key=len)
-    return float(most[0]), float(most[-1])
+def _run(places: np.ndarray, origin: np.ndarray, direction: np.ndarray, camera: CameraParams
+         ) -> tuple[np.ndarray, float]:
+    """Indices of the places (n,2) beside a line that form its longest run without a gap, and the length of this run."""
+    direction = direction / np.linalg.norm(direction)
+    along = (places - origin) @ direction
+    beside = np.linalg.norm(places - origin - along[:, None] * direction, axis=1) <= camera.trunk_line_px
+    order = np.flatnonzero(beside)[along[beside].argsort()]
+    runs = np.split(order, np.flatnonzero(np.diff(along[order]) > camera.trunk_gap_px) + 1)
+    longest = max(runs, key=lambda run: along[run[-1]] - along[run[0]])
+    return longest, float(along[longest[-1]] - along[longest[0]])
 
 
-def _on_canvas(pixel: np.ndarray, side: int) -> np.ndarray:
+def _on_canvas(pixel: np.ndarray, side: int) -> Tensor:
     """The position on the canvas of a (row, column)."""
-    return np.array([2 * pixel[1] / side - 1, 1 - 2 * pixel[0] / side])
+    return torch.tensor([2 * pixel[1] / side - 1, 1 - 2 * pixel[0] / side], dtype=torch.float64)
 
 
-def _flattened(points: Tensor, first: Tensor, last: Tensor) -> Tensor:
-    """The map (6,) that projects points (n,2) onto their longer axis and takes this axis to a segment."""
-    mean = points.mean(0)
-    axis = torch.linalg.svd(points - mean, full_matrices=False)[2][0]
-    places = points @ axis
-    low, high = places.min(), places.max()
+def _trunk(copies: Tensor, segments: list[Segment], points: Tensor, largest: float) -> Tensor:
+    """Maps (S,6) that project the attractor onto the axis in which the points (n,2) extend farthest, and take this axis
+    to the segments, in the direction that turns it less."""
+    angles = torch.arange(DIRECTIONS).double() * (torch.pi / DIRECTIONS)
+    axes = torch.stack([angles.cos(), angles.sin()])
+    places = points @ axes
+    reach = places.amax(0) - places.amin(0)
+    axis = axes[:, reach.argmax()]
+    low, high = (points @ axis).aminmax()
+    for _ in range(2):  # of the points, then of the attractor that has these strokes
+        maps = torch.stack([_flattened(axis, float(low), float(high), *ends) for ends in segments])
+        maps = contract(maps, largest)
+        low, high = extent(attractor.support_function(affine.to_code(torch.cat([copies.double().cpu(), maps]))), axis)
+    return maps
+
+
+def _flattened(axis: Tensor, low: float, high: float, first: Tensor, last: Tensor) -> Tensor:
+    """The map (6,) that takes the places from `low` to `high` on an axis (2,) to a segment."""
+    first, last = (first, last) if (last - first) @ axis >= 0 else (last, first)
     linear = torch.outer((last - first) / (high - low), axis)
     return affine.sending(linear[None], (axis * low)[None], first[None])[0]

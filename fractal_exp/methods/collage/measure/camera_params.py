@@ -84,11 +84,18 @@ class CameraParams(Params):
     stroke: Amount = 0.06
     """Maximum width, canvas units, of the image of a map that draws a stroke."""
     trunk_strokes: Count = 4
-    """Maximum number of strokes that are added to copies of the whole, where the copies leave them over; 0: none."""
+    """Maximum number of strokes that take the place of a code's flat maps, where its other maps leave them over; 0: the
+    flat maps stay."""
     trunk_beside_px: Amount = 2.5
-    """Distance, pixels, up to which a pixel of the picture is not left over beside the copies."""
+    """Maximum distance, pixels, from the images of the shape at which a lit pixel counts as drawn by them."""
     trunk_least_px: Factor = 8.0
     """Minimum length, pixels, of such a stroke."""
+    trunk_line_px: Amount = 1.0
+    """Maximum distance, pixels, at which a pixel counts as beside a line."""
+    trunk_gap_px: Factor = 4.0
+    """Longest gap, pixels, in such a stroke."""
+    trunk_trials: Positive = 200
+    """Number of lines that are tried for each stroke."""
     twigs_px: Annotated[tuple[Factor, Factor], AfterValidator(ascending)] = (0.4, 24.0)
     """Minimum and maximum length, pixels, of the last strokes of a recursion that are tried."""
     deepest: Positive = 24
@@ -108,11 +115,13 @@ class CameraParams(Params):
     recursion_blurs_px: tuple[Amount, ...] = (3.0, 6.0)
     """Blurs of the measure, pixels, in searches for few maps (`tiled_maps`) in such a picture, whose codes are then
     seen as tiles; empty: no such search."""
-    coarse_side: Positive = 128
+    coarse_side: Annotated[int, Field(ge=32)] = 128
     """Maximum side, pixels, of the image on which strokes are polished first."""
     recursion_gain: Share = 0.3
-    """Strokes are polished on the whole image if their error on the small one is below this share of the error of the
-    same maps with a pen, pixel for pixel."""
+    """Strokes are polished on the whole image if, on the small one, their squared angle of error is at most this share
+    of that of the maps that were found, as the camera of stage 2 sees them."""
+    recursion_alike: Share = 0.9
+    """Minimum F1 within a pixel of a drawing by strokes that is taken."""
     recursion_contraction: SingularValue = 0.75
     """Limit on smaller singular values in such a search. A mirrored copy of the whole tree would replace a branch."""
     dotted: Share = 0.75

@@ -126,14 +126,14 @@ def _images(code: IFS, camera: CameraParams) -> tuple[Tensor, Tensor]:
     flat, segments = [], []
     for offset, (along, across), size, (first, second) in zip(code.offset, axes.transpose(1, 2), sizes, sources,
                                                               strict=True):
-        low, high = _extent(reach, second)
+        low, high = extent(reach, second)
         flat.append(bool(size[1] * (high - low) <= camera.stroke))
         middle = offset + across * size[1] * (low + high) / 2
-        segments.append(torch.stack([middle + along * size[0] * end for end in _extent(reach, first)]))
+        segments.append(torch.stack([middle + along * size[0] * end for end in extent(reach, first)]))
     return torch.tensor(flat), torch.stack(segments)
 
 
-def _extent(reach: np.ndarray, direction: Tensor) -> tuple[float, float]:
+def extent(reach: np.ndarray, direction: Tensor) -> tuple[float, float]:
     """Minimum and maximum of u·x over an attractor, for a unit vector u (2,), from its support function (K,)."""
     x, y = direction.tolist()
     turn = math.atan2(y, x) / (2 * math.pi) * len(reach)

@@ -74,6 +74,8 @@ class Recursion(Stage[Any]):
             return True
         if state.measured_through:  # a density: no construction
             return False
+        if len(state.leader.maps) > self.params.camera.sharpened_maps:  # so many draw anything
+            return True
         self.open(state)
         return self._likeness(state.leader) < self.params.stages.unlike
 

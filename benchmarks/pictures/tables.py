@@ -124,7 +124,7 @@ def trees(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Overall and tree by tree."""
     each = fits[["picture", "depth", "likeness", "f1_truth", "recovered", "missed", "maps", "true_maps",
                  "core_seconds"]]
-    return {"Trees": _grouped(fits, "role", _tree_row), "Each": each}
+    return {"Trees": _grouped(fits, "role", _tree_row), "Each": each.round(3)}
 
 
 def _tree_row(rows: pd.DataFrame) -> dict[str, object]:

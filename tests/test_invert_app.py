@@ -77,7 +77,7 @@ def test_a_picture_is_all_it_needs(folder, method, capsys):
     assert "text beside the shape was ignored" in out and "black shape on white: inverted" in out
     assert "verdict    " in out and "50% search, error 2" in out and "F1 " in out and "asked to" in out
     written = {path.name for path in (folder / "gasket-fractal").iterdir()}
-    assert written == {"code.json", "inversion.json", "target.png", "rendering.png", "overlay.png"}
+    assert written == {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "overlay.png"}
     assert len(IFS.load(folder / "gasket-fractal" / "code.json")) == 3
     assert Image.open(folder / "gasket-fractal" / "rendering.png").size == (1024, 1024)
     assert Image.open(folder / "gasket-fractal" / "overlay.png").size == (168, 158)

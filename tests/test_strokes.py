@@ -17,7 +17,7 @@ from fractal_exp.methods.collage.image.camera import nearest, sharpened
 from fractal_exp.methods.collage.image.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.pens import Dots
-from fractal_exp.methods.collage.measure.strokes import Strokes
+from fractal_exp.methods.collage.measure.strokes import Strokes, as_lines
 from fractal_exp.methods.collage.measure.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
@@ -108,6 +108,28 @@ def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
     found = stage._rounded(stage.objective.judge(start))
     assert len(found.maps) == 3
     assert camera_of(stage.objective.levels)[:3] == ("strokes", DEPTH, 0)
+
+
+def test_strokes_without_width_draw_the_same():
+    wide = affine.from_code(tree())
+    wide[0] = torch.tensor([0.04, 0.01, 0.02, 0.3, 0.03, -0.45])   # a trunk that leans and has a width
+    lines = as_lines(affine.to_code(wide), CAMERA)
+    assert torch.equal(lines[1:], wide[1:]) and float(affine.smaller_singular(lines)[0]) < 1e-6
+    assert float(affine.smaller_singular(wide)[0]) > 0.03
+    seen = judged(drawing(), "coverage", ("strokes", 6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
+    same, before = seen.judge(lines).image, seen.judge(wide).image
+    assert float((same - before).abs().mean()) < 0.03 * float(before.mean())
+
+
+def test_a_code_seen_as_strokes_ends_without_their_widths():
+    image, wide = drawing(), affine.from_code(tree())
+    wide[0, :2] = torch.tensor([0.02, 0.0])
+    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
+    for name, thin in (("strokes", True), ("coverage", False)):
+        values = (6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL) if thin else (0.0, 0.8 * PIXEL, 0.0)
+        stage.objective = judged(image, "coverage", (name, *values))
+        found = stage._without_width(stage.objective.judge(wide))
+        assert (float(affine.smaller_singular(found.maps)[0]) < 1e-6) == thin
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..api import INTERRUPTED, OWN, invert
 from ..errors import InputError
-from ..images.reading import read_target
+from ..images.reading import read_target, write_image
 from ..inversion import Inversion
 from ..methods import METHODS
 from ..methods.base import Progress
@@ -33,9 +33,9 @@ frames and specks beside it are ignored, and what is done is said. At the end st
 recovered or approximated, or is not self-similar as far as can be seen, and what may help.
 
 Written to --output: code.json (for fractal-render), inversion.json (the code and all that is known of it), target.png
-(the picture as it was taken), rendering.png and, for a picture of at most 4096 px a side,
-overlay.png (the code, alone and laid over the picture). Ctrl-C ends
-the search and writes the best code so far.
+(the picture as it was taken), redrawn.png (the code as the picture was drawn, to compare with it), rendering.png (the
+code alone) and, for a picture of at most 4096 px a side, overlay.png (the code laid over the picture). Ctrl-C ends the
+search and writes the best code so far.
 
 examples
   fractal-invert leaf.png                                    writes leaf-fractal
@@ -149,7 +149,8 @@ def _write(found: Inversion, folder: Path) -> list[str]:
     found.save(folder)
     mode = "occupancy" if found.code.colours is None else "colour"
     found.render(resolution=RENDERING, mode=mode, path=folder / "rendering.png")
-    written = ["code.json", "inversion.json", "target.png", "rendering.png"]
+    write_image(folder / "redrawn.png", found.redrawn())
+    written = ["code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png"]
     if max(found.placement.size) > LARGEST_OVERLAY:
         print(f"  no overlay: the picture has more than {LARGEST_OVERLAY} px a side")
         return written

@@ -14,6 +14,7 @@ from ..image.objective import ImageObjective, Rendered
 from ..image.parents import flattened, with_fewer_maps
 from ..image.pruning import Price, pruned
 from ..maps import WeightedMaps
+from ..measure.strokes import as_lines
 from ..measure.tones import camera_of
 from ..stage import Stage
 from ..state import Candidate, State
@@ -83,10 +84,19 @@ class DrawnLastDigits(LastDigits):
             self.objective, needed = in_turns(self.objective, needed, self.problem.deadline)
         last = pruned(self.objective, super()._rounded(needed), Price(0.0, self.params.moves.worth),
                       self.params.maps or 0, deadline=self.problem.deadline)
+        last = self._without_width(last)
         if likeness_of(last, self.objective) >= min(self.params.stages.unlike, likeness_of(start, before)):
             return last
         self.objective = before  # tiles may draw the picture of a code whose attractor is another shape
         return start
+
+    def _without_width(self, found: Rendered) -> Rendered:
+        """The code with strokes that have no width. A drawing by strokes does not tell their widths."""
+        objective = self.objective
+        if objective.levels.is_whole:
+            return found
+        lines = objective.judge(as_lines(found.code, self.params.camera).to(found.maps), found.weights)
+        return lines if lines.error <= worst_error(objective, found) else found
 
     def _sharpened(self, start: Rendered) -> Seen:
         """The simplest code with the camera that suits it, unless the code so far explains the picture notably better.

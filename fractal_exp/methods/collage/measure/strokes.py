@@ -118,6 +118,19 @@ def flat_maps(code: IFS, camera: CameraParams) -> Tensor:
     return _images(code, camera)[0]
 
 
+def as_lines(code: IFS, camera: CameraParams) -> Tensor:
+    """The maps (N,6) of a code, those that draw strokes without width: each sends the attractor to the segment that is
+    drawn of it."""
+    flat, segments = _images(code, camera)
+    maps, (axes, sizes, sources) = affine.from_code(code.to("cpu")), torch.linalg.svd(code.to("cpu").linear)
+    linear = sizes[:, :1, None] * axes[:, :, :1] @ sources[:, :1]
+    middle = segments.mean(1)
+    reach = attractor.support_function(code.to("cpu"))
+    centre = torch.stack([sum(extent(reach, source[0])) / 2 * source[0] for source in sources])
+    lines = affine.sending(linear, centre, middle)
+    return torch.where(flat[:, None], lines, maps)
+
+
 def _images(code: IFS, camera: CameraParams) -> tuple[Tensor, Tensor]:
     """Which maps (N,) are flat, and the ends (N,2,2) of each map's image along its longer axis."""
     code = code.to("cpu")

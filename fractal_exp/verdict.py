@@ -157,7 +157,7 @@ def _short(share: float) -> str:
 
 
 def _other_levels(image: Tensor, asked: str) -> Iterator[tuple[str, str]]:
-    """Another meaning of grey levels, unless `auto` took the picture for a drawing, of which it tries several."""
+    """Another meaning of grey levels. None if `auto` took the picture for a drawing: it then tries several itself."""
     taken = guess_levels(image, CameraParams()) if asked == "auto" else asked
     if taken != "coverage" or asked != "auto":
         yield "another meaning of grey levels", f"levels={OTHER_LEVELS.get(taken, 'coverage')} instead of {taken}"

@@ -114,6 +114,14 @@ def test_a_shape_as_long_as_its_trunk_gets_a_contractive_code():
     found.code.check_contractive()
 
 
+def test_a_trunk_longer_than_the_shape_is_contractive_too():
+    branches = affine.from_code(tree())[1:].double()
+    ends = torch.tensor([-0.9, -0.9]).double(), torch.tensor([0.9, 0.9]).double()
+    points = torch.rand(50, 2, generator=torch.Generator().manual_seed(0)).double() * 0.2
+    maps = trunk._trunk(branches, [ends], points, 0.98)
+    assert float(torch.linalg.matrix_norm(maps[:, :4].view(-1, 2, 2), 2)) <= 0.98 + 1e-6
+
+
 def test_the_pen_outlines_segments():
     generator = torch.Generator().manual_seed(1)
     ends = torch.rand(6, 2, 2, generator=generator).double() * 1.4 - 0.7
@@ -164,6 +172,14 @@ def test_a_code_without_promise_goes_no_further_unless_tiles_drew_it(monkeypatch
 def test_known_widths_are_scaled_with_the_image():
     camera = stage(drawing(5), camera={"coarse_side": 64, "pen_px": 1.5, "blur_px": 0.0})._coarse.params.camera
     assert (camera.pen_px, camera.blur_px) == (0.75, 0.0)
+
+
+def test_without_a_trunk_flat_maps_stay(monkeypatch):
+    monkeypatch.setattr(recursion, "with_trunk", lambda seen, found, most: asked.append(most))
+    for most, expected in ((4, [4, 1]), (1, [1]), (0, [0])):
+        asked, tried = [], stage(drawing(5), camera={"trunk_strokes": most})
+        tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
+        assert tried._as_strokes(tried.objective.judge(affine.from_code(tree()))) == [] and asked == expected
 
 
 def test_the_first_search_for_strokes_comes_before_those_for_tiles():

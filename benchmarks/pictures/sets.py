@@ -111,5 +111,5 @@ SETS: dict[str, PictureSet] = {
                               tables.tone_curves, {"frame": "keep"}),
     "trees": PictureSet(lambda: {name: each.role for name, each in trees.trees().items()},
                         lambda name: trees.trees()[name].source(name), trees.score, tables.trees,
-                         truth=lambda name, read: trees.truth(name, read).code),
+                        truth=lambda name, read: trees.truth(name, read).code),
 }

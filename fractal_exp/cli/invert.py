@@ -33,7 +33,7 @@ frames and specks beside it are ignored, and what is done is said. At the end st
 recovered or approximated, or is not self-similar as far as can be seen, and what may help.
 
 Written to --output: code.json (for fractal-render), inversion.json (the code and all that is known of it), target.png
-(the picture as it was taken), redrawn.png (the code as the picture was drawn, to compare with it), rendering.png (the
+(the picture as it was taken), redrawn.png (the code drawn like the picture, to compare with it), rendering.png (the
 code alone) and, for a picture of at most 4096 px a side, overlay.png (the code laid over the picture). Ctrl-C ends the
 search and writes the best code so far.
 

@@ -101,7 +101,7 @@ class Recursion(Stage[Any]):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        strokes = sorted({self.params.camera.trunk_strokes, 1}, reverse=True)
+        strokes = sorted({self.params.camera.trunk_strokes, min(1, self.params.camera.trunk_strokes)}, reverse=True)
         trees = [tree for most in strokes if (tree := with_trunk(self.objective, few, most)) is not None]
         promising = math.inf if self._has_tiles(few) else \
             self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
@@ -134,7 +134,7 @@ class Recursion(Stage[Any]):
         return replace(state, best=state.current, stopped="few steps of a construction explain the picture")
 
     def _few_maps(self, tried: _Try, number: int) -> Rendered:
-        """What a search for few maps finds. It leaves one for a trunk."""
+        """What a search for few maps finds. If the code is to be seen as strokes, a map is left for the trunk."""
         most = (self.params.most_maps or tried.maps + 1) - (tried.camera == STROKES)
         few = self.params.updated(at_most=min(tried.maps, most), bytes=None, likeness=None)
         masses = blurred(self.problem.masses_of(self.round), tried.blur_px, few.camera)

@@ -11,7 +11,7 @@ from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
 from ..measure.camera_params import CameraParams
-from ..measure.strokes import extent, flat_maps
+from ..measure.strokes import extent, flat_maps, onto_segment
 from .objective import ImageObjective, Rendered
 
 Segment = tuple[Tensor, Tensor]   # two ends (2,) on the canvas
@@ -24,8 +24,8 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
     fewer than two copies.
 
     A drawing of a recursion consists of its copies and of the strokes between them. A lit pixel is left over if no
-    image of a lit pixel is near. The middle of what is left over consists of the pixels that are as far from its
-    outline as any beside them. On them lie the segments, of which the longest is taken first.
+    image of a lit pixel is near. Segments are sought in the middle of what is left over, on the pixels that are at
+    least as far from its outline as all of their neighbours. The longest is taken first.
     """
     params = objective.params
     camera = params.camera
@@ -116,16 +116,10 @@ def _trunk(copies: Tensor, segments: list[Segment], points: Tensor, largest: flo
     places = points @ axes
     reach = places.amax(0) - places.amin(0)
     axis = axes[:, reach.argmax()]
+    turned = [ends if (ends[1] - ends[0]) @ axis >= 0 else ends[::-1] for ends in segments]
     low, high = (points @ axis).aminmax()
     for _ in range(2):  # of the points, then of the attractor that has these strokes
-        maps = torch.stack([_flattened(axis, float(low), float(high), *ends) for ends in segments])
+        maps = torch.stack([onto_segment(axis, float(low), float(high), *ends) for ends in turned])
         maps = contract(maps, largest)
         low, high = extent(attractor.support_function(affine.to_code(torch.cat([copies.double().cpu(), maps]))), axis)
     return maps
-
-
-def _flattened(axis: Tensor, low: float, high: float, first: Tensor, last: Tensor) -> Tensor:
-    """The map (6,) that takes the places from `low` to `high` on an axis (2,) to a segment."""
-    first, last = (first, last) if (last - first) @ axis >= 0 else (last, first)
-    linear = torch.outer((last - first) / (high - low), axis)
-    return affine.sending(linear[None], (axis * low)[None], first[None])[0]

@@ -121,14 +121,17 @@ def flat_maps(code: IFS, camera: CameraParams) -> Tensor:
 def as_lines(code: IFS, camera: CameraParams) -> Tensor:
     """The maps (N,6) of a code, those that draw strokes without width: each sends the attractor to the segment that is
     drawn of it."""
+    code = code.to("cpu")
     flat, segments = _images(code, camera)
-    maps, (axes, sizes, sources) = affine.from_code(code.to("cpu")), torch.linalg.svd(code.to("cpu").linear)
-    linear = sizes[:, :1, None] * axes[:, :, :1] @ sources[:, :1]
-    middle = segments.mean(1)
-    reach = attractor.support_function(code.to("cpu"))
-    centre = torch.stack([sum(extent(reach, source[0])) / 2 * source[0] for source in sources])
-    lines = affine.sending(linear, centre, middle)
-    return torch.where(flat[:, None], lines, maps)
+    reach, axes = attractor.support_function(code), torch.linalg.svd(code.linear)[2][:, 0]
+    lines = [onto_segment(axis, *extent(reach, axis), *ends) for axis, ends in zip(axes, segments, strict=True)]
+    return torch.where(flat[:, None], torch.stack(lines), affine.from_code(code))
+
+
+def onto_segment(axis: Tensor, low: float, high: float, first: Tensor, last: Tensor) -> Tensor:
+    """The map (6,) that takes the places from `low` to `high` on an axis (2,) to the segment between two ends (2,)."""
+    linear = torch.outer((last - first) / (high - low), axis)
+    return affine.sending(linear[None], (axis * low)[None], first[None])[0]
 
 
 def _images(code: IFS, camera: CameraParams) -> tuple[Tensor, Tensor]:

@@ -73,7 +73,7 @@ def test_how_much_counts_as_a_trunk_is_a_parameter(camera):
 
 
 def segments(mask, most=4):
-    return [torch.stack(ends) for ends in _segments(mask, most, PARAMS.camera, 0)]
+    return [torch.stack(ends) for ends in _segments(mask, mask, most, PARAMS.camera, 0)]
 
 
 def lengths(found):
@@ -163,10 +163,10 @@ def test_strokes_are_polished_on_a_small_image_first(monkeypatch):
     assert seen_sizes(monkeypatch, {"recursion_gain": 1.0}) == ([64, 64, 64, SIDE], 1)
 
 
-@pytest.mark.parametrize("tiles, sizes", [(False, [64, 64]), (True, [64, 64, 64, SIDE])])
+@pytest.mark.parametrize("tiles, sizes", [(False, [64]), (True, [64, 64, 64, SIDE, SIDE])])
 def test_a_code_without_promise_goes_no_further_unless_tiles_drew_it(monkeypatch, tiles, sizes):
     monkeypatch.setattr(Recursion, "_has_tiles", lambda *_: tiles)   # they show the picture itself
-    assert seen_sizes(monkeypatch, {"recursion_gain": 0.0}) == (sizes, int(tiles))
+    assert seen_sizes(monkeypatch, {"recursion_gain": 0.0}) == (sizes, 2 * tiles)
 
 
 def test_known_widths_are_scaled_with_the_image():
@@ -202,7 +202,7 @@ def test_a_trunk_does_not_exceed_the_maps_that_are_asked_for(most, copies, strok
     assert asked == [copies]
     branches = affine.from_code(tree())[1:]
     segments = []
-    monkeypatch.setattr(trunk, "_segments", lambda mask, most, camera, seed: segments.append(most) or [])
+    monkeypatch.setattr(trunk, "_segments", lambda mask, shape, most, camera, seed: segments.append(most) or [])
     trunk.with_trunk(tried.objective, tried.objective.judge(branches), 4)
     assert segments == [min(4, most - 2)]
 

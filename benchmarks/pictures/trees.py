@@ -31,7 +31,6 @@ from .textbook import Drawn
 
 Copies = Sequence[tuple[complex, complex]]      # (a, b) of each
 Trunk = Sequence[tuple[complex, complex]]       # (start, end) of each segment
-STEPS_TO_THE_TRUNK = 40    # of the iteration that makes the image of the whole tree its trunk
 
 
 @dataclass(frozen=True)
@@ -72,12 +71,15 @@ class Tree:
     def code(self) -> IFS:
         """The copies, and a map of rank one for each segment of the trunk, which projects the whole tree onto the
         y-axis and lays it on the segment."""
-        copies, low, high = similarities(*self.copies), -10.0, 10.0
-        for _ in range(STEPS_TO_THE_TRUNK):
-            code = _with_trunk(copies, self.trunk, low, high)
-            reach = attractor.support_function(code)
-            low, high = -float(reach[3 * len(reach) // 4]), float(reach[len(reach) // 4])
-        return code
+        copies, ends = similarities(*self.copies), [[end.real, end.imag] for segment in self.trunk for end in segment]
+        points = IFS(torch.zeros(len(ends), 2, 2, dtype=torch.float64), torch.tensor(ends, dtype=torch.float64))
+        reach = attractor.support_function(_together(copies, points))  # of the tree: strokes lie between ends
+        low, high = -float(reach[3 * len(reach) // 4]), float(reach[len(reach) // 4])
+        return _with_trunk(copies, self.trunk, low, high)
+
+
+def _together(*codes: IFS) -> IFS:
+    return IFS(torch.cat([each.linear for each in codes]), torch.cat([each.offset for each in codes]))
 
 
 def _points(start: complex, end: complex) -> np.ndarray:
@@ -90,7 +92,7 @@ def _with_trunk(copies: IFS, trunk: Trunk, low: float, high: float) -> IFS:
     linear = torch.tensor([[[0.0, each.real], [0.0, each.imag]] for each in along], dtype=torch.float64)
     offset = torch.tensor([[(start - each * low).real, (start - each * low).imag]
                            for (start, _), each in zip(trunk, along, strict=True)], dtype=torch.float64)
-    return IFS(torch.cat([copies.linear, linear]), torch.cat([copies.offset, offset]))
+    return _together(copies, IFS(linear, offset))
 
 
 def _branching(*branches: tuple[float, float]) -> tuple[Copies, Trunk]:

@@ -77,7 +77,7 @@ class Recursion(Stage[Any]):
         if len(state.leader.maps) > self.params.camera.sharpened_maps:  # so many draw anything
             return True
         self.open(state)
-        return self._likeness(state.leader) < self.params.stages.unlike
+        return self._likeness(state.leader) < self.params.camera.recursion_below
 
     def open(self, state: State) -> None:
         if self._objective is None:
@@ -101,8 +101,7 @@ class Recursion(Stage[Any]):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        strokes = sorted({self.params.camera.trunk_strokes, min(1, self.params.camera.trunk_strokes)}, reverse=True)
-        trees = [tree for most in strokes if (tree := with_trunk(self.objective, few, most)) is not None]
+        trees = self._trees(few)
         promising = math.inf if self._has_tiles(few) else \
             self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
         seen: list[Seen] = []
@@ -111,8 +110,15 @@ class Recursion(Stage[Any]):
                           key=angle_of)
             if not seen or angle_of(seen[0]) > goal:
                 return []
-            trees = [seen[0][1]]
+            best = seen[0][1]
+            trees = [best, *(tree for tree in self._trees(best) if len(tree.maps) <= len(best.maps))]
         return seen
+
+    def _trees(self, found: Rendered) -> list[Rendered]:
+        """The copies of a code with a trunk of several strokes and of one."""
+        strokes = sorted({self.params.camera.trunk_strokes, min(1, self.params.camera.trunk_strokes)}, reverse=True)
+        trees = [tree for most in strokes if (tree := with_trunk(self.objective, found, most)) is not None]
+        return trees[:1] if len({len(tree.maps) for tree in trees}) == 1 else trees
 
     @cached_property
     def _coarse(self) -> ImageObjective:
@@ -124,9 +130,12 @@ class Recursion(Stage[Any]):
                               self.params.updated(camera=known), problem.seed)
 
     def is_settled(self, state: State) -> bool:
-        """Once strokes explain the picture, nothing more is tried. Once tiles do, all searches for tiles are made."""
-        left = {each.camera for each in self._tries[state.step:]}
-        return self._is_explained(state.now) and (has_strokes(state.now) or TILES not in left)
+        """Once strokes draw the picture well, nothing more is tried. Once tiles do, all searches for tiles are made."""
+        if not self._is_explained(state.now):
+            return False
+        if has_strokes(state.now):
+            return self._likeness_of_drawing(state.now) >= self.params.camera.recursion_below
+        return TILES not in {each.camera for each in self._tries[state.step:]}
 
     def close(self, state: State) -> State:
         if not self._is_explained(state.now):
@@ -160,11 +169,14 @@ class Recursion(Stage[Any]):
         """Whether a code draws the picture as strokes, or as tiles of so few maps that this is no accident."""
         if not is_construction(found, self.params.camera.tiled_maps):
             return False
-        shown, objective = self._shown(found)
-        drawing = objective.likeness(shown.image)
         if has_strokes(found):
-            return drawing >= self.params.camera.recursion_alike
-        return drawing >= self.params.moves.alike and likeness_of(shown, objective) >= self.params.stages.unlike
+            return self._likeness_of_drawing(found) >= self.params.camera.recursion_alike
+        return self._likeness_of_drawing(found) >= self.params.moves.alike \
+            and self._likeness(found) >= self.params.stages.unlike
+
+    def _likeness_of_drawing(self, found: Candidate) -> float:
+        shown, objective = self._shown(found)
+        return objective.likeness(shown.image)
 
     def _likeness(self, found: Candidate) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -36,7 +39,7 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
         return None
     points = _centres(shape)
     most = min(most, (params.most_maps or len(copies) + most) - len(copies))
-    segments = _segments(_left_over(shape, points, copies, camera), most, camera, objective.seed)
+    segments = _segments(_left_over(shape, points, copies, camera), shape.numpy(), most, camera, objective.seed)
     if not segments:
         return found if bool(flat.any()) else None
     trunk = _trunk(copies, segments, points, params.gauss_newton.largest)
@@ -65,17 +68,17 @@ def _left_over(shape: Tensor, points: Tensor, copies: Tensor, camera: CameraPara
     return shape.numpy() & (np.asarray(distance_transform_edt(~drawn.numpy())) > camera.trunk_beside_px)
 
 
-def _segments(mask: np.ndarray, most: int, camera: CameraParams, seed: int) -> list[Segment]:
-    """At most so many segments on a mask (R,R), the longest first, by RANSAC (Fischler and Bolles 1981): of the lines
-    through random pairs of pixels, that with the longest run of pixels beside it."""
+def _segments(mask: np.ndarray, shape: np.ndarray, most: int, camera: CameraParams, seed: int) -> list[Segment]:
+    """At most so many segments on a mask (R,R) of parts of a shape (R,R), the longest first, by RANSAC (Fischler and
+    Bolles 1981): of the lines through random pairs of pixels, that with the longest run of pixels beside it."""
     from scipy.ndimage import distance_transform_edt, maximum_filter
 
-    rng, found = np.random.default_rng(derive(seed, "trunk")), []
+    rng, found, near = np.random.default_rng(derive(seed, "trunk")), [], maximum_filter(shape, 3)
     inside = np.asarray(distance_transform_edt(np.pad(mask, 1)))[1:-1, 1:-1]
     left = np.argwhere(mask & (inside >= maximum_filter(inside, 3))) + 0.5
     while len(left) >= 2 and len(found) < most:
         pairs = [rng.choice(len(left), 2, replace=False) for _ in range(camera.trunk_trials)]
-        runs = (_run(left, left[first], left[second] - left[first], camera) for first, second in pairs)
+        runs = (_run(left, near, left[first], left[second] - left[first], camera) for first, second in pairs)
         run = left[max(runs, key=lambda each: each[1])[0]]
         middle = run.mean(0)
         direction = np.linalg.svd(run - middle, full_matrices=False)[2][0]
@@ -91,16 +94,33 @@ def _segments(mask: np.ndarray, most: int, camera: CameraParams, seed: int) -> l
     return found
 
 
-def _run(places: np.ndarray, origin: np.ndarray, direction: np.ndarray, camera: CameraParams
+def _run(places: np.ndarray, lit: np.ndarray, origin: np.ndarray, direction: np.ndarray, camera: CameraParams
          ) -> tuple[np.ndarray, float]:
-    """Indices of the places (n,2) beside a line that form its longest run without a gap, and the length of this run."""
+    """Indices of the places (n,2) beside a line that form its longest run, and the length of this run. Two pieces are
+    one run if the gap between them is small, or if it is shorter than both and the picture is `lit` (R,R) there: a
+    branch may hide a part of its trunk."""
     direction = direction / np.linalg.norm(direction)
     along = (places - origin) @ direction
     beside = np.linalg.norm(places - origin - along[:, None] * direction, axis=1) <= camera.trunk_line_px
+
+    def length(run: np.ndarray) -> float:
+        return float(along[run[-1]] - along[run[0]])
+
     order = np.flatnonzero(beside)[along[beside].argsort()]
-    runs = np.split(order, np.flatnonzero(np.diff(along[order]) > camera.trunk_gap_px) + 1)
-    longest = max(runs, key=lambda run: along[run[-1]] - along[run[0]])
-    return longest, float(along[longest[-1]] - along[longest[0]])
+    pieces = np.split(order, np.flatnonzero(np.diff(along[order]) > camera.trunk_gap_px) + 1)
+    runs = pieces[:1]
+    for before, piece in pairwise(pieces):
+        gap = along[piece[0]] - along[before[-1]]
+        is_bridged = gap <= min(length(before), length(piece)) and _is_lit(lit, places[before[-1]], places[piece[0]])
+        runs = [*runs[:-1], np.concatenate([runs[-1], piece])] if is_bridged else [*runs, piece]
+    longest = max(runs, key=length)
+    return longest, length(longest)
+
+
+def _is_lit(lit: np.ndarray, start: np.ndarray, end: np.ndarray) -> bool:
+    """Whether all pixels between two places are lit."""
+    row, column = np.linspace(start, end, math.ceil(np.abs(end - start).max()) + 1).astype(int).T
+    return bool(lit[row, column].all())
 
 
 def _on_canvas(pixel: np.ndarray, side: int) -> Tensor:

@@ -264,10 +264,12 @@ def test_tiles_of_many_maps_explain_nothing():
 
 
 def test_a_code_that_draws_the_picture_is_not_searched_again():
-    image = drawing(8)
+    image = drawing(10)
     problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
     true = affine.from_code(tree())
     assert not Recursion(problem, 0).is_wanted(State(best=Candidate(true, None, 1.0, 1.0)))
+    assert Recursion(replace_params(problem, camera={"recursion_below": 1.0})).is_wanted(
+        State(best=Candidate(true, None, 1.0, 1.0)))
     many = true.repeat(5, 1)   # more maps than are polished with a camera
     assert Recursion(problem, 0).is_wanted(State(best=Candidate(many, None, 1.0, 1.0)))
     assert not Recursion.may_help(replace_params(problem, maps=3)) and Recursion.may_help(problem)

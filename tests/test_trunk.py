@@ -72,8 +72,9 @@ def test_how_much_counts_as_a_trunk_is_a_parameter(camera):
     assert with_trunk(seen, seen.judge(affine.from_code(tree())[1:]), 4) is None
 
 
-def segments(mask, most=4):
-    return [torch.stack(ends) for ends in _segments(mask, mask, most, PARAMS.camera, 0)]
+def segments(mask, most=4, shape=None):
+    shape = mask if shape is None else shape
+    return [torch.stack(ends) for ends in _segments(mask, shape, most, PARAMS.camera, 0)]
 
 
 def lengths(found):
@@ -86,6 +87,26 @@ def test_a_bent_trunk_is_two_segments_the_longest_first():
     mask[100:103, 40:80] = True
     assert lengths(segments(mask)) == pytest.approx([80, 37], abs=5)
     assert len(segments(mask, 1)) == 1
+
+
+def trunk_behind_a_branch(gap):
+    """A stroke without `gap` pixels in the middle, and the shape, which is lit there too."""
+    shape = np.zeros((SIDE, SIDE), bool)
+    shape[20:100, 40] = True
+    mask = shape.copy()
+    mask[50:50 + gap] = False
+    return mask, shape
+
+
+def test_a_trunk_behind_a_branch_is_one_segment():
+    mask, shape = trunk_behind_a_branch(12)
+    assert lengths(segments(mask, shape=shape)) == pytest.approx([79], abs=1)
+    assert lengths(segments(mask)) == pytest.approx([37, 29], abs=1), "the picture is dark between the two"
+
+
+def test_a_gap_longer_than_a_piece_ends_a_segment():
+    mask, shape = trunk_behind_a_branch(35)
+    assert lengths(segments(mask, shape=shape)) == pytest.approx([29, 14], abs=1)
 
 
 def test_the_longest_is_measured_in_pixels_and_not_counted():
@@ -160,13 +181,20 @@ def seen_sizes(monkeypatch, camera):
 
 
 def test_strokes_are_polished_on_a_small_image_first(monkeypatch):
-    assert seen_sizes(monkeypatch, {"recursion_gain": 1.0}) == ([64, 64, 64, SIDE], 1)
+    assert seen_sizes(monkeypatch, {"recursion_gain": 1.0}) == ([64, 64, 64, SIDE, SIDE], 2)
 
 
 @pytest.mark.parametrize("tiles, sizes", [(False, [64]), (True, [64, 64, 64, SIDE, SIDE])])
 def test_a_code_without_promise_goes_no_further_unless_tiles_drew_it(monkeypatch, tiles, sizes):
     monkeypatch.setattr(Recursion, "_has_tiles", lambda *_: tiles)   # they show the picture itself
     assert seen_sizes(monkeypatch, {"recursion_gain": 0.0}) == (sizes, 2 * tiles)
+
+
+@pytest.mark.parametrize("likeness, ends", [(0.98, False), (0.99, True)])
+def test_strokes_that_draw_the_picture_less_well_do_not_end_the_search(monkeypatch, likeness, ends):
+    found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, ("strokes", 5.0, 0.0, PIXEL, 0.0))
+    monkeypatch.setattr(Recursion, "_likeness_of_drawing", lambda *_: likeness)
+    assert stage(drawing(5)).is_settled(State(best=found, current=found)) is ends
 
 
 def test_known_widths_are_scaled_with_the_image():

@@ -16,6 +16,7 @@ from .maps import WeightedMaps
 from .measure.blur import blurred
 from .measure.pens import Drawn
 from .measure.search import MeasureSearch, Regime
+from .measure.strokes import flat_maps
 from .measure.tones import camera_of, seen_with
 from .params import CollageParams
 from .problem import SearchProblem
@@ -101,7 +102,7 @@ class Recursion(Stage[Any]):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        trees = self._trees(few)
+        trees = self._trees(few, self.params.camera.trunk_strokes)
         promising = math.inf if self._has_tiles(few) else \
             self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
         seen: list[Seen] = []
@@ -111,14 +112,15 @@ class Recursion(Stage[Any]):
             if not seen or angle_of(seen[0]) > goal:
                 return []
             best = seen[0][1]
-            trees = [best, *(tree for tree in self._trees(best) if len(tree.maps) <= len(best.maps))]
+            strokes = int(flat_maps(best.code, self.params.camera).sum())
+            trees = [best, *(tree for tree in self._trees(best, strokes) if tree is not best)]
         return seen
 
-    def _trees(self, found: Rendered) -> list[Rendered]:
-        """The copies of a code with a trunk of several strokes and of one."""
-        strokes = sorted({self.params.camera.trunk_strokes, min(1, self.params.camera.trunk_strokes)}, reverse=True)
-        trees = [tree for most in strokes if (tree := with_trunk(self.objective, found, most)) is not None]
-        return trees[:1] if len({len(tree.maps) for tree in trees}) == 1 else trees
+    def _trees(self, found: Rendered, most: int) -> list[Rendered]:
+        """The copies of a code with a trunk of at most so many strokes and, apart from that, of one."""
+        trees = [with_trunk(self.objective, found, each) for each in sorted({most, min(1, most)}, reverse=True)]
+        return list({len(tree.maps): tree for tree in trees if tree is not None}.values())  # equally many are the same
+
 
     @cached_property
     def _coarse(self) -> ImageObjective:
@@ -175,6 +177,7 @@ class Recursion(Stage[Any]):
             and self._likeness(found) >= self.params.stages.unlike
 
     def _likeness_of_drawing(self, found: Candidate) -> float:
+        """How like the picture a code's drawing is, whatever its attractor."""
         shown, objective = self._shown(found)
         return objective.likeness(shown.image)
 

@@ -110,8 +110,8 @@ class CameraParams(Params):
     plausible: PositiveShare = 0.7
     """Only cameras whose error is at most the least error divided by this are polished further."""
     recursion_below: Share = 0.985
-    """Likeness of the code of stage 2 below which a construction is sought, and of a construction below which another
-    one is."""
+    """A construction is sought if the likeness of the code of stage 2 is below this, and another one if that of a
+    drawing by strokes is."""
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (4, 3, 2)
     """Maximum number of maps in each search for the branches of a tree, in a picture that the maps of stage 2 do not
     draw; empty: no such search. The first one comes before those for tiles."""

@@ -305,6 +305,17 @@ def test_the_true_code_of_a_tree_is_recovered_and_one_without_its_trunk_is_not(n
     assert SETS["trees"].truth(name, read).linear.equal(true.linear)
 
 
+@pytest.mark.parametrize("name", list(trees.trees()))
+def test_the_trunk_of_a_true_code_is_the_one_that_is_drawn(name):
+    tree = trees.trees()[name]
+    code = tree.code()
+    reach = attractor.support_function(code)    # up is a quarter of a turn, down three quarters
+    low, high = -reach[3 * len(reach) // 4], reach[len(reach) // 4]
+    drawn = [[complex(*(linear[:, 1] * end + offset).tolist()) for end in (low, high)]
+             for linear, offset in zip(code.linear[len(tree.copies):], code.offset[len(tree.copies):], strict=True)]
+    assert np.array(drawn) == pytest.approx(np.array(tree.trunk), abs=1e-4)
+
+
 def _written(axiom, rules, steps, angle):
     """The ends (S,2) of the segments F that a turtle draws of an L-system, upwards from 0."""
     for _ in range(steps):

@@ -121,7 +121,6 @@ class Recursion(Stage[Any]):
         trees = [with_trunk(self.objective, found, each) for each in sorted({most, min(1, most)}, reverse=True)]
         return list({len(tree.maps): tree for tree in trees if tree is not None}.values())  # equally many are the same
 
-
     @cached_property
     def _coarse(self) -> ImageObjective:
         """The picture at no more than `camera.coarse_side` pixels per side."""

@@ -11,10 +11,10 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage import recursion
 from fractal_exp.methods.collage.image import trunk
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.image.trunk import _segments, with_trunk
+from fractal_exp.methods.collage.image.trunk import _segments, flat_maps_onto, with_trunk
 from fractal_exp.methods.collage.measure.search import MeasureSearch
 from fractal_exp.methods.collage.measure.stroke_kernels import outline
-from fractal_exp.methods.collage.measure.strokes import Strokes, flat_maps
+from fractal_exp.methods.collage.measure.strokes import flat_maps, parts_of
 from fractal_exp.methods.collage.measure.tones import levels_of
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.problem import SearchProblem
@@ -34,8 +34,7 @@ def test_the_trunk_is_what_the_branches_leave_over():
     found = with_trunk(objective(image), objective(image).judge(branches), 4)
     assert torch.equal(found.maps[:2], branches) and len(found.maps) == 3
     assert flat_maps(found.code, PARAMS.camera).tolist() == [False, False, True]
-    levels = Strokes(PARAMS.camera, image, (0.0, 0.0, 0.8 * PIXEL, 0.0))
-    (segment,), _ = levels._parts(found.code)
+    (segment,), _ = parts_of(found.code, PARAMS.camera)
     beside = PARAMS.camera.trunk_beside_px + 2
     low, high = sorted(segment.tolist(), key=lambda end: end[1])
     assert low == pytest.approx(FOOT, abs=2 * PIXEL)
@@ -74,7 +73,7 @@ def test_how_much_counts_as_a_trunk_is_a_parameter(camera):
 
 def segments(mask, most=4, shape=None):
     shape = mask if shape is None else shape
-    return [torch.stack(ends) for ends in _segments(mask, shape, most, PARAMS.camera, 0)]
+    return [torch.stack(ends) for ends in _segments(*map(torch.from_numpy, (mask, shape)), most, PARAMS.camera, 0)]
 
 
 def lengths(found):
@@ -139,7 +138,7 @@ def test_a_trunk_longer_than_the_shape_is_contractive_too():
     branches = affine.from_code(tree())[1:].double()
     ends = torch.tensor([-0.9, -0.9]).double(), torch.tensor([0.9, 0.9]).double()
     points = torch.rand(50, 2, generator=torch.Generator().manual_seed(0)).double() * 0.2
-    maps = trunk._trunk(branches, [ends], points, 0.98)
+    maps = flat_maps_onto([ends], branches, points, 0.98)
     assert float(torch.linalg.matrix_norm(maps[:, :4].view(-1, 2, 2), 2)) <= 0.98 + 1e-6
 
 
@@ -181,10 +180,10 @@ def seen_sizes(monkeypatch, camera):
 
 
 def test_strokes_are_polished_on_a_small_image_first(monkeypatch):
-    assert seen_sizes(monkeypatch, {"recursion_gain": 1.0}) == ([64, 64, 64, SIDE, SIDE], 2)
+    assert seen_sizes(monkeypatch, {"recursion_gain": 1.0}) == ([64, 64, SIDE, SIDE], 2)
 
 
-@pytest.mark.parametrize("tiles, sizes", [(False, [64]), (True, [64, 64, 64, SIDE, SIDE])])
+@pytest.mark.parametrize("tiles, sizes", [(False, [64, 64]), (True, [64, 64, SIDE, SIDE])])
 def test_a_code_without_promise_goes_no_further_unless_tiles_drew_it(monkeypatch, tiles, sizes):
     monkeypatch.setattr(Recursion, "_has_tiles", lambda *_: tiles)   # they show the picture itself
     assert seen_sizes(monkeypatch, {"recursion_gain": 0.0}) == (sizes, 2 * tiles)

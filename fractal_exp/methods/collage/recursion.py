@@ -11,6 +11,7 @@ from ...runtime.seeds import derive
 from .image.camera import Seen, angle_of, as_seen, in_turns
 from .image.likeness import likeness_of
 from .image.objective import ImageObjective, Rendered
+from .image.registration import Registration, misfit_of
 from .image.trunk import with_trunk
 from .maps import WeightedMaps
 from .measure.blur import blurred
@@ -102,11 +103,11 @@ class Recursion(Stage[Any]):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        trees = self._trees(few, self.params.camera.trunk_strokes)
+        trees = self._registered(self._trees(few, self.params.camera.trunk_strokes))
         promising = math.inf if self._has_tiles(few) else \
             self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
         seen: list[Seen] = []
-        for objective, goal in (self._coarse, promising), (self._coarse, promising), (self.objective, math.inf):
+        for objective, goal in (self._coarse, promising), (self.objective, math.inf):
             seen = sorted((each for tree in trees for each in as_seen(objective, tree, STROKES, self.deadline)),
                           key=angle_of)
             if not seen or angle_of(seen[0]) > goal:
@@ -115,6 +116,12 @@ class Recursion(Stage[Any]):
             strokes = int(flat_maps(best.code, self.params.camera).sum())
             trees = [best, *(tree for tree in self._trees(best, strokes) if tree is not best)]
         return seen
+
+    def _registered(self, trees: list[Rendered]) -> list[Rendered]:
+        """The trees at the depths at which their strokes come closest to the lines of the picture."""
+        registration = Registration(self.objective)
+        fits = sorted((each for tree in trees for each in registration.fits(tree)), key=misfit_of)
+        return [self.objective.judge(each.maps) for each in fits[:self.params.camera.registered_kept]]
 
     def _trees(self, found: Rendered, most: int) -> list[Rendered]:
         """The copies of a code with a trunk of at most so many strokes and, apart from that, of one."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -34,25 +35,38 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
     camera = params.camera
     flat = flat_maps(found.code, camera)
     copies = found.maps[~flat]
-    shape = (objective.image > params.growth.lit * objective.image.max()).cpu()  # thin lines are faint
+    shape = lit_shape(objective)
     if len(copies) < 2 or not bool(shape.any()):
         return None
-    points = _centres(shape)
+    points = positions(shape)
     most = min(most, (params.most_maps or len(copies) + most) - len(copies))
-    segments = _segments(_left_over(shape, points, copies, camera), shape.numpy(), most, camera, objective.seed)
+    segments = _segments(_left_over(shape, points, copies, camera), shape, most, camera, objective.seed)
     if not segments:
         return found if bool(flat.any()) else None
-    trunk = _trunk(copies, segments, points, params.gauss_newton.largest)
+    trunk = flat_maps_onto(segments, copies, points, params.gauss_newton.largest)
     return objective.judge(torch.cat([copies, trunk.to(copies)]))
 
 
-def _centres(shape: Tensor) -> Tensor:
+def lit_shape(objective: ImageObjective) -> Tensor:
+    """The mask (R,R) of what a picture shows. Thin lines are faint."""
+    return (objective.image > objective.params.growth.lit * objective.image.max()).cpu()
+
+
+def middle_of(shape: Tensor) -> Tensor:
+    """The mask (R,R) of the pixels of a shape that are at least as far from its outline as all of their neighbours."""
+    from scipy.ndimage import distance_transform_edt, maximum_filter
+
+    inside = np.asarray(distance_transform_edt(np.pad(shape.numpy(), 1)))[1:-1, 1:-1]
+    return shape & torch.from_numpy(inside >= maximum_filter(inside, 3))
+
+
+def positions(shape: Tensor) -> Tensor:
     """Positions (n,2) on the canvas of the pixels of a mask (R,R)."""
     row, column = shape.nonzero().double().T + 0.5
     return torch.stack([2 * column / len(shape) - 1, 1 - 2 * row / len(shape)], 1)
 
 
-def _left_over(shape: Tensor, points: Tensor, copies: Tensor, camera: CameraParams) -> np.ndarray:
+def _left_over(shape: Tensor, points: Tensor, copies: Tensor, camera: CameraParams) -> Tensor:
     """The pixels (R,R) of the shape that are far from the images of its points (n,2) under all copies."""
     from scipy.ndimage import distance_transform_edt
 
@@ -64,18 +78,17 @@ def _left_over(shape: Tensor, points: Tensor, copies: Tensor, camera: CameraPara
     drawn = torch.zeros(side, side, dtype=torch.bool)
     drawn[row, column] = True
     if not bool(drawn.any()):
-        return shape.numpy()
-    return shape.numpy() & (np.asarray(distance_transform_edt(~drawn.numpy())) > camera.trunk_beside_px)
+        return shape
+    return shape & torch.from_numpy(np.asarray(distance_transform_edt(~drawn.numpy())) > camera.trunk_beside_px)
 
 
-def _segments(mask: np.ndarray, shape: np.ndarray, most: int, camera: CameraParams, seed: int) -> list[Segment]:
+def _segments(mask: Tensor, shape: Tensor, most: int, camera: CameraParams, seed: int) -> list[Segment]:
     """At most so many segments on a mask (R,R) of parts of a shape (R,R), the longest first, by RANSAC (Fischler and
     Bolles 1981): of the lines through random pairs of pixels, that with the longest run of pixels beside it."""
-    from scipy.ndimage import distance_transform_edt, maximum_filter
+    from scipy.ndimage import maximum_filter
 
-    rng, found, near = np.random.default_rng(derive(seed, "trunk")), [], maximum_filter(shape, 3)
-    inside = np.asarray(distance_transform_edt(np.pad(mask, 1)))[1:-1, 1:-1]
-    left = np.argwhere(mask & (inside >= maximum_filter(inside, 3))) + 0.5
+    rng, found, near = np.random.default_rng(derive(seed, "trunk")), [], maximum_filter(shape.numpy(), 3)
+    left = np.argwhere(middle_of(mask).numpy()) + 0.5
     while len(left) >= 2 and len(found) < most:
         pairs = [rng.choice(len(left), 2, replace=False) for _ in range(camera.trunk_trials)]
         runs = (_run(left, near, left[first], left[second] - left[first], camera) for first, second in pairs)
@@ -128,7 +141,7 @@ def _on_canvas(pixel: np.ndarray, side: int) -> Tensor:
     return torch.tensor([2 * pixel[1] / side - 1, 1 - 2 * pixel[0] / side], dtype=torch.float64)
 
 
-def _trunk(copies: Tensor, segments: list[Segment], points: Tensor, largest: float) -> Tensor:
+def flat_maps_onto(segments: Sequence[Segment], copies: Tensor, points: Tensor, largest: float) -> Tensor:
     """Maps (S,6) that project the attractor onto the axis in which the points (n,2) extend farthest, and take this axis
     to the segments, in the direction that turns it less."""
     angles = torch.arange(DIRECTIONS).double() * (torch.pi / DIRECTIONS)

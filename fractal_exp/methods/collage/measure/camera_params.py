@@ -118,6 +118,18 @@ class CameraParams(Params):
     recursion_blurs_px: tuple[Amount, ...] = (3.0, 6.0)
     """Blurs of the measure, pixels, in searches for few maps (`tiled_maps`) in such a picture, whose codes are then
     seen as tiles; empty: no such search."""
+    registered_strokes: Positive = 4000
+    """Maximum number of strokes, copied by equally many maps, of a drawing that is registered with the picture."""
+    registered_kept: Positive = 2
+    """Number of registered codes, those at the likeliest depths, that are then seen as strokes."""
+    registration_steps: Positive = 60
+    """Maximum number of steps of a registration."""
+    registration_little: Share = 0.001
+    """A registration ends if a step lowers the misfit by less than this share."""
+    registration_along: PositiveShare = 0.1
+    """Weight of squared distances along a stroke in a registration, relative to those across it."""
+    registration_px: Factor = 4.0
+    """Distance, pixels, up to which a point always counts in a registration."""
     coarse_side: Annotated[int, Field(ge=32)] = 128
     """Maximum side, pixels, of the image on which strokes are polished first."""
     recursion_gain: Share = 0.3

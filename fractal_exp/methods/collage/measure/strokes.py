@@ -73,7 +73,7 @@ class Strokes(Drawn):
 
     def _generations(self, code: IFS, resolution: int, depth: int) -> list[_Generation]:
         """The strokes that 0, 1, … maps copy, down to this depth or until they are too short to see."""
-        camera, (segments, copies) = self.camera, self._parts(code)
+        camera, (segments, copies) = self.camera, parts_of(code, self.camera)
         found: list[_Generation] = []
         words = copies.new_tensor([[1.0, 0, 0, 1, 0, 0]])
         while len(segments) and len(words) * len(segments) <= camera.most_strokes:
@@ -85,11 +85,6 @@ class Strokes(Drawn):
                 break
             words = affine.compositions(words, copies)
         return found
-
-    def _parts(self, code: IFS) -> tuple[Tensor, Tensor]:
-        """The segments (S,2,2) that flat maps draw, as pairs of ends, and the maps (N,6) that are not flat."""
-        flat, segments = _images(code, self.camera)
-        return segments[flat], affine.from_code(code.to("cpu"))[~flat]
 
     def _width(self, generation: _Generation, thinning: bool, radius: float) -> float:
         """The pen's radius in a generation, in the unit of `radius`."""
@@ -110,6 +105,12 @@ class _Generation(NamedTuple):
     strokes: Tensor
     scale: float
     length: float
+
+
+def parts_of(code: IFS, camera: CameraParams) -> tuple[Tensor, Tensor]:
+    """The segments (S,2,2) that a code's flat maps draw, as pairs of ends, and its maps (N,6) that are not flat."""
+    flat, segments = _images(code, camera)
+    return segments[flat], affine.from_code(code.to("cpu"))[~flat]
 
 
 def flat_maps(code: IFS, camera: CameraParams) -> Tensor:

@@ -1,0 +1,111 @@
+"""Registration of a tree: its strokes are moved onto the lines of a picture before pixels are compared."""
+
+import numpy as np
+import pytest
+import torch
+from test_strokes import PIXEL, drawing, tree
+from test_trunk import PARAMS, objective
+
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.image.registration import Registration, _drawn, _Tree
+from fractal_exp.methods.collage.measure.strokes import parts_of
+from fractal_exp.methods.collage.measure.tones import levels_of
+
+DEPTH = 5
+COPIES = affine.from_code(tree())[1:]
+
+
+def knocked(size, seed=0):
+    """The tree with all numbers of its branches moved at random."""
+    maps = affine.from_code(tree())
+    maps[1:] += size * (2 * torch.rand(2, 6, generator=torch.Generator().manual_seed(seed)) - 1)
+    return maps
+
+
+def registered(image, maps, **camera):
+    seen = objective(image, **camera)
+    return Registration(seen).fits(seen.judge(maps))
+
+
+def ends(maps):
+    return parts_of(affine.to_code(maps), objective(drawing()).params.camera)[0]
+
+
+def largest_shift(maps):
+    """By how much the images of the corners of the canvas under the branches differ from the true ones, pixels."""
+    corners = torch.tensor([[x, y] for x in (-0.7, 0.7) for y in (-0.7, 0.7)])
+    shift = maps - COPIES
+    return float((corners @ shift[:, :4].view(-1, 2, 2).mT + shift[:, None, 4:]).norm(dim=-1).max()) / PIXEL
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_branches_beside_the_lines_are_moved_onto_them(seed):
+    maps = knocked(0.04, seed)
+    assert largest_shift(maps[1:]) > 2.5
+    best = registered(drawing(DEPTH), maps)[0]
+    assert largest_shift(best.maps[:2]) < 1.5
+    assert best.misfit < PIXEL**2
+
+
+def test_the_best_depth_comes_first():
+    """The best fit of one generation less, or one more, is worse than that of the generations which are drawn."""
+    image = drawing(DEPTH)
+    fits = registered(image, knocked(0.02))
+    assert [each.misfit for each in fits] == sorted(each.misfit for each in fits)
+    alone = [registered(image, knocked(0.02), registered_strokes=2**depth)[0].misfit for depth in (1, 2, 3, 4, 5)]
+    assert alone == sorted(alone, reverse=True) and fits[0].misfit == alone[-1]
+
+
+def test_strokes_are_drawn_no_deeper_than_told():
+    assert [len(registered(drawing(3), knocked(0.0), registered_strokes=most)) for most in (2, 7, 8)] == [1, 2, 3]
+
+
+def test_the_trunk_moves_along():
+    maps = knocked(0.0)
+    maps[0, 4] += 0.05
+    assert ends(maps)[0, :, 0].tolist() == pytest.approx([0.05, 0.05], abs=0.01)
+    best = registered(drawing(DEPTH), maps)[0]
+    assert ends(best.maps)[0, :, 0].tolist() == pytest.approx([0, 0], abs=0.5 * PIXEL)
+
+
+def test_codes_without_strokes_or_branches_are_not_registered():
+    assert registered(drawing(DEPTH), COPIES) == []
+    assert registered(drawing(DEPTH), affine.from_code(tree())[:2]) == []
+
+
+def test_lines_far_away_do_not_count():
+    image = drawing(DEPTH)
+    image[8:12, 8:40] = 1.0
+    near, all_of_it = (registered(image, knocked(0.02), registration_px=px)[0] for px in (4.0, 400.0))
+    assert largest_shift(near.maps[:2]) < 5 < largest_shift(all_of_it.maps[:2])
+
+
+@pytest.mark.parametrize("camera", [{"registration_steps": 1}, {"registration_little": 0.5}])
+def test_how_long_it_takes_is_a_parameter(camera):
+    image, maps = drawing(DEPTH), knocked(0.04)
+    assert registered(image, maps, **camera)[0].misfit > 1.2 * registered(image, maps)[0].misfit
+
+
+def test_no_copy_has_a_larger_singular_value_than_told():
+    """The true ones are 0.6."""
+    params = PARAMS.updated(gauss_newton={"largest": 0.55})
+    image = drawing(DEPTH)
+    seen = ImageObjective(image, levels_of(image, "coverage", params.camera), params)
+    best = Registration(seen).fits(seen.judge(affine.from_code(tree(0.5))))[0]
+    assert affine.largest_singular(best.maps[:2]).tolist() == pytest.approx([0.55, 0.55], abs=1e-5)
+
+
+def test_the_derivatives_are_those_of_the_points():
+    rng = np.random.default_rng(0)
+    first = _Tree(rng.uniform(-0.5, 0.5, (2, 6)), rng.uniform(-0.5, 0.5, (2, 2, 2)))
+    slopes = _drawn(first, 3, 10.0).slopes
+    steps = 1e-6 * np.eye(slopes.shape[-1])
+    numeric = [(_drawn(first.moved(each), 3, 10.0).places - _drawn(first.moved(-each), 3, 10.0).places) / 2e-6
+               for each in steps]
+    np.testing.assert_allclose(slopes, np.stack(numeric, -1), atol=1e-8)
+
+
+def test_points_are_no_farther_apart_than_the_spacing():
+    line = _Tree(np.zeros((0, 6)), np.array([[[0.0, 0.0], [1.0, 0.0]]]))
+    np.testing.assert_allclose(_drawn(line, 0, 0.3).places, [[1 / 8, 0], [3 / 8, 0], [5 / 8, 0], [7 / 8, 0]])

@@ -270,7 +270,7 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
     assert not Recursion(problem, 0).is_wanted(State(best=Candidate(true, None, 1.0, 1.0)))
     assert Recursion(replace_params(problem, camera={"recursion_below": 1.0})).is_wanted(
         State(best=Candidate(true, None, 1.0, 1.0)))
-    many = true.repeat(5, 1)   # more maps than are polished with a camera
+    many = true.repeat(2, 1)   # more maps than such a search allows
     assert Recursion(problem, 0).is_wanted(State(best=Candidate(many, None, 1.0, 1.0)))
     assert not Recursion.may_help(replace_params(problem, maps=3)) and Recursion.may_help(problem)
 

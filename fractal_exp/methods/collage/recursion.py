@@ -11,6 +11,7 @@ from ...runtime.seeds import derive
 from .image.camera import Seen, angle_of, as_seen, in_turns
 from .image.likeness import likeness_of
 from .image.objective import ImageObjective, Rendered
+from .image.pruning import Price
 from .image.registration import Registration, misfit_of
 from .image.trunk import with_trunk
 from .maps import WeightedMaps
@@ -44,7 +45,8 @@ class Recursion(Stage[Any]):
     it is known that the construction ends. From afar it looks like its attractor, so few maps (`camera.tiled_maps`) are
     searched for on a blurred measure, and seen as tiles. A tree has a trunk too, which is what its branches leave over.
     It is seen as strokes, at the depth that suits the drawing. The code is taken if it draws the picture; the moves by
-    renderings are then left out. A move is a search.
+    renderings are then left out. A code that a pen draws is taken if it is simpler; the moves then go on from it. A
+    move of this stage is a search.
     """
 
     name, ends_at = "construction", "approach_share"
@@ -76,7 +78,7 @@ class Recursion(Stage[Any]):
             return True
         if state.measured_through:  # a density: no construction
             return False
-        if len(state.leader.maps) > self.params.camera.sharpened_maps:  # so many draw anything
+        if len(state.leader.maps) > max(tried.maps for tried in self._tries):  # a simpler code may draw it too
             return True
         self.open(state)
         return self._likeness(state.leader) < self.params.camera.recursion_below
@@ -97,7 +99,8 @@ class Recursion(Stage[Any]):
         if not seen:
             return now
         best = self._candidate(*in_turns(*seen[0], self.deadline))
-        return best if best.error < self._error_to_beat(now) and self._is_explained(best) else now
+        is_construction = best.error < self._error_to_beat(now) and self._is_explained(best)
+        return best if is_construction or self._is_simpler(best, now) else now
 
     def _as_strokes(self, few: Rendered) -> list[Seen]:
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
@@ -146,9 +149,9 @@ class Recursion(Stage[Any]):
         return TILES not in {each.camera for each in self._tries[state.step:]}
 
     def close(self, state: State) -> State:
-        if not self._is_explained(state.now):
-            return state
-        return replace(state, best=state.current, stopped="few steps of a construction explain the picture")
+        if self._is_explained(state.now):
+            return replace(state, best=state.current, stopped="few steps of a construction explain the picture")
+        return replace(state, best=state.current) if len(state.now.maps) < len(state.leader.maps) else state
 
     def _few_maps(self, tried: _Try, number: int) -> Rendered:
         """What a search for few maps finds. If the code is to be seen as strokes, a map is left for the trunk."""
@@ -181,6 +184,13 @@ class Recursion(Stage[Any]):
             return self._likeness_of_drawing(found) >= self.params.camera.recursion_alike
         return self._likeness_of_drawing(found) >= self.params.moves.alike \
             and self._likeness(found) >= self.params.stages.unlike
+
+    def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
+        """Whether a code draws the picture with a pen, with so few maps that it is the better code. The moves by
+        renderings go on from it."""
+        price, alike = Price(0.0, self.params.moves.worth), self.params.moves.alike
+        return (len(found.maps) < len(now.maps) and not self._is_explained(now) and self._likeness(found) >= alike
+                and price.score(found.error, len(found.maps)) < price.score(now.error, len(now.maps)))
 
     def _likeness_of_drawing(self, found: Candidate) -> float:
         """How like the picture a code's drawing is, whatever its attractor."""

@@ -110,11 +110,11 @@ class CameraParams(Params):
     plausible: PositiveShare = 0.7
     """Only cameras whose error is at most the least error divided by this are polished further."""
     recursion_below: Share = 0.985
-    """A construction is sought if the likeness of the code of stage 2 is below this, and another one if that of a
-    drawing by strokes is."""
+    """A construction is sought if the likeness of the code of stage 2 is below this, and another one if the likeness
+    of a drawing by strokes is. It is also sought if that code has more maps than the searches allow."""
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (4, 3, 2)
-    """Maximum number of maps in each search for the branches of a tree, in a picture that the maps of stage 2 do not
-    draw; empty: no such search. The first one comes before those for tiles."""
+    """Maximum number of maps in each search for the branches of a tree; empty: no such search. The first one comes
+    before those for tiles."""
     recursion_blurs_px: tuple[Amount, ...] = (3.0, 6.0)
     """Blurs of the measure, pixels, in searches for few maps (`tiled_maps`) in such a picture, whose codes are then
     seen as tiles; empty: no such search."""

@@ -28,8 +28,8 @@ HALVES = IFS(torch.eye(2).expand(2, 2, 2) / 2, torch.tensor([[-0.25, 0.0], [0.25
 @pytest.mark.parametrize("kind", SETS)
 def test_every_set_has_pictures_for_tuning_and_for_reporting(kind, monkeypatch):
     monkeypatch.delenv(density_maps.VARIABLE, raising=False)
-    expected = {"tuning"} if kind == "density" else {"tuning", "reporting"}  # its reporting needs the published file
-    assert set(SETS[kind].roles().values()) == expected
+    only = {"density": {"tuning"}, "random_trees": {"reporting"}}  # those of density need the published file
+    assert set(SETS[kind].roles().values()) == only.get(kind, {"tuning", "reporting"})
 
 
 def test_families_are_for_tuning_or_for_reporting():
@@ -305,15 +305,24 @@ def test_the_true_code_of_a_tree_is_recovered_and_one_without_its_trunk_is_not(n
     assert SETS["trees"].truth(name, read).linear.equal(true.linear)
 
 
-@pytest.mark.parametrize("name", list(trees.trees()))
+@pytest.mark.parametrize("name", [*trees.trees(), *trees.random_trees()])
 def test_the_trunk_of_a_true_code_is_the_one_that_is_drawn(name):
-    tree = trees.trees()[name]
+    tree = trees.named(name)
     code = tree.code()
     reach = attractor.support_function(code)    # up is a quarter of a turn, down three quarters
     low, high = -reach[3 * len(reach) // 4], reach[len(reach) // 4]
     drawn = [[complex(*(linear[:, 1] * end + offset).tolist()) for end in (low, high)]
              for linear, offset in zip(code.linear[len(tree.copies):], code.offset[len(tree.copies):], strict=True)]
     assert np.array(drawn) == pytest.approx(np.array(tree.trunk), abs=1e-4)
+
+
+def test_random_trees_are_of_many_kinds():
+    every = trees.random_trees().values()
+    assert len(every) == trees.RANDOM_TREES
+    for kind in ("depth", "ink", "thinning", "tool", "jpeg"):
+        assert len({getattr(each, kind) for each in every}) > 1
+    assert {len(each.copies) for each in every} == {2, 3}
+    assert all(len(each.copies)**each.depth <= trees.MOST_TWIGS for each in every)
 
 
 def _written(axiom, rules, steps, angle):

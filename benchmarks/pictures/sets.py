@@ -57,6 +57,12 @@ def _score_textbook(seed: int, name: str, code: IFS, read: ReadImage) -> Scores:
             **judging.against_truth(code, truth, read.image.shape[-1])}
 
 
+def _trees(chosen: Callable[[], Mapping[str, trees.Tree]]) -> PictureSet:
+    return PictureSet(lambda: {name: each.role for name, each in chosen().items()},
+                      lambda name: chosen()[name].source(name), trees.score, tables.trees,
+                      truth=lambda name, read: trees.truth(name, read).code)
+
+
 def _score_density(name: str, code: IFS, read: ReadImage) -> Scores:
     params, given = density_maps.problem(name)
     truth, rng = density_maps.true_code(params), np.random.default_rng(0)
@@ -109,7 +115,6 @@ SETS: dict[str, PictureSet] = {
     "tone_curves": PictureSet(lambda: {name: role for name, (_, _, role) in tone_curves.problems().items()},
                               tone_curves.picture, lambda name, code, read: tone_curves.score(name, code),
                               tables.tone_curves, {"frame": "keep"}),
-    "trees": PictureSet(lambda: {name: each.role for name, each in trees.trees().items()},
-                        lambda name: trees.trees()[name].source(name), trees.score, tables.trees,
-                        truth=lambda name, read: trees.truth(name, read).code),
+    "trees": _trees(trees.trees),
+    "random_trees": _trees(trees.random_trees),
 }

@@ -3,7 +3,8 @@
 The drawings end after a few steps. A trunk is one or more segments in the complex plane, from 0 upwards; copies are
 similarities z' = a z + b. Depth d is the d-th step: the trunk under all words of 0 to d copies. The plants are
 node-rewriting ones of Prusinkiewicz and Lindenmayer (*The Algorithmic Beauty of Plants*, 1990) and variants of them.
-Each tree is for tuning or only for reporting; the seed moves it on the page and changes its size.
+Each tree is for tuning or only for reporting; the seed moves it on the page and changes its size. Random trees are for
+reporting: nobody chose them, and nothing was chosen by them.
 """
 
 from __future__ import annotations
@@ -25,12 +26,16 @@ from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage
 
 from . import judging
-from .drawing import DRAW, jpeg_file, page
+from .drawing import DRAW, INK, jpeg_file, page
 from .figures import Truth, orbit, similarities
 from .textbook import Drawn
 
 Copies = Sequence[tuple[complex, complex]]      # (a, b) of each
 Trunk = Sequence[tuple[complex, complex]]       # (start, end) of each segment
+
+RANDOM_SEED, RANDOM_TREES = 1127, 16
+MOST_TWIGS = 1100                               # of a random tree
+JPEG_SHARE = 0.25                               # of random trees
 
 
 @dataclass(frozen=True)
@@ -147,12 +152,34 @@ def trees() -> Mapping[str, Tree]:
     }
 
 
+@cache
+def random_trees() -> Mapping[str, Tree]:
+    """Trees of two or three branches with random angles, ratios, depths and pens, by name."""
+    rng = np.random.default_rng(RANDOM_SEED)
+    return {f"random_{number:02}": _random_tree(rng) for number in range(RANDOM_TREES)}
+
+
+def _random_tree(rng: np.random.Generator) -> Tree:
+    count = int(rng.choice([2, 2, 3]))
+    angles = np.linspace(-1, 1, count) * rng.uniform(20, 55) + rng.uniform(-10, 10, count)
+    ratios = rng.uniform(0.5, 0.75, count)
+    deepest = int(math.log(MOST_TWIGS) / math.log(count))
+    return Tree(*_branching(*zip(angles.tolist(), ratios.tolist(), strict=True)), int(rng.integers(4, deepest + 1)),
+                str(rng.choice(list(INK))), float(rng.uniform(2, 6)), float(rng.choice([1.0, 0.75])),
+                str(rng.choice(list(DRAW))), bool(rng.random() < JPEG_SHARE))
+
+
+def named(name: str) -> Tree:
+    """The tree of this name, random or not."""
+    return (random_trees() if name.startswith("random_") else trees())[name]
+
+
 def truth(name: str, read: ReadImage) -> Truth:
     """What a tree shows, on the canvas of what was read."""
-    return trees()[name].draw(name).truth_on(read.placement)
+    return named(name).draw(name).truth_on(read.placement)
 
 
 def score(name: str, code: IFS, read: ReadImage) -> dict[str, Any]:
     """Of a code on the canvas of what was read: see `judging.against_truth`."""
-    return {"depth": trees()[name].depth, **judging.likeness(code, read.image.numpy()),
+    return {"depth": named(name).depth, **judging.likeness(code, read.image.numpy()),
             **judging.against_truth(code, truth(name, read), read.image.shape[-1])}

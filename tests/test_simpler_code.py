@@ -48,3 +48,5 @@ def test_a_simpler_code_must_draw_the_shape_and_be_worth_its_error(monkeypatch, 
     few, many = Candidate(THIRDS, None, error, error, pen), Candidate(MANY, None, 1.0, 1.0, pen)
     assert len(MANY) == 6 and tried._is_simpler(few, many) is is_simpler
     assert not tried._is_simpler(many, few)
+    for other in ("coverage", 0.1, 0.01, 0.0), ("strokes", 5.0, 0.0, 0.01, 0.0):
+        assert not tried._is_simpler(replace(few, camera=other), many), "tiles and strokes have limits of their own"

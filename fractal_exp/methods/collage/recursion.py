@@ -45,8 +45,8 @@ class Recursion(Stage[Any]):
     it is known that the construction ends. From afar it looks like its attractor, so few maps (`camera.tiled_maps`) are
     searched for on a blurred measure, and seen as tiles. A tree has a trunk too, which is what its branches leave over.
     It is seen as strokes, at the depth that suits the drawing. The code is taken if it draws the picture; the moves by
-    renderings are then left out. A code that a pen draws is taken if it is simpler; the moves then go on from it. A
-    move of this stage is a search.
+    renderings are then left out. Two maps that a pen draws are taken if they are the simpler code; the moves by
+    renderings then go on from them. A move of this stage is a search.
     """
 
     name, ends_at = "construction", "approach_share"
@@ -106,25 +106,26 @@ class Recursion(Stage[Any]):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        trees = self._registered(self._trees(few, self.params.camera.trunk_strokes))
         promising = math.inf if self._has_tiles(few) else \
             self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
-        seen: list[Seen] = []
-        for objective, goal in (self._coarse, promising), (self.objective, math.inf):
-            seen = sorted((each for tree in trees for each in as_seen(objective, tree, STROKES, self.deadline)),
-                          key=angle_of)
-            if not seen or angle_of(seen[0]) > goal:
-                return []
-            best = seen[0][1]
-            strokes = int(flat_maps(best.code, self.params.camera).sum())
-            trees = [best, *(tree for tree in self._trees(best, strokes) if tree is not best)]
-        return seen
+        seen = self._polished(self._coarse, self._registered(self._trees(few, self.params.camera.trunk_strokes)))
+        if not seen or angle_of(seen[0]) > promising:
+            return []
+        best = seen[0][1]
+        again = self._trees(best, int(flat_maps(best.code, self.params.camera).sum()))
+        return self._polished(self.objective, [best, *(tree for tree in again if tree is not best)])
+
+    def _polished(self, objective: ImageObjective, trees: list[Rendered]) -> list[Seen]:
+        """The trees polished as strokes on an image, the best first."""
+        return sorted((each for tree in trees for each in as_seen(objective, tree, STROKES, self.deadline)),
+                      key=angle_of)
 
     def _registered(self, trees: list[Rendered]) -> list[Rendered]:
         """The trees at the depths at which their strokes come closest to the lines of the picture."""
-        registration = Registration(self.objective)
+        registration = Registration(self.objective, self.deadline)
         fits = sorted((each for tree in trees for each in registration.fits(tree)), key=misfit_of)
-        return [self.objective.judge(each.maps) for each in fits[:self.params.camera.registered_kept]]
+        return [self.objective.judge(each.maps.to(self.objective.image))
+                for each in fits[:self.params.camera.registered_kept]]
 
     def _trees(self, found: Rendered, most: int) -> list[Rendered]:
         """The copies of a code with a trunk of at most so many strokes and, apart from that, of one."""
@@ -186,10 +187,10 @@ class Recursion(Stage[Any]):
             and self._likeness(found) >= self.params.stages.unlike
 
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
-        """Whether a code draws the picture with a pen, with so few maps that it is the better code. The moves by
-        renderings go on from it."""
+        """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
         price, alike = Price(0.0, self.params.moves.worth), self.params.moves.alike
-        return (len(found.maps) < len(now.maps) and not self._is_explained(now) and self._likeness(found) >= alike
+        return (has_pen(found) and len(found.maps) < len(now.maps)
+                and not self._is_explained(now) and self._likeness(found) >= alike
                 and price.score(found.error, len(found.maps)) < price.score(now.error, len(now.maps)))
 
     def _likeness_of_drawing(self, found: Candidate) -> float:
@@ -232,6 +233,11 @@ def _tries(params: CollageParams) -> list[_Try]:
 def has_strokes(found: Candidate) -> bool:
     """Whether a code was last judged by what it draws as strokes."""
     return found.camera[:1] == (STROKES,)
+
+
+def has_pen(found: Candidate) -> bool:
+    """Whether a code was last judged by its attractor, drawn with a pen."""
+    return found.camera[:1] == (TILES,) and float(found.camera[1]) == 0
 
 
 def is_construction(found: Candidate, most: int) -> bool:

@@ -15,6 +15,8 @@ import torch
 from torch import Tensor
 
 from ....ops.collage.reference import contract
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from .. import maps as affine
 from ..measure.strokes import parts_of
 from .objective import ImageObjective, Rendered
 from .trunk import flat_maps_onto, lit_shape, middle_of, positions
@@ -69,10 +71,10 @@ class _Pairs(NamedTuple):
 class Registration:
     """Registers trees with one picture."""
 
-    def __init__(self, objective: ImageObjective):
+    def __init__(self, objective: ImageObjective, deadline: Deadline = NO_DEADLINE):
         from scipy.spatial import KDTree
 
-        self.params = objective.params
+        self.params, self.deadline = objective.params, deadline
         shape = lit_shape(objective)
         self.pixel = 2 / len(shape)
         self.points = positions(shape)
@@ -81,18 +83,35 @@ class Registration:
 
     def fits(self, found: Rendered) -> list[Registered]:
         """The code registered at each depth to which its strokes may be drawn, the best first. Empty if it has no
-        strokes or fewer than two copies."""
+        strokes of a pixel or more, or fewer than two copies, or if the picture shows no more than a pixel."""
         segments, copies = (each.double().numpy() for each in parts_of(found.code, self.params.camera))
-        if len(copies) < 2 or not len(segments):
+        segments = segments[_lengths(segments) >= self.pixel]
+        if len(copies) < 2 or not len(segments) or len(self.points) < 2:
             return []
-        most = self.params.camera.registered_strokes / len(segments)
-        deepest = int(np.log(most) / np.log(len(copies)) + 1e-9)
-        return sorted((self._fitted(_Tree(copies, segments), depth) for depth in range(1, deepest + 1)), key=misfit_of)
+        tree, fits = _Tree(copies, segments), []
+        for depth in range(1, self._deepest(tree) + 1):
+            if self.deadline.passed:
+                break
+            fits.append(self._fitted(tree, depth))
+        kept = (each for each in fits if len(parts_of(affine.to_code(each.maps), self.params.camera)[1]) == len(copies))
+        return sorted(kept, key=misfit_of)
+
+    def _deepest(self, tree: _Tree) -> int:
+        """The depth at which there are too many strokes, or at which all of them are too short to see."""
+        camera, count = self.params.camera, len(tree.segments)
+        ratio = np.linalg.norm(tree.copies[:, :4].reshape(-1, 2, 2), 2, (1, 2)).max()
+        length, depth = _lengths(tree.segments).max(), 0
+        while (count * len(tree.copies) <= camera.registered_strokes
+               and length >= camera.twigs_px[0] * self.pixel):
+            count, length, depth = count * len(tree.copies), length * ratio, depth + 1
+        return depth
 
     def _fitted(self, tree: _Tree, depth: int) -> Registered:
         params, camera = self.params.gauss_newton, self.params.camera
         pairs, damping = self._pairs(tree, depth), params.damping
         for _ in range(camera.registration_steps):
+            if self.deadline.passed:
+                break
             reach = max(camera.registration_px * self.pixel, *(FAR * np.median(each.distances) for each in pairs))
             before, (square, gradient) = _cost(pairs, reach), _normal_equations(pairs, reach)
             for _ in range(params.tries):
@@ -112,7 +131,9 @@ class Registration:
         the nearest point of the strokes."""
         from scipy.spatial import KDTree
 
-        drawn, along = _drawn(tree, depth, self.pixel), self.params.camera.registration_along**0.5
+        camera = self.params.camera
+        drawn = _drawn(tree, depth, self.pixel, camera.registered_points)
+        along = camera.registration_along**0.5
         (there, lit), (here, near) = self.lit.query(drawn.places), KDTree(drawn.places).query(self.lines)
         return (_Pairs(there, *_seen_along(drawn, self.lit.data[lit], along)),
                 _Pairs(here, *_seen_along(_Points(*(each[near] for each in drawn)), self.lines, along)))
@@ -146,36 +167,40 @@ def _normal_equations(pairs: tuple[_Pairs, ...], reach: float) -> tuple[np.ndarr
         slopes = slopes[near].reshape(-1, count) / len(near)**0.5
         square += slopes.T @ slopes
         gradient += slopes.T @ residuals[near].ravel() / len(near)**0.5
-    square[np.diag_indices(count)] += 1e-9 * np.trace(square)  # a number that no point depends on stays as it is
+    square[np.diag_indices(count)] += 1e-9 * np.trace(square) + 1e-12  # what no point depends on stays as it is
     return square, gradient
 
 
-def _drawn(tree: _Tree, depth: int, spacing: float) -> _Points:
-    """Points along the strokes that 0 to `depth` maps copy, no farther apart than the spacing."""
+def _drawn(tree: _Tree, depth: int, spacing: float, most: int) -> _Points:
+    """Points along the strokes that 0 to `depth` maps copy: a spacing apart, or farther so that there are at most about
+    so many besides one for each stroke."""
     copies, first = tree
     linear, offset = copies[:, :4].reshape(-1, 2, 2), copies[:, 4:]
-    ends, slopes = first, np.zeros((*first.shape, copies.size + first.size))
-    slopes.reshape(first.size, -1)[:, copies.size:] = np.eye(first.size)
-    parts = [_along(ends, slopes, spacing)]
+    ends, slopes = [first], [np.zeros((*first.shape, copies.size + first.size))]
+    slopes[0].reshape(first.size, -1)[:, copies.size:] = np.eye(first.size)
     for _ in range(depth):
-        turned = [np.einsum("cd,sedp->secp", each, slopes) for each in linear]
+        turned = [np.einsum("cd,sedp->secp", each, slopes[-1]) for each in linear]
         for i, each in enumerate(turned):
             for c in range(2):
-                each[:, :, c, 6 * i + 2 * c:6 * i + 2 * c + 2] += ends
+                each[:, :, c, 6 * i + 2 * c:6 * i + 2 * c + 2] += ends[-1]
                 each[:, :, c, 6 * i + 4 + c] += 1
-        ends = np.concatenate([ends @ each.T + shift for each, shift in zip(linear, offset, strict=True)])
-        slopes = np.concatenate(turned)
-        parts.append(_along(ends, slopes, spacing))
-    return _Points(*map(np.concatenate, zip(*parts, strict=True)))
+        ends.append(np.concatenate([ends[-1] @ each.T + shift for each, shift in zip(linear, offset, strict=True)]))
+        slopes.append(np.concatenate(turned))
+    every = np.concatenate(ends)
+    return _along(every, np.concatenate(slopes), max(spacing, _lengths(every).sum() / most))
 
 
 def _along(ends: np.ndarray, slopes: np.ndarray, spacing: float) -> _Points:
     """Points along segments (S,2,2). slopes: the derivatives (S,2,2,P) of the ends."""
-    across = ends[:, 1] - ends[:, 0]
-    length = np.linalg.norm(across, axis=1)
+    across, length = ends[:, 1] - ends[:, 0], _lengths(ends)
     count = np.maximum(1, np.ceil(length / spacing).astype(int))
     of = np.repeat(np.arange(len(ends)), count)
     share = ((np.arange(len(of)) - (count.cumsum() - count)[of] + 0.5) / count[of])[:, None]
     places = ends[of, 0] + share * across[of]
     moving = slopes[of, 0] + share[..., None] * (slopes[of, 1] - slopes[of, 0])
     return _Points(places, moving, (across / np.maximum(length, 1e-12)[:, None])[of])
+
+
+def _lengths(segments: np.ndarray) -> np.ndarray:
+    """The lengths (S,) of segments (S,2,2)."""
+    return np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)

@@ -110,22 +110,24 @@ class CameraParams(Params):
     plausible: PositiveShare = 0.7
     """Only cameras whose error is at most the least error divided by this are polished further."""
     recursion_below: Share = 0.985
-    """A construction is sought if the likeness of the code of stage 2 is below this, and another one if the likeness
-    of a drawing by strokes is. It is also sought if that code has more maps than the searches allow."""
+    """A construction is sought if the likeness of the code of stage 2 is below this, or if that code has more maps than
+    any search for one allows. Another one is sought while the likeness of a drawing by strokes is below this."""
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (4, 3, 2)
     """Maximum number of maps in each search for the branches of a tree; empty: no such search. The first one comes
     before those for tiles."""
     recursion_blurs_px: tuple[Amount, ...] = (3.0, 6.0)
-    """Blurs of the measure, pixels, in searches for few maps (`tiled_maps`) in such a picture, whose codes are then
-    seen as tiles; empty: no such search."""
+    """Blurs of the measure, pixels, in searches for few maps (`tiled_maps`), whose codes are then seen as tiles; empty:
+    no such search."""
     registered_strokes: Positive = 4000
-    """Maximum number of strokes, copied by equally many maps, of a drawing that is registered with the picture."""
+    """Maximum number of strokes in the last generation of a drawing that is registered with the picture."""
+    registered_points: Positive = 20_000
+    """Number of points on these strokes, besides one for each, from which on they are farther apart than a pixel."""
     registered_kept: Positive = 2
     """Number of registered codes, those at the likeliest depths, that are then seen as strokes."""
     registration_steps: Positive = 60
     """Maximum number of steps of a registration."""
     registration_little: Share = 0.001
-    """A registration ends if a step lowers the misfit by less than this share."""
+    """A registration ends if a step lowers the cost by less than this share."""
     registration_along: PositiveShare = 0.1
     """Weight of squared distances along a stroke in a registration, relative to those across it."""
     registration_px: Factor = 4.0

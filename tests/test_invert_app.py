@@ -28,7 +28,7 @@ class Knows(Method):
             on_step(Progress(1, 0.5, {"error": 2.0}, stage="search", code=code))
         if self.answer is None:
             raise KeyboardInterrupt
-        return CodeReconstruction(self.answer, "asked to")
+        return CodeReconstruction(self.answer, "asked to", ("known beforehand",))
 
 
 @pytest.fixture
@@ -75,6 +75,7 @@ def test_a_picture_is_all_it_needs(folder, method, capsys):
     app.main(["gasket.png"])
     out = capsys.readouterr().out
     assert "text beside the shape was ignored" in out and "black shape on white: inverted" in out
+    assert out.count("note       ") == 1 and "note       known beforehand" in out
     assert "verdict    " in out and "50% search, error 2" in out and "F1 " in out and "asked to" in out
     written = {path.name for path in (folder / "gasket-fractal").iterdir()}
     assert written == {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "overlay.png"}

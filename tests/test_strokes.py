@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage import method
 from fractal_exp.methods.collage.canonical.stages import DrawnLastDigits
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
@@ -254,6 +255,23 @@ def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     drawn, true = (attractor.visible_box(each) for each in (best.code, dragon))
     assert max(abs(a - b) for a, b in zip(drawn, true, strict=True)) < 2 * PIXEL
     assert not DrawnMoves(stage.problem, 0).is_wanted(replace(state, best=best, current=None))
+
+
+@pytest.mark.parametrize("camera, ended", [(("coverage", 0.0, 0.01, 0.0), False), (("coverage", 0.1, 0.0, 0.0), True),
+                                           (("strokes", 4.0, 0.0, 0.01, 0.0), True), ((), False)])
+def test_a_note_tells_that_the_attractor_goes_on(monkeypatch, camera, ended):
+    class Found:
+        state = State()
+
+        def __init__(self, *_, **__):
+            pass
+
+        def run(self):
+            return Candidate(affine.from_code(tree()), None, 1.0, 1.0, camera)
+
+    monkeypatch.setattr(method, "Pipeline", Found)
+    notes = method.Collage().reconstruct(drawing(4)).notes
+    assert notes == ((method.ENDED,) if ended else ())
 
 
 def test_tiles_of_many_maps_explain_nothing():

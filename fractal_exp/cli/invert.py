@@ -91,6 +91,9 @@ def invert_picture(options: argparse.Namespace) -> None:
     print(f"  verdict    {found.verdict.words}")
     if found.verdict.remedy:
         print(f"  may help   {found.verdict.remedy}")
+    for note in found.notes:
+        if note not in (*picture.notes, *found.warnings):
+            print(f"  note       {note}")
     print(f"  likeness   {found.likeness}")
     print(f"  maps       {len(found.code)}, found in {found.seconds:.0f} s; {found.stopped}")
     print(f"  written    {folder}: {', '.join(written)}")

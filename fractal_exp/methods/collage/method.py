@@ -20,6 +20,7 @@ from .stage import Stage
 from .state import State
 
 SMALLEST_INPUT = 32
+ENDED = "the picture shows a few steps of a construction; the attractor of the code goes on beyond them"
 
 
 class Collage(Method):
@@ -81,8 +82,10 @@ class Collage(Method):
         state = pipeline.state
         curve = tuple(CurvePoint(len(each.maps), each.likeness, BYTES_OF_A_MAP * len(each.maps), each.code)
                       for each in state.curve)
+        seen = seen_with(levels, best.camera)
         return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=state.stopped, curve=curve,
-                                  camera=described(seen_with(levels, best.camera)) if best.camera else None)
+                                  notes=() if seen.shows_attractor else (ENDED,),
+                                  camera=described(seen) if best.camera else None)
 
     def deadline(self) -> Deadline:
         """The time limit, starting now."""

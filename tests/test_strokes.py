@@ -293,6 +293,15 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
     assert not Recursion.may_help(replace_params(problem, maps=3)) and Recursion.may_help(problem)
 
 
+@pytest.mark.parametrize("kind, likeness, wanted", [("coverage", 0.98, True), ("dots", 0.98, False),
+                                                    ("dots", 0.94, True)])
+def test_scatter_plots_are_no_constructions(monkeypatch, kind, likeness, wanted):
+    stage = Recursion(SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS))
+    stage._objective = ImageObjective(drawing(4), levels_of(drawing(4), kind, CAMERA), PARAMS)
+    monkeypatch.setattr(Recursion, "_likeness", lambda *_: likeness)
+    assert stage.is_wanted(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))) is wanted
+
+
 def replace_params(problem, **options):
     return SearchProblem(problem.given, problem.levels, problem.params.updated(**options))
 

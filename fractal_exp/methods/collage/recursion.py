@@ -78,10 +78,14 @@ class Recursion(Stage[Any]):
             return True
         if state.measured_through:  # a density: no construction
             return False
-        if len(state.leader.maps) > max(tried.maps for tried in self._tries):  # a simpler code may draw it too
+        if len(state.leader.maps) > self.params.camera.sharpened_maps:  # so many draw anything
             return True
         self.open(state)
-        return self._likeness(state.leader) < self.params.camera.recursion_below
+        likeness = self._likeness(state.leader)
+        if self.objective.levels.is_density:  # a scatter plot, as it seems: constructions are drawn with lines
+            return likeness < self.params.stages.unlike
+        most = max(tried.maps for tried in self._tries)  # a simpler code may draw the picture, too
+        return likeness < self.params.camera.recursion_below or len(state.leader.maps) > most
 
     def open(self, state: State) -> None:
         if self._objective is None:

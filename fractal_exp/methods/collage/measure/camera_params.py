@@ -111,7 +111,8 @@ class CameraParams(Params):
     """Only cameras whose error is at most the least error divided by this are polished further."""
     recursion_below: Share = 0.985
     """A construction is sought if the likeness of the code of stage 2 is below this, or if that code has more maps than
-    any search for one allows. Another one is sought while the likeness of a drawing by strokes is below this."""
+    any search for one allows; for a code seen as dots, if its likeness is below `StageParams.unlike`. Another one is
+    sought while the likeness of a drawing by strokes is below this."""
     recursion_maps: tuple[Annotated[int, Field(ge=2)], ...] = (4, 3, 2)
     """Maximum number of maps in each search for the branches of a tree; empty: no such search. The first one comes
     before those for tiles."""

@@ -136,7 +136,7 @@ def test_a_thousand_iterations_take_no_more_memory_than_one():
     for _ in range(1000):
         both(code)
     torch.cuda.synchronize()
-    assert torch.cuda.memory_allocated() == held
+    assert torch.cuda.memory_allocated() <= held
     assert free - torch.cuda.mem_get_info()[0] < 64e6  # the driver's own view, numba's memory included
 
 

@@ -102,8 +102,24 @@ def test_what_maps_do_across_a_line_does_not_keep_their_parent_from_being_found(
 
 def test_maps_of_a_shape_that_is_no_line_stay():
     maps = affine.from_code(GASKET)
-    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0, CAMERA)
-    assert on_their_line(maps, points, PIXEL) is maps
+    assert on_their_line(maps, torch.full((3,), 1 / 3), PIXEL) is maps
+    thick = torch.tensor([[0.3, 0, 0, 0.95, x, y] for x in (-0.5, 0.5) for y in (-0.02, 0.02)])
+    std = 0.02 / (1 - 0.95**2) ** 0.5  # of y: what 0.95 leaves of it, and the offset
+    assert on_their_line(thick, torch.ones(4), 0.99 * std) is thick
+    assert on_their_line(thick, torch.ones(4), 1.01 * std) is not thick
+
+
+def test_an_attractor_on_a_line_is_known_though_points_take_long_to_reach_it():
+    """Cantor's set on the line y = 0.1 + 0.2 x, whose maps are near isometries across it."""
+    across = torch.tensor([0.99, -0.98])
+    maps = torch.tensor([[1 / 3, 0, 0, 0, -0.5, 0], [1 / 3, 0, 0, 0, 0.5, 0]])
+    maps[:, 2], maps[:, 3], maps[:, 5] = 0.2 * (1 / 3 - across), across, 0.1 * (1 - across) + 0.2 * maps[:, 4]
+    found = on_their_line(maps, torch.tensor([0.7, 0.3]), PIXEL / 100)
+    assert torch.allclose(found[:, :4], torch.tensor([1 / 3, 0, 0, 1 / 3]).expand(2, 4), atol=1e-5)
+    x = torch.linspace(-0.75, 0.75, 7)
+    line = torch.stack([x, 0.1 + 0.2 * x], 1)
+    for one, new in zip(maps, found, strict=True):
+        assert torch.allclose(line @ new[:4].view(2, 2).T + new[4:], line @ one[:4].view(2, 2).T + one[4:], atol=1e-5)
 
 
 def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
@@ -194,6 +210,18 @@ def test_a_number_of_maps_that_was_asked_for_stays():
     stage = DrawnLastDigits(SearchProblem(levels.picture, levels, asked))
     stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), asked)
     assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
+
+
+def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
+    """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
+    near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
+    cantor = affine.to_code(torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]]))
+    picture = Drawn(CAMERA, None, (0.0, 2 * PIXEL, 0.0)).render(cantor, SIDE, 0)
+    params = PARAMS.updated(canonical={"matrices": False})
+    stage = DrawnLastDigits(SearchProblem(picture, Drawn(CAMERA, picture), params))
+    stage.objective = ImageObjective(picture, Drawn(CAMERA, picture, (0.0, PIXEL, 0.0)), params)
+    found = stage._rounded(stage.objective.judge(near))
+    assert torch.allclose(found.maps[:, :4].abs(), torch.tensor([1 / 3, 0, 0, 1 / 3]).expand(2, 4), atol=0.01)
 
 
 @pytest.mark.parametrize("contained", [True, False])

@@ -6,20 +6,32 @@ import torch
 from torch import Tensor
 
 
-def on_their_line(maps: Tensor, points: Tensor, thinnest: float) -> Tensor:
-    """Replace maps (N,6) whose attractor lies on a line by similarities with the same effect along the line.
+def on_their_line(maps: Tensor, probabilities: Tensor, thinnest: float) -> Tensor:
+    """Replace contractive maps (N,6) whose attractor lies on a line by similarities with the same effect along it.
 
-    Without this, the invisible part of a map is arbitrary, and products and inverses of maps mean nothing. points
-    (P,2): of the attractor; thinnest: the maps stay as they are unless the standard deviation of the points across the
-    line is below this, canvas units.
+    Without this, the invisible part of a map is arbitrary, and products and inverses of maps mean nothing.
+    probabilities (N,): of the maps; thinnest: the maps stay as they are unless the standard deviation of the attractor
+    across the line is below this, canvas units.
     """
-    centre = points.mean(0)
-    spread, axes = torch.linalg.eigh(torch.cov((points - centre).double().T))
+    centre, covariance = _moments(maps.double(), probabilities.double())
+    spread, axes = torch.linalg.eigh(covariance)
     if float(spread[0].clamp_min(0).sqrt()) >= thinnest:
         return maps
     across, along = axes.T.to(maps)
-    linear = maps[:, :4].unflatten(1, (2, 2))
+    centre, linear = centre.to(maps), maps[:, :4].unflatten(1, (2, 2))
     factor = torch.einsum("i,nij,j->n", along, linear, along)
     shift = (linear @ centre + maps[:, 4:] - centre) @ along
     new = factor[:, None, None] * torch.outer(along, along) + factor.abs()[:, None, None] * torch.outer(across, across)
     return torch.cat([new.flatten(1), centre + shift[:, None] * along - new @ centre], 1)
+
+
+def _moments(maps: Tensor, probabilities: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean (2,) and covariance (2,2) of the invariant measure, which the maps send to itself. Both solve a linear
+    equation. Points of the chaos game would not do: those of a near isometry take long to reach a line."""
+    share, linear, offset = probabilities / probabilities.sum(), maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:]
+    identity = torch.eye(4).to(maps)
+    mean = torch.linalg.solve(identity[:2, :2] - torch.einsum("n,nij->ij", share, linear), share @ offset)
+    away = linear @ mean + offset - mean
+    squares = torch.einsum("n,nij,nkl->ikjl", share, linear, linear).reshape(4, 4)
+    between = torch.einsum("n,ni,nk->ik", share, away, away).flatten()
+    return mean, torch.linalg.solve(identity - squares, between).view(2, 2)

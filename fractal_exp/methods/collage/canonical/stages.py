@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import torch
+
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ..image.camera import Seen, angle_of, in_turns, sharpened
@@ -105,6 +107,9 @@ class DrawnLastDigits(LastDigits):
         found = without_unseen(objective, start, params.maps or 0, deadline)
         objective, found = without_needless((objective, found), params.maps or 0, deadline, contained=True)
         simple = self._simplest(objective, found)
+        flat = self._sharpened_on_line(objective, simple)
+        if flat is not None and angle_of(flat) <= objective.angle(worst_error(objective, found)):
+            return flat
         if simple.error <= worst_error(objective, found):
             return sharpened(objective, simple, deadline)
         if objective.likeness(simple.image) >= params.stages.unlike:
@@ -120,11 +125,22 @@ class DrawnLastDigits(LastDigits):
         simple = WeightedMaps(simplest(found.maps, symmetries(objective.image.cpu(), params), params), found.weights)
         single = self.problem.without_doubles(simple)  # mirrored, two maps of a symmetric shape may be one
         other = polished(objective, objective.judge(single.maps, single.weights), params.polish, deadline=deadline)
-        if not self.params.maps:
-            price = Price(0.0, self.params.moves.worth)
-            other = with_fewer_maps(objective, other, price, params.polish, deadline)
-        flat = objective.judge(flattened(objective, other), other.weights)
-        return min(flat, other, key=lambda each: each.error)
+        if self.params.maps:
+            return other
+        return with_fewer_maps(objective, other, Price(0.0, self.params.moves.worth), params.polish, deadline)
+
+    def _sharpened_on_line(self, objective: ImageObjective, found: Rendered) -> Seen | None:
+        """The code with similarities in the place of its maps, and the camera that suits it. None unless the whole
+        shape lies on a line.
+
+        What maps do across the line may draw a pen's width, because points of a near isometry take long to reach the
+        line. The polish of code and camera brings some of it back, so the maps are replaced again afterwards."""
+        flat = flattened(objective, found)
+        if torch.equal(flat, found.maps):
+            return None
+        seen = sharpened(objective, objective.judge(flat, found.weights), self.problem.deadline)
+        again = seen[0].judge(flattened(*seen), found.weights)
+        return (seen[0], again) if again.error <= worst_error(*seen) else seen
 
     def _is_far(self, found: Candidate) -> bool:
         shown = self.objective.judge(found.maps, found.weights)

@@ -83,7 +83,7 @@ def without_contained(objective: ImageObjective, shown: Rendered, least: int) ->
 def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
     """The maps (N,6) of a code after `on_their_line`."""
     thinnest = 2 / len(objective.image) * objective.params.moves.flat_px
-    return on_their_line(shown.maps.cpu(), _points(objective, shown), thinnest).to(shown.maps)
+    return on_their_line(shown.maps.cpu(), shown.probabilities.cpu(), thinnest).to(shown.maps)
 
 
 def _points(objective: ImageObjective, shown: Rendered) -> Tensor:

@@ -107,6 +107,9 @@ def test_maps_of_a_shape_that_is_no_line_stay():
     std = 0.02 / (1 - 0.95**2) ** 0.5  # of y: what 0.95 leaves of it, and the offset
     assert on_their_line(thick, torch.ones(4), 0.99 * std) is thick
     assert on_their_line(thick, torch.ones(4), 1.01 * std) is not thick
+    rare = torch.tensor([1.0, 3, 1, 3])  # the offsets of y have a standard deviation of sqrt(3) / 2 times 0.02
+    assert on_their_line(thick, rare, 0.99 * 0.75**0.5 * std) is thick
+    assert on_their_line(thick, rare, 1.01 * 0.75**0.5 * std) is not thick
 
 
 def test_an_attractor_on_a_line_is_known_though_points_take_long_to_reach_it():
@@ -212,16 +215,54 @@ def test_a_number_of_maps_that_was_asked_for_stays():
     assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
 
 
+def last_stage(picture, pen_px):
+    """The last stage, which sees codes with this pen."""
+    params = PARAMS.updated(canonical={"matrices": False})
+    stage = DrawnLastDigits(SearchProblem(picture, Drawn(CAMERA, picture), params))
+    stage.objective = ImageObjective(picture, Drawn(CAMERA, picture, (0.0, pen_px * PIXEL, 0.0)), params)
+    return stage
+
+
+def last_digits(picture, code, pen_px):
+    """What the last stage makes of a code."""
+    stage = last_stage(picture, pen_px)
+    return stage._rounded(stage.objective.judge(code)).maps
+
+
 def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
-    cantor = affine.to_code(torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]]))
-    picture = Drawn(CAMERA, None, (0.0, 2 * PIXEL, 0.0)).render(cantor, SIDE, 0)
-    params = PARAMS.updated(canonical={"matrices": False})
-    stage = DrawnLastDigits(SearchProblem(picture, Drawn(CAMERA, picture), params))
-    stage.objective = ImageObjective(picture, Drawn(CAMERA, picture, (0.0, PIXEL, 0.0)), params)
-    found = stage._rounded(stage.objective.judge(near))
-    assert torch.allclose(found.maps[:, :4].abs(), torch.tensor([1 / 3, 0, 0, 1 / 3]).expand(2, 4), atol=0.01)
+    cantor = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
+    picture = Drawn(CAMERA, None, (0.0, 2 * PIXEL, 0.0)).render(affine.to_code(cantor), SIDE, 0)
+    assert torch.allclose(last_digits(picture, near, pen_px=1).abs(), cantor.abs(), atol=0.01)
+
+
+def test_what_the_polish_does_across_a_line_is_undone(monkeypatch):
+    cantor = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
+    bent = cantor + torch.tensor([0, 0.1, 0, 0.2, 0, 0])  # the same along the line
+    monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, judge.judge(bent)))
+    picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(cantor), SIDE, 0)
+    stage = last_stage(picture, pen_px=1)
+    _, found = stage._on_line((stage.objective, stage.objective.judge(bent)))
+    assert torch.allclose(found.maps, cantor, atol=0.001)
+
+
+def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
+    """Two maps, each of which turns half of the curve a little, up and down again."""
+    rise = 0.0125
+    curve = torch.tensor([[0.5, -rise, rise, 0.5, -0.375, 0], [0.5, rise, -rise, 0.5, 0.375, 0]])
+    picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
+    assert torch.allclose(last_digits(picture, curve, pen_px=1), curve, atol=1e-3)
+
+
+def test_parents_are_found_though_points_take_long_to_reach_a_line():
+    """Cantor's set: f1, and what f2 makes of f1 and of itself. The maps hardly contract across the line."""
+    first, second = torch.tensor([[1 / 3, 0.1, 0, 0.99, -0.5, 0], [1 / 3, -0.1, 0, 0.99, 0.5, 0]])
+    parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
+    cantor = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
+    picture = Drawn(CAMERA, None, PEN).render(affine.to_code(cantor), SIDE, 0)
+    judge = ImageObjective(picture, Drawn(CAMERA, picture, PEN), PARAMS)
+    assert any(len(each.maps) == 2 for each in with_parents(judge, judge.judge(parts)))
 
 
 @pytest.mark.parametrize("contained", [True, False])

@@ -80,7 +80,7 @@ class DrawnLastDigits(LastDigits):
 
     def _rounded(self, start: Rendered) -> Rendered:
         before = self.objective
-        seen = self._sharpened(start)
+        seen = self._on_line(self._sharpened(start))
         self.objective, needed = without_needless(seen, self.params.maps or 0, self.problem.deadline)
         if needed is not seen[1]:
             self.objective, needed = in_turns(self.objective, needed, self.problem.deadline)
@@ -107,9 +107,6 @@ class DrawnLastDigits(LastDigits):
         found = without_unseen(objective, start, params.maps or 0, deadline)
         objective, found = without_needless((objective, found), params.maps or 0, deadline, contained=True)
         simple = self._simplest(objective, found)
-        flat = self._sharpened_on_line(objective, simple)
-        if flat is not None and angle_of(flat) <= objective.angle(worst_error(objective, found)):
-            return flat
         if simple.error <= worst_error(objective, found):
             return sharpened(objective, simple, deadline)
         if objective.likeness(simple.image) >= params.stages.unlike:
@@ -129,18 +126,18 @@ class DrawnLastDigits(LastDigits):
             return other
         return with_fewer_maps(objective, other, Price(0.0, self.params.moves.worth), params.polish, deadline)
 
-    def _sharpened_on_line(self, objective: ImageObjective, found: Rendered) -> Seen | None:
-        """The code with similarities in the place of its maps, and the camera that suits it. None unless the whole
-        shape lies on a line.
+    def _on_line(self, seen: Seen) -> Seen:
+        """The code with similarities in the place of its maps, and the camera that suits it, if the shape lies on a
+        line and the similarities explain the picture about as well.
 
         What maps do across the line may draw a pen's width, because points of a near isometry take long to reach the
-        line. The polish of code and camera brings some of it back, so the maps are replaced again afterwards."""
-        flat = flattened(objective, found)
-        if torch.equal(flat, found.maps):
-            return None
-        seen = sharpened(objective, objective.judge(flat, found.weights), self.problem.deadline)
-        again = seen[0].judge(flattened(*seen), found.weights)
-        return (seen[0], again) if again.error <= worst_error(*seen) else seen
+        line. The polish of code and camera brings some of it back, so the maps are replaced again after it."""
+        flat = flattened(*seen)
+        if torch.equal(flat, seen[1].maps):
+            return seen
+        objective, found = sharpened(seen[0], seen[0].judge(flat, seen[1].weights), self.problem.deadline)
+        other = objective, objective.judge(flattened(objective, found), found.weights)
+        return other if angle_of(other)**2 <= self.params.canonical.drawn_worse * angle_of(seen)**2 else seen
 
     def _is_far(self, found: Candidate) -> bool:
         shown = self.objective.judge(found.maps, found.weights)

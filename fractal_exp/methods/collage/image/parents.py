@@ -87,8 +87,8 @@ def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
 
 
 def _points(objective: ImageObjective, shown: Rendered) -> Tensor:
-    """Points (P,2) of the attractor."""
-    return attractor_points(shown.maps, shown.probabilities, objective.params.moves.parent_points,
+    """Points (P,2) of the attractor; not by maps that hardly contract across a line, which reach it slowly."""
+    return attractor_points(flattened(objective, shown), shown.probabilities, objective.params.moves.parent_points,
                             derive(objective.seed, "parents"), objective.params.camera).cpu()
 
 

@@ -27,6 +27,7 @@ CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
 GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
 PEN = (0.0, 1.0 * PIXEL, 0.5 * PIXEL)
 CULCITA, CYCLOSORUS = (attractor.normalize(codes.known(name)) for name in ("culcita", "cyclosorus"))
+CANTOR = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])  # maps
 INK, THICK_INK = (0.24, 0.5 * PIXEL), (0.15, 0.8 * PIXEL)   # gain and blur
 
 
@@ -232,19 +233,17 @@ def last_digits(picture, code, pen_px):
 def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
-    cantor = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
-    picture = Drawn(CAMERA, None, (0.0, 2 * PIXEL, 0.0)).render(affine.to_code(cantor), SIDE, 0)
-    assert torch.allclose(last_digits(picture, near, pen_px=1).abs(), cantor.abs(), atol=0.01)
+    picture = Drawn(CAMERA, None, (0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
+    assert torch.allclose(last_digits(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
 def test_what_the_polish_does_across_a_line_is_undone(monkeypatch):
-    cantor = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
-    bent = cantor + torch.tensor([0, 0.1, 0, 0.2, 0, 0])  # the same along the line
+    bent = CANTOR + torch.tensor([0, 0.1, 0, 0.2, 0, 0])  # the same along the line
     monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, judge.judge(bent)))
-    picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(cantor), SIDE, 0)
+    picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
     stage = last_stage(picture, pen_px=1)
     _, found = stage._on_line((stage.objective, stage.objective.judge(bent)))
-    assert torch.allclose(found.maps, cantor, atol=0.001)
+    assert torch.allclose(found.maps, CANTOR, atol=0.001)
 
 
 def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
@@ -259,8 +258,7 @@ def test_parents_are_found_though_points_take_long_to_reach_a_line():
     """Cantor's set: f1, and what f2 makes of f1 and of itself. The maps hardly contract across the line."""
     first, second = torch.tensor([[1 / 3, 0.1, 0, 0.99, -0.5, 0], [1 / 3, -0.1, 0, 0.99, 0.5, 0]])
     parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
-    cantor = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
-    picture = Drawn(CAMERA, None, PEN).render(affine.to_code(cantor), SIDE, 0)
+    picture = Drawn(CAMERA, None, PEN).render(affine.to_code(CANTOR), SIDE, 0)
     judge = ImageObjective(picture, Drawn(CAMERA, picture, PEN), PARAMS)
     assert any(len(each.maps) == 2 for each in with_parents(judge, judge.judge(parts)))
 

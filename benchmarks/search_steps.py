@@ -26,9 +26,9 @@ import torch
 
 from fractal_exp import IFS, ops, suite
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage.measure import tiles
-from fractal_exp.methods.collage.measure.bins import binned
-from fractal_exp.methods.collage.measure.levels import Density
+from fractal_exp.methods.collage.bins import binned
+from fractal_exp.methods.collage.camera import tiles
+from fractal_exp.methods.collage.camera.levels import Density
 from fractal_exp.methods.collage.params import CameraParams, DescentParams
 from fractal_exp.ops.backends import choose
 from fractal_exp.ops.collage import Descent, descend

@@ -26,10 +26,10 @@ from tqdm import tqdm
 from fractal_exp import suite
 from fractal_exp.evaluation.summary import bootstrap_interval
 from fractal_exp.methods.amortized.method import Amortized
+from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.maps import from_code
-from fractal_exp.methods.collage.measure.stages import Restart
-from fractal_exp.methods.collage.measure.tones import levels_of
-from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.stages.measure import Restart
+from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.checkpoint import Snapshot

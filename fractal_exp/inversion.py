@@ -17,11 +17,11 @@ from .ifs.code import IFS, View
 from .images.placement import Placement
 from .images.reading import ReadImage, read_colour, read_target, write_image
 from .methods.base import CurvePoint
+from .methods.collage.camera.tones import levels_of, seen_with, taken_with
 from .methods.collage.image.camera import estimated
-from .methods.collage.image.likeness import likeness_of_attractor
 from .methods.collage.image.objective import ImageObjective
-from .methods.collage.measure.tones import levels_of, seen_with, taken_with
 from .methods.collage.params import CollageParams
+from .methods.collage.simplify.likeness import likeness_of_attractor
 from .methods.history import StageRecord
 from .rendering import sheets
 from .rendering.colour import on_ground

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from .evaluation import metrics
 from .images.reading import ReadImage
-from .methods.collage.measure.tones import guess_levels
+from .methods.collage.camera.tones import guess_levels
 from .methods.collage.params import CameraParams, CollageParams
 from .runtime.params import Amount, Params, Positive, Share, check_order
 

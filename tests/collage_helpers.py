@@ -6,13 +6,13 @@ import torch
 from torch import Tensor
 
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.camera.tones import LEVELS, guess_levels
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.image.search import ImageSearch
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
-from fractal_exp.methods.collage.measure.tones import LEVELS, guess_levels
 from fractal_exp.methods.collage.method import Collage
+from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate
 
 PARAMS = CollageParams()

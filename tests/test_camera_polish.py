@@ -8,16 +8,16 @@ from PIL import Image, ImageDraw
 from fractal_exp import InputError, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.camera.tiles import tiled
+from fractal_exp.methods.collage.camera.tones import camera_of
 from fractal_exp.methods.collage.image import camera
 from fractal_exp.methods.collage.image.camera import angle_of, as_seen, estimated, nearest, sharpened
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
-from fractal_exp.methods.collage.measure.tiles import tiled
-from fractal_exp.methods.collage.measure.tones import camera_of
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.recursion import _tries
+from fractal_exp.methods.collage.stages.construction import _tries
 from fractal_exp.runtime.deadline import NO_DEADLINE
 
 PARAMS, SIDE = CollageParams(), 128

@@ -12,11 +12,11 @@ from fractal_exp.evaluation import evaluate
 from fractal_exp.ifs import attractor
 from fractal_exp.images import samples
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image.search import ImageSearch
-from fractal_exp.methods.collage.measure.bins import binned
+from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.measure.saturation import saturation_corrected
 from fractal_exp.methods.collage.method import Collage
-from fractal_exp.methods.collage.stages import ImageMoves
+from fractal_exp.methods.collage.moves.search import ImageSearch
+from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from fractal_exp.runtime.checkpoint import Checkpoint

@@ -10,7 +10,7 @@ from ops_helpers import tiling_problem
 from fractal_exp import suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.measure.bins import halve
+from fractal_exp.methods.collage.bins import halve
 from fractal_exp.methods.collage.measure.births import candidates
 from fractal_exp.methods.collage.measure.saturation import correction
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward

@@ -9,14 +9,14 @@ from collage_helpers import BINARY, PARAMS, objective, problem, random, tied
 from fractal_exp import suite
 from fractal_exp.ifs.attractor import normalize
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.canonical.rounding import Rounding
-from fractal_exp.methods.collage.canonical.stages import LastDigits
 from fractal_exp.methods.collage.image import gauss_newton
-from fractal_exp.methods.collage.image import search as search_module
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
-from fractal_exp.methods.collage.image.search import ImageSearch
+from fractal_exp.methods.collage.moves import search as search_module
+from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.pipeline import Pipeline
-from fractal_exp.methods.collage.stages import FullSize, ImageMoves, Restart
+from fractal_exp.methods.collage.simplify.rounding import Rounding
+from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves, Restart
+from fractal_exp.methods.collage.stages.rounding import LastDigits
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -10,18 +10,18 @@ from PIL import Image, ImageDraw
 
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
 from fractal_exp.methods.collage.growth.growing import Grower
 from fractal_exp.methods.collage.growth.paving import paving
 from fractal_exp.methods.collage.growth.silhouette import Silhouette
-from fractal_exp.methods.collage.growth.stage import Growth
 from fractal_exp.methods.collage.image.camera import estimated
-from fractal_exp.methods.collage.measure.tones import levels_of
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
-from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.stages.growth import Growth
+from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline

@@ -7,8 +7,8 @@ from collage_helpers import PARAMS, problem, small, tied
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.measure.bins import binned
-from fractal_exp.methods.collage.stages import last_stages, stages_of
+from fractal_exp.methods.collage.bins import binned
+from fractal_exp.methods.collage.stages.image import last_stages, stages_of
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 

@@ -9,11 +9,11 @@ from collage_helpers import PARAMS, measure_search, objective
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.canonical.simple_maps import Spread
 from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.jacobian import FromPoints
 from fractal_exp.methods.collage.image.objective import stabilize
-from fractal_exp.methods.collage.image.pruning import Price, pruned
+from fractal_exp.methods.collage.simplify.pruning import Price, pruned
+from fractal_exp.methods.collage.simplify.simple_maps import Spread
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.suite import target
 

@@ -9,14 +9,14 @@ from collage_helpers import DENSITY, PARAMS, image_search, objective
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
-from fractal_exp.methods.collage.image.moves import reorient
-from fractal_exp.methods.collage.image.pruning import Price, pruned_in_frame
-from fractal_exp.methods.collage.image.search import ImageSearch
-from fractal_exp.methods.collage.measure.bins import binned
 from fractal_exp.methods.collage.measure.births import reoriented
+from fractal_exp.methods.collage.moves import reorient
+from fractal_exp.methods.collage.moves.search import ImageSearch
+from fractal_exp.methods.collage.simplify.pruning import Price, pruned_in_frame
 from fractal_exp.methods.collage.state import Candidate
 
 

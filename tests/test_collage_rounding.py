@@ -10,10 +10,10 @@ from collage_helpers import PARAMS, objective, problem
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.canonical.rounding import Rounding
-from fractal_exp.methods.collage.canonical.simple_maps import Spread, mirrored_offsets, simple_matrices
 from fractal_exp.methods.collage.image.gauss_newton import polished
-from fractal_exp.methods.collage.stages import ImageMoves, last_stages
+from fractal_exp.methods.collage.simplify.rounding import Rounding
+from fractal_exp.methods.collage.simplify.simple_maps import Spread, mirrored_offsets, simple_matrices
+from fractal_exp.methods.collage.stages.image import ImageMoves, last_stages
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -9,10 +9,10 @@ from collage_helpers import DENSITY, measure_search, objective, problem, tied
 from collage_helpers import small as few
 
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.fields import DescentSteps
 from fractal_exp.methods.collage.measure import births
 from fractal_exp.methods.collage.measure.search import MeasureSearch
-from fractal_exp.methods.collage.stages import Detail, ImageMoves, Restart, last_stages, stages_of
+from fractal_exp.methods.collage.params.fields import DescentSteps
+from fractal_exp.methods.collage.stages.image import Detail, ImageMoves, Restart, last_stages, stages_of
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 

@@ -8,9 +8,9 @@ from collage_helpers import CAMERA, PARAMS, objective
 
 from fractal_exp import ops
 from fractal_exp.errors import InputError
-from fractal_exp.methods.collage.image.moves.root import rooted
-from fractal_exp.methods.collage.image.search import ImageSearch
-from fractal_exp.methods.collage.measure.levels import Density
+from fractal_exp.methods.collage.camera.levels import Density
+from fractal_exp.methods.collage.moves.root import rooted
+from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.ops.collage import orbit_bins, pushforward
 from fractal_exp.runtime.seeds import generator

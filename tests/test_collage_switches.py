@@ -8,12 +8,12 @@ from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image import gauss_newton
-from fractal_exp.methods.collage.image.likeness import without_unseen
-from fractal_exp.methods.collage.image.moves import new_map
 from fractal_exp.methods.collage.image.objective import reduced
-from fractal_exp.methods.collage.image.pruning import Price, pruned
-from fractal_exp.methods.collage.measure.stages import Restart
-from fractal_exp.methods.collage.stages import ImageMoves
+from fractal_exp.methods.collage.moves import new_map
+from fractal_exp.methods.collage.simplify.likeness import without_unseen
+from fractal_exp.methods.collage.simplify.pruning import Price, pruned
+from fractal_exp.methods.collage.stages.image import ImageMoves
+from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State
 from fractal_exp.suite import target
 

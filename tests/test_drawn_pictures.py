@@ -13,17 +13,17 @@ from fractal_exp.errors import InputError
 from fractal_exp.ifs import attractor
 from fractal_exp.inversion import Likeness
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.growth.stage import Growth
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.camera.tile_kernels import collect, mark
+from fractal_exp.methods.collage.camera.tiles import tiled, words
+from fractal_exp.methods.collage.camera.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.image.camera import estimated, nearest
-from fractal_exp.methods.collage.image.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
-from fractal_exp.methods.collage.measure.tile_kernels import collect, mark
-from fractal_exp.methods.collage.measure.tiles import tiled, words
-from fractal_exp.methods.collage.measure.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.stages import DrawnMoves
+from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
+from fractal_exp.methods.collage.stages.growth import Growth
+from fractal_exp.methods.collage.stages.image import DrawnMoves
+from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, Key, State
 from fractal_exp.rendering.still import render_with_info
 

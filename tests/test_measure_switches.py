@@ -9,14 +9,14 @@ from test_strokes import drawing, tree
 
 from fractal_exp import suite
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.canonical.rounding import Rounding
-from fractal_exp.methods.collage.canonical.symmetry import symmetries
+from fractal_exp.methods.collage.bins import attractor_points
+from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 from fractal_exp.methods.collage.image.camera import as_seen, estimated
-from fractal_exp.methods.collage.measure.bins import attractor_points
 from fractal_exp.methods.collage.measure.births import _wanted, candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population
-from fractal_exp.methods.collage.measure.tones import levels_of, seen_with
-from fractal_exp.methods.collage.recursion import Recursion
+from fractal_exp.methods.collage.simplify.rounding import Rounding
+from fractal_exp.methods.collage.simplify.symmetry import symmetries
+from fractal_exp.methods.collage.stages.construction import Recursion
 from fractal_exp.runtime.deadline import NO_DEADLINE
 
 

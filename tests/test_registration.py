@@ -8,13 +8,13 @@ from test_strokes import PIXEL, SIDE, drawing, tree
 from test_trunk import PARAMS, objective
 
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.camera.strokes import parts_of
+from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.image.registration import Registration, _drawn, _Tree
-from fractal_exp.methods.collage.measure.strokes import parts_of
-from fractal_exp.methods.collage.measure.tones import levels_of
-from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.recursion import Recursion
+from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.methods.collage.trees.registration import Registration, _drawn, _Tree
 from fractal_exp.runtime.deadline import Deadline
 
 DEPTH = 5

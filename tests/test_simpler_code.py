@@ -8,8 +8,8 @@ from test_strokes import SIDE
 from test_trunk import stage
 
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.recursion import Recursion
-from fractal_exp.methods.collage.stages import DrawnMoves
+from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.image import DrawnMoves
 from fractal_exp.methods.collage.state import Candidate, State
 
 THIRDS = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.6, 0], [1 / 3, 0, 0, 1 / 3, 0.6, 0]])

@@ -7,20 +7,20 @@ from test_drawn_pictures import at, triangles
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.canonical import stages as last_stages
-from fractal_exp.methods.collage.canonical.flat import on_their_line
-from fractal_exp.methods.collage.canonical.stages import DrawnLastDigits
-from fractal_exp.methods.collage.canonical.symmetry import simplest, symmetries
-from fractal_exp.methods.collage.image import needless, parents
-from fractal_exp.methods.collage.image.likeness import likeness_of, without_unseen
-from fractal_exp.methods.collage.image.needless import without_needless
+from fractal_exp.methods.collage.bins import attractor_points
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.image.parents import with_fewer_maps, with_parents, without_contained
-from fractal_exp.methods.collage.image.pruning import Price, without_doubles
-from fractal_exp.methods.collage.measure.bins import attractor_points
-from fractal_exp.methods.collage.measure.pens import Dots, Drawn
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import SearchProblem
+from fractal_exp.methods.collage.simplify import needless, parents
+from fractal_exp.methods.collage.simplify.flat import on_their_line
+from fractal_exp.methods.collage.simplify.likeness import likeness_of, without_unseen
+from fractal_exp.methods.collage.simplify.needless import without_needless
+from fractal_exp.methods.collage.simplify.parents import with_fewer_maps, with_parents, without_contained
+from fractal_exp.methods.collage.simplify.pruning import Price, without_doubles
+from fractal_exp.methods.collage.simplify.symmetry import simplest, symmetries
+from fractal_exp.methods.collage.stages import canonical as last_stages
+from fractal_exp.methods.collage.stages.problem import SearchProblem
+from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE

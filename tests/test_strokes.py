@@ -12,18 +12,18 @@ from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage import method
-from fractal_exp.methods.collage.canonical.stages import DrawnLastDigits
+from fractal_exp.methods.collage.camera.pens import Dots
+from fractal_exp.methods.collage.camera.strokes import Strokes, as_lines
+from fractal_exp.methods.collage.camera.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
-from fractal_exp.methods.collage.image.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.measure.pens import Dots
-from fractal_exp.methods.collage.measure.strokes import Strokes, as_lines
-from fractal_exp.methods.collage.measure.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.recursion import Recursion, is_construction
-from fractal_exp.methods.collage.stages import DrawnMoves, stages_of
+from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
+from fractal_exp.methods.collage.stages.construction import Recursion, is_construction
+from fractal_exp.methods.collage.stages.image import DrawnMoves, stages_of
+from fractal_exp.methods.collage.stages.problem import SearchProblem
+from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

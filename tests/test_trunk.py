@@ -8,18 +8,18 @@ from test_strokes import FOOT, PIXEL, SIDE, TOP, drawing, tree
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage import recursion
-from fractal_exp.methods.collage.image import trunk
+from fractal_exp.methods.collage.camera.stroke_kernels import outline
+from fractal_exp.methods.collage.camera.strokes import flat_maps, parts_of
+from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.image.trunk import _segments, flat_maps_onto, with_trunk
 from fractal_exp.methods.collage.measure.search import MeasureSearch
-from fractal_exp.methods.collage.measure.stroke_kernels import outline
-from fractal_exp.methods.collage.measure.strokes import flat_maps, parts_of
-from fractal_exp.methods.collage.measure.tones import levels_of
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.recursion import Recursion
+from fractal_exp.methods.collage.stages import construction as recursion
+from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
+from fractal_exp.methods.collage.trees import trunk
+from fractal_exp.methods.collage.trees.trunk import _segments, flat_maps_onto, with_trunk
 
 PARAMS = CollageParams()
 

@@ -8,17 +8,17 @@ import torch
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.camera.levels import may_be_density
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 from fractal_exp.methods.collage.image.camera import estimated, nearest
-from fractal_exp.methods.collage.image.likeness import likeness_of_attractor
-from fractal_exp.methods.collage.measure.levels import may_be_density
-from fractal_exp.methods.collage.measure.pens import Dots, Drawn, ToneMapped
 from fractal_exp.methods.collage.measure.saturation import correction
-from fractal_exp.methods.collage.measure.stages import Detail, Restart, Uncurved
-from fractal_exp.methods.collage.measure.tones import levels_of, seen_with
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.problem import SearchProblem
-from fractal_exp.methods.collage.recursion import Recursion
-from fractal_exp.methods.collage.stages import Approach, DrawnMoves, stages_of
+from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
+from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.image import Approach, DrawnMoves, stages_of
+from fractal_exp.methods.collage.stages.measure import Detail, Restart, Uncurved
+from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -9,9 +9,9 @@ from torch import Tensor
 
 from ...ifs.code import IFS
 from ..base import OnStep, Progress
-from .problem import SearchProblem
-from .stage import Stage
-from .stages import last_stages, stages_of
+from .stages.base import Stage
+from .stages.image import last_stages, stages_of
+from .stages.problem import SearchProblem
 from .state import Candidate, State
 
 ANOTHER_ROUND = 0.5   # probability that another round follows, assumed for the progress bar

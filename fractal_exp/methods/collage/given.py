@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...ifs.code import IFS
 from ...runtime.checkpoint import Snapshot
 from .maps import from_code
-from .measure.stages import Detail
+from .stages.measure import Detail
 from .state import Candidate, Key, State
 
 # Another round, growth, and the search for the few maps of a construction would begin without the code.

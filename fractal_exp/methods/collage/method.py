@@ -11,12 +11,12 @@ from ...runtime.checkpoint import Checkpoint
 from ...runtime.checks import check_count, check_seconds
 from ...runtime.deadline import Deadline
 from ..base import CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
+from .camera.tones import described, levels_of, seen_with
 from .course import Teller
-from .measure.tones import described, levels_of, seen_with
 from .params import BYTES_OF_A_MAP, CollageParams
 from .pipeline import Pipeline
-from .problem import SearchProblem
-from .stage import Stage
+from .stages.base import Stage
+from .stages.problem import SearchProblem
 from .state import State
 
 SMALLEST_INPUT = 32

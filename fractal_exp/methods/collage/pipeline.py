@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..base import time_is_up
-from .problem import SearchProblem
-from .stage import Stage
-from .stages import last_stages, stages_of
+from .stages.base import Stage
+from .stages.image import last_stages, stages_of
+from .stages.problem import SearchProblem
 from .state import Candidate, State
 
 Tell = Callable[[Stage, State], None]

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
+from .camera.tones import Camera
 from .maps import WeightedMaps
-from .measure.tones import Camera
 
 VERSION = 15   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`

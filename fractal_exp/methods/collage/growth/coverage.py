@@ -13,7 +13,7 @@ from torch.nn.functional import avg_pool2d
 
 from ....ops.collage.reference import BETA_1, BETA_2, EPSILON, contract, pushforward
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from .params import GrowthParams
+from ..params.growth import GrowthParams
 from .silhouette import Silhouette, widened
 
 

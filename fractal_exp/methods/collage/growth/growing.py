@@ -8,7 +8,7 @@ from torch import Tensor
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
-from ..measure.levels import Coverage
+from ..camera.levels import Coverage
 from ..params import CollageParams
 from ..state import Grown
 from .coverage import Uncovered, areas, covering

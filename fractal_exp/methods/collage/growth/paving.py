@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ....runtime.seeds import derive
-from .params import GrowthParams
+from ..params.growth import GrowthParams
 from .silhouette import Silhouette
 
 

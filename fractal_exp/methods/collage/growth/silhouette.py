@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
 from ....evaluation import metrics
-from .params import GrowthParams
+from ..params.growth import GrowthParams
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from torch import Tensor
 from ....ifs.code import IFS
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from ..measure.levels import Levels
-from ..measure.pens import ToneMapped
-from ..measure.tones import LEVELS, Camera, camera_of, seen_with
+from ..camera.levels import Levels
+from ..camera.pens import ToneMapped
+from ..camera.tones import LEVELS, Camera, camera_of, seen_with
 from ..params import CollageParams
 from .gauss_newton import polished
 from .jacobian import FromRenderings

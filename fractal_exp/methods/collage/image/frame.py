@@ -9,8 +9,8 @@ from torch import Tensor
 
 from ....ifs.attractor import FRAME_SIDE, visible_tips
 from .. import maps as affine
-from ..measure.levels import Levels
-from .params import FrameParams
+from ..camera.levels import Levels
+from ..params.image import FrameParams
 
 
 @dataclass(frozen=True)

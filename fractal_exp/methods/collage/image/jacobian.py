@@ -14,10 +14,10 @@ from ....ops.collage import orbit_bins, pushforward
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..measure.bins import attractor_points, point_bins, trajectories
-from ..measure.blur import blurred
-from ..measure.levels import Levels
-from ..measure.linear import Linear
+from ..bins import attractor_points, point_bins, trajectories
+from ..camera.blur import blurred
+from ..camera.levels import Levels
+from ..camera.linear import Linear
 from .frame import Frame
 from .objective import ImageObjective, Rendered
 

@@ -14,7 +14,7 @@ from ....ifs import attractor
 from ....ifs.code import IFS
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..measure.levels import Levels, stabilize
+from ..camera.levels import Levels, stabilize
 from ..params import CollageParams
 from .frame import Frame
 

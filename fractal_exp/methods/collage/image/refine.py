@@ -6,10 +6,10 @@ from torch import Tensor
 
 from ....ops.collage import descend
 from ....runtime.seeds import derive
-from ..fields import DescentSteps
-from ..measure.bins import binned, grid_for
+from ..bins import binned, grid_for
 from ..measure.saturation import saturation_corrected
 from ..measure.search import descent_of
+from ..params.fields import DescentSteps
 from .objective import ImageObjective, Rendered
 
 

@@ -10,9 +10,9 @@ from torch import Tensor
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ....runtime.params import Interval
 from .. import maps as affine
-from ..image.params import MoveParams
-from .bins import halve
-from .params import BirthParams
+from ..bins import halve
+from ..params.image import MoveParams
+from ..params.measure import BirthParams
 
 REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
 

@@ -13,8 +13,8 @@ from torch import Tensor
 from ....ops.collage import BinnedMeasure, descend, pushforward
 from ....runtime.seeds import generator
 from .. import maps as affine
+from ..bins import binned, grid_for
 from ..params import CollageParams
-from .bins import binned, grid_for
 from .search import descent_of
 
 

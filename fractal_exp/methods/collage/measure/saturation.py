@@ -8,8 +8,8 @@ from torch.nn.functional import avg_pool2d
 
 from .... import ops
 from ....ifs.code import IFS
-from .levels import Levels
-from .params import SaturationParams
+from ..camera.levels import Levels
+from ..params.measure import SaturationParams
 
 
 def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:

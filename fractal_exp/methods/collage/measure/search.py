@@ -16,10 +16,10 @@ from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
-from ..fields import DescentSteps
+from ..bins import attractor_bins, binned, grid_for
 from ..params import CollageParams
+from ..params.fields import DescentSteps
 from ..state import Candidate
-from .bins import attractor_bins, binned, grid_for
 from .births import Birthplace
 
 

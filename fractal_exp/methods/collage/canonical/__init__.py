@@ -1,1 +1,0 @@
-"""The last digits of a code: simple numbers, symmetry, the exact frame."""

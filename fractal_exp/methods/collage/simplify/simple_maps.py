@@ -1,0 +1,167 @@
+"""The simple numbers from which people build fractals, and the simple maps near given ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from ....runtime.seeds import derive
+from .. import maps as affine
+from ..bins import attractor_points
+from ..image.objective import ImageObjective, Rendered
+from ..params.rounding import CanonicalParams
+
+
+class _Simple(NamedTuple):
+    """Simple matrix entries, and simple ratios and angles (radians) of similarities, each (n,) float64, ascending."""
+
+    entries: Tensor
+    ratios: Tensor
+    angles: Tensor
+
+
+@cache
+def _simple(denominators: tuple[int, ...], ratios: tuple[float, ...], degrees: tuple[int, ...]) -> _Simple:
+    fractions = {Fraction(p, q) for q in denominators for p in range(q)}
+    return _Simple(_sorted({sign * value for value in fractions for sign in (1, -1)}),
+                   _sorted({*fractions, *(math.sqrt(value) for value in fractions), *ratios}),
+                   _sorted({math.radians(angle) for each in degrees for angle in range(-180, 181, each)}))
+
+
+def _sorted(values: set) -> Tensor:
+    return torch.tensor(sorted({float(value) for value in values}), dtype=torch.float64)
+
+
+def simple_numbers(params: CanonicalParams) -> _Simple:
+    """The numbers that these parameters define as simple."""
+    return _simple(params.denominators, params.ratios, params.degrees)
+
+
+def simple_matrices(matrix: Tensor, params: CanonicalParams) -> Tensor:
+    """The nearest simple matrix (2,2) of each kind, (3,2,2) float64: entry by entry, a rotating similarity, and a
+    mirroring one."""
+    simple, matrix = simple_numbers(params), matrix.double().cpu()
+    (a, b), (c, d) = matrix
+    found = [_nearest(matrix, simple.entries)]
+    for sign in (1, -1):
+        along, across = (a + sign * d) / 2, (c - sign * b) / 2
+        ratio = _nearest(torch.hypot(along, across), simple.ratios)
+        angle = _nearest(torch.atan2(across, along), simple.angles)
+        x, y = ratio * angle.cos(), ratio * angle.sin()
+        found.append(torch.stack([torch.stack([x, -sign * y]), torch.stack([y, sign * x])]))
+    return torch.stack(found)
+
+
+def _nearest(value: Tensor, to: Tensor) -> Tensor:
+    return to[(value[..., None] - to).abs().argmin(-1)]
+
+
+def mirrored_offsets(maps: Tensor, near: float, off_middle: float) -> Tensor:
+    """Maps (N,6) with exactly mirror-symmetric offsets along each canvas axis along which they are symmetric to within
+    `near`, canvas units. Offsets near the middle come to lie at most `off_middle` from it."""
+    maps = maps.clone()
+    for column in (4, 5):
+        signs, sizes = maps[:, column].sign(), maps[:, column].abs()
+        order = sizes.argsort()
+        group = torch.empty_like(order)
+        group[order] = (sizes[order].diff(prepend=sizes[order][:1]) > near).cumsum(0)
+        same = group[:, None] == group
+        mean, paired = (same * sizes).sum(1) / same.sum(1), (same * signs).sum(1) == 0
+        if bool(((mean < near) | paired).all()) and bool(((sizes - mean).abs() < near).all()):
+            maps[:, column] = signs * torch.where(mean < near, mean.clamp_max(off_middle), mean)
+    return maps
+
+
+@dataclass(frozen=True)
+class Line:
+    """A map (6,) that sends one axis of the plane to a line along an axis. scale: the index of its only nonzero matrix
+    entry; fixed: the indices of its fixed entries."""
+
+    one: Tensor
+    scale: int
+    fixed: frozenset[int]
+
+    def moved(self, entry: int, value: float) -> Line:
+        """The line with another value of an entry."""
+        one = self.one.clone()
+        one[entry] = value
+        return replace(self, one=one)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Mean (2,) and covariance (2,2) of an attractor, float64. pixel: a pixel's side; largest: the largest singular
+    value that a map may have. Rounded maps send the mean where it was sent before."""
+
+    mean: Tensor
+    covariance: Tensor
+    pixel: float
+    params: CanonicalParams
+    largest: float
+
+    @classmethod
+    def of(cls, found: Rendered, objective: ImageObjective, canonical: CanonicalParams) -> Spread:
+        """The spread of a code's attractor, with the objective's pixels."""
+        params = objective.params
+        points = attractor_points(found.maps, found.probabilities, canonical.points,
+                                  derive(objective.seed, "rounding"), params.camera).double()
+        return cls(points.mean(0), points.T.cov(), 2 / objective.side, canonical, params.gauss_newton.largest)
+
+    def rounded(self, one: Tensor) -> Tensor | None:
+        """The map (6,) with a simple matrix, or None if none is near."""
+        old = one[:4].view(2, 2).double()
+        simple = simple_matrices(old, self.params).to(old)
+        moved = (((simple - old) @ self.covariance) * (simple - old)).sum((-2, -1)).sqrt()
+        near = self._with(one, simple[moved.argmin()])
+        small = float(moved.min()) <= self.params.near_px * min(self.pixel, 2 / self.params.least_side)
+        return near if small and float(affine.largest_singular(near)) <= self.largest else None
+
+    def lines(self, one: Tensor) -> Iterator[Line]:
+        """If the map's (6,) image is a line along an axis, lines that project either axis of the plane onto it, both
+        ways round. If it lies near the middle of the canvas, also lines on either side of the middle."""
+        linear = one[:4].view(2, 2).double()
+        spread = (linear @ self.covariance @ linear.T).diagonal().sqrt()
+        to = int(spread.argmax())
+        across = 1 - to
+        if float(spread[across]) > min(self.params.line_px * self.pixel, self.params.line_thin * float(spread[to])):
+            return
+        for source, sign, factor in product((0, 1), (1, -1), self.params.line_factors):
+            matrix, scale = torch.zeros_like(linear), 2 * to + source
+            matrix[to, source] = sign * factor * spread[to] / self.covariance[source, source].sqrt()
+            if not float(matrix[to, source].abs()) <= self.largest:  # also true of NaN, if the attractor has no width
+                continue
+            line = Line(self._with(one, matrix), scale, frozenset(range(4)) - {scale})
+            yield line
+            if abs(float(line.one[4 + across])) < self.params.line_px * self.pixel:
+                for side in (-self.params.off_middle, self.params.off_middle):
+                    yield replace(line.moved(4 + across, side), fixed=line.fixed | {4 + across})
+
+    def rescaled(self, line: Line) -> Iterator[Line]:
+        """The line with the simple scales nearest to its own, each shifted along the line by parts of a pixel."""
+        along = 4 + line.scale // 2
+        matrix = line.one[:4].double().clone()
+        entries = simple_numbers(self.params).entries
+        for value in entries[(entries - float(matrix[line.scale])).abs().argsort()[:self.params.line_scales]]:
+            matrix[line.scale] = value
+            sent = self._with(line.one, matrix.view(2, 2))
+            for shift in _shifts(self.params.line_shifts, self.params.line_shift_px):
+                moved = replace(line, one=sent, fixed=line.fixed | {line.scale})
+                yield moved.moved(along, float(sent[along]) + shift * self.pixel)
+
+    def _with(self, one: Tensor, matrix: Tensor) -> Tensor:
+        """The map with this matrix (2,2) that sends the mean where the map `one` (6,) sends it."""
+        image = one[:4].view(2, 2).double() @ self.mean + one[4:]
+        return affine.sending(matrix, self.mean, image).to(one)
+
+
+def _shifts(count: int, farthest: float) -> list[float]:
+    """`count` equally spaced shifts, of up to `farthest` to either side."""
+    return torch.linspace(-farthest, farthest, count, dtype=torch.float64).tolist() if count > 1 else [0.0]

@@ -1,0 +1,1 @@
+"""The stages of collage search, and what they share."""

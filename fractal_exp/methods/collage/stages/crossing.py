@@ -1,0 +1,81 @@
+"""Populations of sets with the given number of maps. The best sets are judged by renderings."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....runtime.seeds import derive
+from ..image.gauss_newton import polished
+from ..image.objective import ImageObjective, Rendered
+from ..measure.population import Population
+from ..params import CollageParams
+from ..state import Candidate
+
+
+class Crossing:
+    """One population after another on masses (R,R), each for its number of generations, judged by `objective`.
+
+    Every random number derives from the seed and the step's number, so a resumed search is the same as one that never
+    stopped.
+    """
+
+    def __init__(self, masses: Tensor, objective: ImageObjective, params: CollageParams, *, seed: int = 0,
+                 done: int = 0, deadline: Deadline = NO_DEADLINE):
+        self.masses, self.objective, self.deadline, self.seed = masses, objective, deadline, seed
+        self.all, self.params = params, params.population
+        self._noise: tuple[Tensor, float] | None = None
+        self._begin(done // self.params.generations)
+        for number in range(done - done % self.params.generations, done):
+            self._advance(number)
+
+    def start(self) -> Candidate:
+        """The best set of the first population."""
+        return self._candidate(self._judged(0))
+
+    def step(self, now: Candidate, number: int) -> Candidate:
+        """`now`, or a better code of the next generation."""
+        if number // self.params.generations != self.number:
+            self._begin(number // self.params.generations)
+        new = [self._judged(i) for i in self._advance(number)]
+        new.sort(key=lambda rendered: rendered.error)
+        for each in new[:self.params.polished]:
+            if not self.deadline.passed:
+                now = min(now, self._candidate(self._polished(each)), key=lambda candidate: candidate.error)
+        return now
+
+    def is_settled(self, now: Candidate) -> bool:
+        """Whether the code explains the image."""
+        if self._noise is None or self._noise[0] is not now.maps:
+            self._noise = now.maps, self.objective.noise(now.code)
+        return now.error <= self.params.settled * self._noise[1]
+
+    def _begin(self, number: int) -> None:
+        """Start a new population."""
+        self.number = number
+        assert self.all.maps is not None, "populations are for a given number of maps"
+        self.population = Population(self.masses, self.all.maps, self.all, derive(self.seed, "population", number))
+        self._seen: set[float] = set()
+
+    def _advance(self, number: int) -> list[int]:
+        """Make one generation; return the sets to judge now, without those judged before."""
+        self.population.advance()
+        if (number + 1) % self.params.judged_every:
+            return []
+        errors = self.population.errors[:self.params.judged].tolist()
+        new = [i for i, error in enumerate(errors) if error not in self._seen]
+        self._seen |= set(errors)
+        return new
+
+    def _judged(self, i: int) -> Rendered:
+        return self.objective.judge(self.population.maps[i], self.population.probabilities[i])
+
+    def _polished(self, first: Rendered) -> Rendered:
+        found = polished(self.objective, first, self.params.polish_first, deadline=self.deadline)
+        if found.error > self.params.hopeful * first.error:
+            return found
+        return polished(self.objective, found, self.params.polish, deadline=self.deadline)
+
+    @staticmethod
+    def _candidate(rendered: Rendered) -> Candidate:
+        return Candidate(rendered.maps, rendered.probabilities, rendered.error, rendered.error)

@@ -23,12 +23,12 @@ from unittest.mock import patch
 
 import numpy as np
 import torch
+from fractal_exp.methods.collage.camera import tiles
+from fractal_exp.methods.collage.camera.levels import Density
 
 from fractal_exp import IFS, ops, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.camera import tiles
-from fractal_exp.methods.collage.camera.levels import Density
 from fractal_exp.methods.collage.params import CameraParams, DescentParams
 from fractal_exp.ops.backends import choose
 from fractal_exp.ops.collage import Descent, descend

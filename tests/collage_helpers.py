@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import torch
+from fractal_exp.methods.collage.camera.tones import LEVELS, guess_levels
 from torch import Tensor
 
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.tones import LEVELS, guess_levels
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.methods.collage.method import Collage

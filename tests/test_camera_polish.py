@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import torch
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.camera.tiles import tiled
+from fractal_exp.methods.collage.camera.tones import camera_of
 from PIL import Image, ImageDraw
 
 from fractal_exp import InputError, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
-from fractal_exp.methods.collage.camera.tiles import tiled
-from fractal_exp.methods.collage.camera.tones import camera_of
 from fractal_exp.methods.collage.image import camera
 from fractal_exp.methods.collage.image.camera import angle_of, as_seen, estimated, nearest, sharpened
 from fractal_exp.methods.collage.image.gauss_newton import polished

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 from collage_helpers import PARAMS, merged, objective, tied
+from fractal_exp.methods.collage.camera.tones import levels_of
 from PIL import Image, ImageDraw
 
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
 from fractal_exp.methods.collage.growth.growing import Grower

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 from collage_helpers import params
+from fractal_exp.methods.collage.camera.linear import Linear
 from scipy.ndimage import gaussian_filter
 
 from fractal_exp import invert
@@ -12,7 +13,6 @@ from fractal_exp.ifs.code import IFS
 from fractal_exp.inversion import Likeness
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import attractor_points
-from fractal_exp.methods.collage.camera.linear import Linear
 from fractal_exp.methods.collage.image.jacobian import WEIGHT, FromCounts
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.population import Population

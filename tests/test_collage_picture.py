@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 import torch
 from collage_helpers import CAMERA, DENSITY, PARAMS, image_search, objective, tied
+from fractal_exp.methods.collage.camera.tones import LEVELS
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.camera.tones import LEVELS
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.objective import ImageObjective, reduced
 from fractal_exp.methods.collage.measure.births import mirrored, narrowed, reoriented

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 from collage_helpers import CAMERA, PARAMS, objective
+from fractal_exp.methods.collage.camera.levels import Density
 
 from fractal_exp import ops
 from fractal_exp.errors import InputError
-from fractal_exp.methods.collage.camera.levels import Density
 from fractal_exp.methods.collage.moves.root import rooted
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.state import Candidate

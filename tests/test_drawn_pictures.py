@@ -5,6 +5,10 @@ import math
 import numpy as np
 import pytest
 import torch
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.camera.tile_kernels import collect, mark
+from fractal_exp.methods.collage.camera.tiles import tiled, words
+from fractal_exp.methods.collage.camera.tones import described, guess_levels, levels_of, seen_with, taken_with
 from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
@@ -13,10 +17,6 @@ from fractal_exp.errors import InputError
 from fractal_exp.ifs import attractor
 from fractal_exp.inversion import Likeness
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
-from fractal_exp.methods.collage.camera.tile_kernels import collect, mark
-from fractal_exp.methods.collage.camera.tiles import tiled, words
-from fractal_exp.methods.collage.camera.tones import described, guess_levels, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.image.camera import estimated, nearest
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams

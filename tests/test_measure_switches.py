@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 import torch
 from collage_helpers import CAMERA, DENSITY, PARAMS, measure_search, objective, problem, random, small
+from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 from test_strokes import drawing, tree
 
 from fractal_exp import suite
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import attractor_points
-from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 from fractal_exp.methods.collage.image.camera import as_seen, estimated
 from fractal_exp.methods.collage.measure.births import _wanted, candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population

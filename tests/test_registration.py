@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import torch
+from fractal_exp.methods.collage.camera.strokes import parts_of
+from fractal_exp.methods.collage.camera.tones import levels_of
 from pretended_gpu import pretended
 from test_strokes import PIXEL, SIDE, drawing, tree
 from test_trunk import PARAMS, objective
 
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.strokes import parts_of
-from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.stages.construction import Recursion
 from fractal_exp.methods.collage.stages.problem import SearchProblem

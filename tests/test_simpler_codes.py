@@ -2,13 +2,13 @@
 
 import pytest
 import torch
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn
 from test_drawn_pictures import at, triangles
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import attractor_points
-from fractal_exp.methods.collage.camera.pens import Dots, Drawn
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify import needless, parents

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from fractal_exp.methods.collage.camera.pens import Dots
+from fractal_exp.methods.collage.camera.strokes import Strokes, as_lines
+from fractal_exp.methods.collage.camera.tones import camera_of, described, levels_of, seen_with, taken_with
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage import method
-from fractal_exp.methods.collage.camera.pens import Dots
-from fractal_exp.methods.collage.camera.strokes import Strokes, as_lines
-from fractal_exp.methods.collage.camera.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import torch
+from fractal_exp.methods.collage.camera.stroke_kernels import outline
+from fractal_exp.methods.collage.camera.strokes import flat_maps, parts_of
+from fractal_exp.methods.collage.camera.tones import levels_of
 from test_strokes import FOOT, PIXEL, SIDE, TOP, drawing, tree
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.stroke_kernels import outline
-from fractal_exp.methods.collage.camera.strokes import flat_maps, parts_of
-from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.search import MeasureSearch
 from fractal_exp.methods.collage.params import CollageParams

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 import torch
+from fractal_exp.methods.collage.camera.levels import may_be_density
+from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
+from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.levels import may_be_density
-from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
-from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 from fractal_exp.methods.collage.image.camera import estimated, nearest
 from fractal_exp.methods.collage.measure.saturation import correction
 from fractal_exp.methods.collage.params import CollageParams

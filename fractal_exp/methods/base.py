@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
+from ..images.levels import TargetImage
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.params import Params
 
@@ -145,9 +146,9 @@ def check_device(device: str) -> str:
     return device
 
 
-def check_target(target: Tensor, resolution: int | None = None) -> Tensor:
+def check_target(target: Tensor | TargetImage, resolution: int | None = None) -> Tensor:
     """The image as float32, or `InputError` unless it is a finite square (R,R) in [0,1] with something on it."""
-    target = torch.as_tensor(target)
+    target = torch.as_tensor(target.image if isinstance(target, TargetImage) else target)
     if target.ndim != 2 or target.shape[0] != target.shape[1]:
         raise InputError(f"a target image must be square, shape (R, R), got {tuple(target.shape)}; "
                          "fractal_exp.images.read_target makes one from any picture")

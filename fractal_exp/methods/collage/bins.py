@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from ... import ops
+from ...cameras.points import TRAJECTORY, WARMUP
 from ...ops.collage import BinnedMeasure, orbit_bins, pushforward
 from ...ops.collage.reference import EDGE
-from .params.camera import CameraParams
 from .params.measure import DescentParams
 
 
@@ -57,12 +54,11 @@ def halve(bins: Tensor, size: int) -> Tensor:
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
 
 
-def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int, camera: CameraParams
-                   ) -> Tensor:
+def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
     """The measure (G,G) of the attractor of maps (N,6) with probabilities proportional to weights (N,)."""
-    count = max(1, points // (camera.trajectory - camera.warmup))
-    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, trajectories=count,
-                      length=camera.trajectory, warmup=camera.warmup)[0]
+    count = max(1, points // (TRAJECTORY - WARMUP))
+    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, trajectories=count, length=TRAJECTORY,
+                      warmup=WARMUP)[0]
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:
@@ -70,15 +66,3 @@ def point_bins(points: Tensor, size: int) -> Tensor:
     samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], 1)
     identity = points.new_tensor([[[1.0, 0, 0, 1, 0, 0]]])
     return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
-
-
-def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int, camera: CameraParams) -> Tensor:
-    """About `count` points (P,2) of the chaos game with maps (N,6) and probabilities (N,)."""
-    return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], seed=seed, probabilities=probabilities,
-                          **trajectories(count, camera))
-
-
-def trajectories(count: int, camera: CameraParams) -> dict[str, Any]:
-    """Settings of the chaos game for about `count` points."""
-    length, warmup = camera.trajectory, camera.warmup
-    return {"trajectories": count // (length - warmup) + 1, "length": length, "warmup": warmup}

@@ -6,12 +6,13 @@ from typing import Any
 
 from torch import Tensor
 
+from ...cameras.kinds import levels_of, with_camera
 from ...errors import InputError
+from ...images.levels import TargetImage
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.checks import check_count, check_seconds
 from ...runtime.deadline import Deadline
 from ..base import CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
-from .camera.tones import described, levels_of, seen_with
 from .course import Teller
 from .params import BYTES_OF_A_MAP, CollageParams
 from .pipeline import Pipeline
@@ -53,7 +54,7 @@ class Collage(Method):
                     ) -> CodeReconstruction:
         self.check(target)
         image, params = check_target(target).to(self.device), self.params
-        levels = levels_of(image, params.levels, params.camera)
+        levels = levels_of(image, TargetImage.of(target).levels, params.camera)
         problem = SearchProblem(image, levels, params, self.seed, self.deadline())
         snapshot = checkpoint.load() if checkpoint else None
         told = State.of(snapshot, self.device) if snapshot else State()
@@ -82,10 +83,10 @@ class Collage(Method):
         state = pipeline.state
         curve = tuple(CurvePoint(len(each.maps), each.likeness, BYTES_OF_A_MAP * len(each.maps), each.code)
                       for each in state.curve)
-        seen = seen_with(levels, best.camera)
+        seen = with_camera(levels, best.camera)
         return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=state.stopped, curve=curve,
                                   notes=() if seen.shows_attractor else (ENDED,),
-                                  camera=described(seen) if best.camera else None)
+                                  camera=seen.camera)
 
     def deadline(self) -> Deadline:
         """The time limit, starting now."""

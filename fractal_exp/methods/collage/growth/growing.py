@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ....cameras.levels import Coverage
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
-from ..camera.levels import Coverage
 from ..params import CollageParams
 from ..state import Grown
 from .coverage import Uncovered, areas, covering

@@ -7,8 +7,8 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
 from .... import ops
+from ....cameras.levels import Levels
 from ....ifs.code import IFS
-from ..camera.levels import Levels
 from ..params.measure import SaturationParams
 
 

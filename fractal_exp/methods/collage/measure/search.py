@@ -99,7 +99,7 @@ class MeasureSearch:
         """The candidate with its score."""
         search = self.params.search
         bins = attractor_bins(maps, weights, self.measure.size, points=search.attractor_points,
-                              seed=derive(self.seed, "a"), camera=self.params.camera)
+                              seed=derive(self.seed, "a"))
         far = float(collage_error(bins[None], self.measure)[0])
         return Candidate(maps, weights, error,
                          self.cheap_score(maps, weights, error) + search.attractor_weight * far)

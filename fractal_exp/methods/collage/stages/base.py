@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import Generic, TypeVar
 
+from ....cameras.kinds import with_camera
 from ....runtime.deadline import Deadline
 from .. import maps as affine
-from ..camera.tones import seen_with
 from ..measure.saturation import saturation_corrected
 from ..measure.search import MeasureSearch, Regime
 from ..moves.search import ImageSearch
@@ -119,6 +119,6 @@ class Stage(ABC, Generic[Search]):
         """The search on the image's measure, which `found` corrects for saturation."""
         masses = self.problem.masses_of(self.round, state.measured_through)
         if found is not None:
-            levels = seen_with(self.problem.levels, state.measured_through)
+            levels = with_camera(self.problem.levels, state.measured_through)
             masses = saturation_corrected(masses, found.code, levels, self.params.saturation, seed)
         return MeasureSearch(masses, regime, self.params, seed, self._smaller_limit(state))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ....cameras.estimate import showing
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..growth.growing import Grower
-from ..image.camera import showing
 from ..simplify.likeness import likeness_of
 from ..state import Candidate, Grown, State
 from .base import Stage
@@ -80,7 +80,7 @@ class Growth(Stage[Any]):
     def _drawn(self, chosen: Grown) -> tuple[Candidate, float]:
         """Grown maps with the camera that shows them best, and the likeness of what it draws."""
         problem, seed = self.problem, derive(self.problem.seed, "grown")
-        camera = showing(problem.image, problem.levels, chosen.code, self.params, seed)
+        camera = showing(problem.image, problem.levels, chosen.code, seed)
         objective = problem.objective(len(problem.image), chosen.code, seed, camera=camera)
         shown = objective.judge(chosen.maps, chosen.weights)
         drawn = Candidate(chosen.maps, chosen.weights, shown.error, shown.error, camera)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ....cameras.camera import Camera
+from ....cameras.kinds import with_camera
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ...base import time_is_up
-from ..camera.tones import seen_with
 from ..image.gauss_newton import firmly_framed, fitted_into_frame
 from ..moves.search import ImageSearch
 from ..simplify.pruning import Price, pruned_in_frame
 from ..state import Candidate, State
 from .base import Stage
-from .construction import Recursion, is_construction
+from .construction import Construction, is_construction
 from .growth import Growth
 from .measure import Detail, FromMixture, Populations, Restart, Uncurved
 from .problem import SearchProblem
@@ -64,7 +65,7 @@ class ImageMoves(Stage[ImageSearch]):
         self.measured_through = state.measured_through
         self._open(state.leader, state.current and state.current.camera)
 
-    def _open(self, best: Candidate, camera: tuple[str | float, ...] | None = None) -> None:
+    def _open(self, best: Candidate, camera: Camera | None = None) -> None:
         self.search = self.problem.image_search(best.code, self._part_until(1), "retouch", self.round, camera=camera,
                                                 measured_through=self.measured_through)
 
@@ -117,7 +118,7 @@ class ImageMoves(Stage[ImageSearch]):
         an error counts subpixels, of which cameras have different numbers."""
         if self.problem.is_framed_firmly and not any(map(self._is_nearly_right, (found, before))):
             return self.search.framed_score(found) < self.search.framed_score(before)
-        now, then = (seen_with(self.problem.levels, each.camera).supersample for each in (found, before))
+        now, then = (with_camera(self.problem.levels, each.camera).supersample for each in (found, before))
         return found.score / now**2 < before.score / then**2
 
     def _is_nearly_right(self, candidate: Candidate) -> bool:
@@ -187,9 +188,8 @@ class DrawnMoves(ImageMoves):
     reached = "the code draws the shape to within a pixel"
 
     def is_wanted(self, state: State) -> bool:
-        """False if `Recursion` has explained the picture by tiles or strokes."""
-        tiled = self.params.camera.tiled_maps
-        return state.best is None or self.problem.is_reduced or not is_construction(state.best, tiled)
+        """False if `Construction` has explained the picture by tiles or strokes."""
+        return state.best is None or self.problem.is_reduced or not is_construction(state.best)
 
     @property
     def expected_moves(self) -> int:
@@ -241,8 +241,8 @@ def stages_of(problem: SearchProblem, number: int) -> list[Stage]:
     search = [*restarts, FromMixture(problem, number), Detail(problem, number)]
     approach = [Approach(problem, number)] if problem.is_reduced else []
     moves = ImageMoves if problem.levels.is_exact else DrawnMoves
-    recursion = [Recursion(problem, number)] if Recursion.may_help(problem) and not number else []
-    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, *recursion,
+    few = [Construction(problem)] if Construction.may_help(problem) and not number else []
+    return [*([Populations(problem, number)] if problem.is_crossed else search), *approach, *few,
             moves(problem, number)]
 
 

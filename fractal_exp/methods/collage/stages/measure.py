@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ....cameras.camera import Camera
+from ....cameras.estimate import angle_as_density
+from ....cameras.levels import may_be_density
+from ....cameras.pens import Drawn
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
-from ..camera.levels import may_be_density
-from ..camera.pens import Drawn
-from ..image.camera import angle_as_density
 from ..image.objective import ImageObjective
 from ..measure.search import MeasureSearch, Regime
 from ..state import Candidate, Key, State
@@ -65,7 +66,7 @@ class Uncurved(Restart):
     """A restart on the image as a density behind a usual tone curve. The search stays with this measure if the code
     that was found on it explains the image better as a density than the code of the restart before."""
 
-    MEASURED = ("tonemapped",)
+    MEASURED = Camera("tonemapped")
 
     @property
     def key(self) -> Key:
@@ -75,9 +76,9 @@ class Uncurved(Restart):
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image that others drew may be a density."""
-        params = problem.params
-        return (params.levels == "auto" and "tonemapped" in params.camera_kinds and params.camera.estimate
-                and isinstance(problem.levels, Drawn) and may_be_density(problem.given, params.camera))
+        levels = problem.levels
+        return (isinstance(levels, Drawn) and "tonemapped" in levels.kinds and levels.params.curves
+                and levels.params.estimate and may_be_density(problem.given))
 
     def is_wanted(self, state: State) -> bool:
         return True
@@ -94,7 +95,7 @@ class Uncurved(Restart):
 
     def _angle(self, found: Candidate) -> float:
         problem, seed = self.problem, derive(self.problem.seed, "uncurved")
-        return angle_as_density(problem.image, problem.levels, found.code, self.params, seed)
+        return angle_as_density(problem.image, problem.levels, found.code, seed)
 
 
 class FromMixture(Stage[MeasureSearch]):

@@ -8,14 +8,15 @@ from functools import cached_property
 
 from torch import Tensor
 
+from ....cameras.blur import blurred
+from ....cameras.camera import Camera
+from ....cameras.estimate import estimated
+from ....cameras.kinds import with_camera
+from ....cameras.levels import Levels
+from ....cameras.points import attractor_points
 from ....ifs.code import IFS
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from ..bins import attractor_points
-from ..camera.blur import blurred
-from ..camera.levels import Levels
-from ..camera.tones import Camera, seen_with
-from ..image.camera import estimated
 from ..image.frame import Frame
 from ..image.objective import ImageObjective, reduced
 from ..maps import WeightedMaps
@@ -89,11 +90,11 @@ class SearchProblem:
         limit = self.deadline.seconds
         return self.rounds if limit is None else max(1, int(min(self.rounds, limit / seconds)))
 
-    def masses_of(self, number: int, measured_through: Camera = ()) -> Tensor:
+    def masses_of(self, number: int, measured_through: Camera | None = None) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""
         sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
-        masses = self._masses(seen_with(self.levels, measured_through)) if measured_through else self.masses
-        return blurred(masses, sigma, self.params.camera)
+        masses = self._masses(with_camera(self.levels, measured_through)) if measured_through else self.masses
+        return blurred(masses, sigma)
 
     def _masses(self, levels: Levels) -> Tensor:
         """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
@@ -109,21 +110,21 @@ class SearchProblem:
         """Whether the search uses a smaller image than the given one."""
         return self.image is not self.given
 
-    def camera(self, code: IFS, seed: int, measured_through: Camera = ()) -> Camera:
-        """The camera of the image, estimated from a nearly right code; empty if the levels are exact.
+    def camera(self, code: IFS, seed: int, measured_through: Camera | None = None) -> Camera:
+        """The camera of the image, estimated from a nearly right code; the one that is known if the levels are exact.
         measured_through: the camera through which the search reads masses."""
-        return estimated(self.image, seen_with(self.levels, measured_through), code, self.params, seed)
+        return estimated(self.image, with_camera(self.levels, measured_through), code, seed) or self.levels.camera
 
-    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1, camera: Camera = ()
-                  ) -> ImageObjective:
+    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1,
+                  camera: Camera | None = None) -> ImageObjective:
         """The objective at this image size. `code` is the best so far, `camera` the camera that renders it."""
-        image, levels = self.given, seen_with(self.levels, camera)
+        image, levels = self.given, with_camera(self.levels, camera)
         if size != image.shape[0]:
             image = reduced(image, size, code, levels, self.params, seed)
         return ImageObjective(image, levels, self.params, seed, renderings)
 
     def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
-                     camera: Camera | None = None, measured_through: Camera = ()) -> ImageSearch:
+                     camera: Camera | None = None, measured_through: Camera | None = None) -> ImageSearch:
         """The search by renderings, at the size of the problem's image. `code` is the best so far; without a camera,
         the one that suits the code best is estimated."""
         seed = derive(self.seed, *path)
@@ -139,7 +140,7 @@ class SearchProblem:
         params = self.params
         if params.maps:
             return found
-        points = attractor_points(found.maps, found.probabilities, params.moves.parent_points, self.seed, params.camera)
+        points = attractor_points(found.maps, found.probabilities, params.moves.parent_points, self.seed)
         near = 2 / len(self.image) * params.moves.double_px
         maps, weights = without_doubles(found.maps, found.probabilities, points, near)
         return found if len(maps) < 2 or len(maps) == len(found.maps) else WeightedMaps(maps, weights)

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import torch
 
+from ....cameras.strokes import as_lines
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
-from ..camera.strokes import as_lines
-from ..camera.tones import camera_of
-from ..image.camera import Seen, angle_of, in_turns, sharpened
+from ..image.camera import Fit, angle_of, in_turns, sharpened
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
 from ..maps import WeightedMaps
@@ -51,7 +50,7 @@ class LastDigits(Stage):
             return found
         last = self._rounded(self.objective.judge(found.maps, found.weights))
         weights = None if last.weights is None else last.probabilities
-        return Candidate(last.maps, weights, last.error, last.error, camera_of(self.objective.levels))
+        return Candidate(last.maps, weights, last.error, last.error, self.objective.levels.camera)
 
     def _rounded(self, start: Rendered) -> Rendered:
         return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
@@ -97,10 +96,10 @@ class DrawnLastDigits(LastDigits):
         objective = self.objective
         if objective.levels.is_whole:
             return found
-        lines = objective.judge(as_lines(found.code, self.params.camera).to(found.maps), found.weights)
+        lines = objective.judge(as_lines(found.code).to(found.maps), found.weights)
         return lines if lines.error <= worst_error(objective, found) else found
 
-    def _sharpened(self, start: Rendered) -> Seen:
+    def _sharpened(self, start: Rendered) -> Fit:
         """The simplest code with the camera that suits it, unless the code so far explains the picture notably better.
         If its error is higher with the camera of the code so far, it must be lower with its own."""
         objective, params, deadline = self.objective, self.params, self.problem.deadline
@@ -126,7 +125,7 @@ class DrawnLastDigits(LastDigits):
             return other
         return with_fewer_maps(objective, other, Price(0.0, self.params.moves.worth), params.polish, deadline)
 
-    def _on_line(self, seen: Seen) -> Seen:
+    def _on_line(self, seen: Fit) -> Fit:
         """The code with similarities in the place of its maps, and the camera that suits it, if the shape lies on a
         line and the similarities explain the picture about as well.
 

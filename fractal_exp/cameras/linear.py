@@ -3,51 +3,57 @@
 from __future__ import annotations
 
 import math
-from typing import Self
 
 import torch
 from torch import Tensor
 
-from ....ifs.code import IFS
-from .. import maps as affine
-from ..bins import attractor_points
-from ..params.camera import CameraParams
-from .blur import blurred, deblurred
+from ..ifs import affine
+from ..ifs.code import IFS
+from .blur import LEAST_BLUR_PX, blurred, deblurred
+from .camera import Camera
 from .levels import ANSCOMBE, Levels, mean_of
+from .params import CameraParams
+from .points import attractor_points
 
 BOX = 1 / 12     # variance, pixels², of a point's position within its pixel
+LEAST_POINTS = 12.0     # per pixel, in a rendering that judges a code: less noise than most images have
+COARSE_BLUR_PX = 1.0    # a narrower blur is drawn on smaller pixels, in which it is at least as wide
 
 
 class Linear(Levels):
     """The number of points in a pixel, up to an unknown factor, under a Gaussian blur of known width. No grey level
     saturates, so the image is its own measure.
 
-    brightness: mean grey level of every rendering, whatever the number of points on the canvas; side: pixels per side
-    of the image for which the camera gives blur and points; None: of each rendering.
+    brightness: mean grey level of every rendering, whatever the number of points on the canvas. The camera gives blur
+    and points for the image that the levels were read from; without one, for each rendering.
     """
 
+    kind = "linear"
+    values = ("blur",)
     is_density = True
     is_linear = True
 
-    def __init__(self, camera: CameraParams, brightness: float, side: int | None = None):
-        super().__init__(camera)
-        self.brightness, self.side = brightness, side
-
-    @classmethod
-    def of(cls, image: Tensor, camera: CameraParams) -> Self:
-        return cls(camera, float(image.mean()), image.shape[0])
+    def __init__(self, params: CameraParams, image: Tensor | None = None, camera: Camera | None = None,
+                 kinds: tuple[str, ...] = (), *, brightness: float | None = None):
+        if camera is None and image is not None and params.blur_px is not None:
+            camera = Camera(self.kind, blur=params.blur_px * 2 / len(image))
+        super().__init__(params, image, camera, kinds)
+        self.brightness = float(self.picture.mean()) if brightness is None else brightness
+        self.side = None if image is None else len(image)
 
     def blur_px(self, resolution: int) -> float:
         """The blur, in pixels of an image of this resolution."""
-        return (self.camera.blur_px or 0.0) * resolution / (self.side or resolution)
+        if self.side is None:
+            return self.params.blur_px or 0.0
+        return (self.camera.blur or 0.0) * resolution / 2
 
     def points(self, resolution: int) -> float:
         """Number of chaos game points in an image of this resolution: as many as in the given image."""
-        return self.camera.points_per_pixel * (self.side or resolution) ** 2
+        return self.params.points_per_pixel * (self.side or resolution) ** 2
 
     def measure(self, image: Tensor) -> Tensor:
         """The image itself, sharpened."""
-        return deblurred(image, self.blur_px(image.shape[0]), self.camera)
+        return deblurred(image, self.blur_px(image.shape[0]))
 
     def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
         return torch.ones_like(grey)
@@ -57,7 +63,7 @@ class Linear(Levels):
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         """The image (R,R) of a code, from at least as many points as the given image has."""
-        points = max(self.points(resolution), self.camera.linear_points * resolution**2)
+        points = max(self.points(resolution), LEAST_POINTS * resolution**2)
         return self._drawn(code, resolution, seed, points)
 
     def noisy(self, code: IFS, resolution: int, seed: int) -> Tensor:
@@ -83,16 +89,15 @@ class Linear(Levels):
     def _drawn(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
         """The image of a code from `count` points. If the blur is narrow, the image is drawn with smaller pixels and
         then averaged, like an image that was shrunk."""
-        camera, blur_px, side = self.camera, self.blur_px(resolution), resolution
-        if camera.least_blur_px < blur_px < camera.coarse_blur_px:
-            side *= math.ceil(camera.coarse_blur_px / blur_px)
-        counts = blurred(self._counted(code, side, seed, count), self.blur_px(resolution) * side / resolution, camera)
+        blur_px, side = self.blur_px(resolution), resolution
+        if LEAST_BLUR_PX < blur_px < COARSE_BLUR_PX:
+            side *= math.ceil(COARSE_BLUR_PX / blur_px)
+        counts = blurred(self._counted(code, side, seed, count), self.blur_px(resolution) * side / resolution)
         counts = counts if side == resolution else mean_of(counts, resolution)
         return counts * self.exposure(counts)
 
     def _counted(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
-        points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed,
-                                  self.camera)
+        points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed)
         column, row = ((points * points.new_tensor([1, -1]) + 1) * (resolution / 2)).floor().long().unbind(1)
         inside = (column >= 0) & (column < resolution) & (row >= 0) & (row < resolution)
         counts = torch.bincount((row * resolution + column)[inside], minlength=resolution**2)

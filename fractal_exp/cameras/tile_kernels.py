@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ....runtime.jit import kernel
+from ..runtime.jit import kernel
 
 
 @kernel()

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from ....runtime.jit import kernel
+from ..runtime.jit import kernel
 
 
 @njit

@@ -5,16 +5,24 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Self
+from typing import ClassVar, Self
 
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
-from ....ifs.code import IFS
-from ....ops import cuda_launch
-from ..params.camera import CameraParams
+from ..ifs.code import IFS
+from ..ops import cuda_launch
+from .camera import LENGTHS, Camera
+from .params import KNOWN, CameraParams
 
 ANSCOMBE = 3 / 8   # added to a count before its square root, so that the variance is the same everywhere (1948)
+THRESHOLD = 0.25   # share of lit subpixels above which a pixel of a binary image is white
+COVERAGE_SUPERSAMPLE = 4   # subpixels per side of a pixel of an anti-aliased image: so large that points fill them
+REUSE = 8          # words under which a rendering that judges a code draws each point of the invariant measure
+UNLIT = 0.5        # least number of unlit subpixels in a pixel of a density: a white pixel would have infinite mass
+LEAST_VARIANCE = 1e-4   # lower limit of I (1 - I) in the slope of the arcsine by which images are compared
+FAINT = 0.05       # level up to which a pixel counts as black in an image that may be a density, or as close to white
+GREY_INSIDE = 0.5  # share of grey among lit pixels, although all neighbours are lit, from which it may be a density
 
 
 class Levels(ABC):
@@ -22,25 +30,24 @@ class Levels(ABC):
     thinner than itself; is_density: whether a grey level depends on how often the pixel is hit; is_linear: whether it
     is proportional to that, so that grey levels determine the probabilities of the maps. is_whole: whether an image
     shows the whole attractor. is_exact: whether an image differs from a rendering of its true code only by chance; if
-    not, `values` holds the estimated values of the camera (empty before the estimate). image: the picture (R,R).
-    numbers, lengths: the names of the values, first those without a unit."""
+    not, `camera` holds the estimated values (none before the estimate). image: the picture (R,R). values: the names of
+    those that a camera of this kind has, first those without a unit. kinds: of the cameras that the picture may have,
+    where nobody said which; params: what the user knows of it."""
+
+    kind: ClassVar[str]
 
     is_graded = True
     is_density = False
     is_linear = False
     is_exact = True
     is_whole = True
-    lengths: tuple[str, ...] = ()
-    numbers: tuple[str, ...] = ()
+    values: ClassVar[tuple[str, ...]] = ()
     supersample: int
 
-    def __init__(self, camera: CameraParams, image: Tensor | None = None, values: tuple[float, ...] = ()):
-        self.camera, self.image, self.values, self.supersample = camera, image, values, camera.supersample
-
-    @classmethod
-    def of(cls, image: Tensor, camera: CameraParams) -> Self:
-        """The levels of an image (R,R)."""
-        return cls(camera, image)
+    def __init__(self, params: CameraParams, image: Tensor | None = None, camera: Camera | None = None,
+                 kinds: tuple[str, ...] = ()):
+        self.params, self.image, self.camera = params, image, camera or Camera(self.kind)
+        self.kinds, self.supersample = kinds or (self.kind,), params.supersample
 
     @abstractmethod
     def measure(self, image: Tensor) -> Tensor:
@@ -63,7 +70,7 @@ class Levels(ABC):
     @property
     def lit_above(self) -> float:
         """The grey level above which a pixel belongs to the shape."""
-        return self.camera.threshold
+        return THRESHOLD
 
     @property
     def pen(self) -> float:
@@ -76,29 +83,32 @@ class Levels(ABC):
         return 0.0
 
     @property
-    def open_values(self) -> list[int]:
-        """The indices of the values that the user left to be estimated and that may change by any small amount."""
-        names = (*self.numbers, *self.lengths)[:len(self.values)]
-        return [k for k, name in enumerate(names) if getattr(self.camera, name, self) is None]
+    def open_values(self) -> list[str]:
+        """The values that the user left to be estimated and that may change by any small amount."""
+        if not self.camera.is_known:
+            return []
+        return [name for name in self.values if name in KNOWN and self.params.known(name) is None]
 
-    def adjusted(self, steps: Mapping[int, float]) -> Self:
-        """The same levels with changed values, by index. A step is added to a length, canvas units, which stays
-        positive or 0; of any other value it is added to the logarithm."""
-        values = [max(0.0, value + steps.get(k, 0.0)) if k >= len(self.numbers) else value * math.exp(steps.get(k, 0.0))
-                  for k, value in enumerate(self.values)]
-        return type(self)(self.camera, self.image, tuple(values))
+    def adjusted(self, steps: Mapping[str, float]) -> Self:
+        """The same levels with changed values of the camera, by name. A step is added to a length, canvas units, which
+        stays positive or 0; of any other value it is added to the logarithm."""
+        moved = {}
+        for name, step in steps.items():
+            value = getattr(self.camera, name)
+            moved[name] = max(0.0, value + step) if name in LENGTHS else value * math.exp(step)
+        return type(self)(self.params, self.image, self.camera.moved(moved), self.kinds)
 
     @property
     def shows_attractor(self) -> bool:
         """Whether the image shows the attractor itself, rather than a step of its construction."""
         return True
 
-    def drawn(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        """The camera values that define what is drawn of a code, without those that define how."""
+    def drawn(self, camera: Camera) -> tuple[float | None, ...]:
+        """The values of a camera that define what is drawn of a code, without those that define how."""
         return ()
 
-    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[tuple[float, ...], Tensor]]:
-        """Pairs of camera values and the rendering (R,R) of the code with them; none if nothing is estimated."""
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
+        """Pairs of a camera and the rendering (R,R) of the code with it; none if nothing is estimated."""
         return iter(())
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
@@ -107,16 +117,16 @@ class Levels(ABC):
 
     def points(self, resolution: int) -> int:
         """Number of chaos game points for an image of this resolution."""
-        return round(self.camera.points_per_pixel * resolution**2)
+        return round(self.params.points_per_pixel * resolution**2)
 
     def occupied(self, code: IFS, resolution: int, supersample: int, points: int, seed: int, independent: bool,
                  mode: str = "occupancy") -> Tensor:
         """What `render` draws of a code, (R,R)."""
-        from ....rendering.still import render_with_info  # does not warn: candidates may lie off the canvas
+        from ..rendering.still import render_with_info  # does not warn: candidates may lie off the canvas
 
         device = "cuda" if code.linear.is_cuda and cuda_launch.INSTALLED else "cpu"
         image, _ = render_with_info(code.to("cpu"), resolution=resolution, supersample=supersample, seed=seed,
-                                    points_in_view=points, reuse=1 if independent else self.camera.reuse, mode=mode,
+                                    points_in_view=points, reuse=1 if independent else REUSE, mode=mode,
                                     device=device)
         return image
 
@@ -135,17 +145,18 @@ class Levels(ABC):
     def stabilizing_slope(self, image: Tensor, subpixels: float) -> Tensor:
         """The derivative of `stabilized`."""
         share = anscombe(image, subpixels)
-        return 0.5 * (share * (1 - share)).clamp_min(self.camera.least_variance).rsqrt()
+        return 0.5 * (share * (1 - share)).clamp_min(LEAST_VARIANCE).rsqrt()
 
 
 class Density(Levels):
     """The share of subpixels that points of a chaos game hit."""
 
+    kind = "density"
     is_density = True
 
     def measure(self, image: Tensor) -> Tensor:
         """-log(1 - I): the expected number of points in a subpixel that is hit with probability I."""
-        return -(1 - image.clamp(max=1 - self.camera.unlit / self.supersample**2)).log()
+        return -(1 - image.clamp(max=1 - UNLIT / self.supersample**2)).log()
 
     def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
         return 1 - grey
@@ -158,9 +169,12 @@ class Coverage(Levels):
     """The share of a pixel that the shape covers, as in an anti-aliased image. Subpixels are so large that points fill
     them."""
 
-    def __init__(self, camera: CameraParams, image: Tensor | None = None, values: tuple[float, ...] = ()):
-        super().__init__(camera, image, values)
-        self.supersample = camera.coverage_supersample
+    kind = "coverage"
+
+    def __init__(self, params: CameraParams, image: Tensor | None = None, camera: Camera | None = None,
+                 kinds: tuple[str, ...] = ()):
+        super().__init__(params, image, camera, kinds)
+        self.supersample = COVERAGE_SUPERSAMPLE
 
     def measure(self, image: Tensor) -> Tensor:
         return image.clone()
@@ -175,6 +189,7 @@ class Coverage(Levels):
 class Binary(Levels):
     """White where the shape covers enough of a pixel."""
 
+    kind = "binary"
     is_graded = False
 
     def measure(self, image: Tensor) -> Tensor:
@@ -184,20 +199,20 @@ class Binary(Levels):
         return 1 - around
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        covered, least = mean_of(image, size), self.camera.threshold
+        covered, least = mean_of(image, size), THRESHOLD
         return (covered > (least if bool((covered > least).any()) else 0)).float()
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
         # points are always independent: if a whole image were a little brighter, many pixels would turn white together
-        return (super().render(code, resolution, seed, independent=True) > self.camera.threshold).float()
+        return (super().render(code, resolution, seed, independent=True) > THRESHOLD).float()
 
 
-def may_be_density(image: Tensor, camera: CameraParams) -> bool:
+def may_be_density(image: Tensor) -> bool:
     """Whether an image (R,R) is mostly grey even where all neighbours are lit, unlike most drawings."""
-    lit = image > camera.faint
+    lit = image > FAINT
     inside = -max_pool2d(-lit.float()[None], 3, 1, 1)[0] > 0
-    grey = inside & (image < 1 - camera.faint)
-    return bool(grey.sum() > camera.grey_inside * lit.sum())
+    grey = inside & (image < 1 - FAINT)
+    return bool(grey.sum() > GREY_INSIDE * lit.sum())
 
 
 def mean_of(image: Tensor, size: int) -> Tensor:

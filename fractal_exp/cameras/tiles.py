@@ -13,11 +13,17 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from ....ifs.attractor import FRAME_SIDE
-from ....ifs.code import IFS
-from .. import maps as affine
-from ..params.camera import CameraParams
+from ..ifs import affine
+from ..ifs.attractor import FRAME_SIDE
+from ..ifs.code import IFS
 from .tile_kernels import collect, mark
+
+MOST_WORDS = 6000   # under which a tile is drawn
+WORDS_SEEN = 800    # that show the shape of a tile: enough for its mean
+SIDE = 1.13         # of the grid on which this shape is estimated, relative to the frame's: a tile may exceed it
+CELLS = 12, 160     # least and greatest number of cells per side of this grid; between them, one for each subpixel
+LIT = 0.5           # share of the highest level on this grid above which a cell belongs to a tile
+USUAL = 0.65        # quantile of the levels of these cells that tells a thin grey line from a white area
 
 
 def words(maps: Tensor, size: float, most: int) -> Tensor:
@@ -35,40 +41,40 @@ def words(maps: Tensor, size: float, most: int) -> Tensor:
     return torch.cat(done).float()
 
 
-def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int, *, camera: CameraParams) -> Tensor:
+def tiled(image: Tensor, code: IFS, size: float, resolution: int, fine: int) -> Tensor:
     """The picture (resolution, resolution) that the image (R,R) would be if all its parts of this size (canvas units)
     were the same: the covered share of each pixel, from `fine`² subpixels."""
-    found = words(affine.from_code(code).cpu(), size, camera.tile_words)
-    fewest, most = camera.tile_cells
-    cells = min(most, max(fewest, math.ceil(camera.tile_side * size * resolution * fine / 2)))
+    found = words(affine.from_code(code).cpu(), size, MOST_WORDS)
+    fewest, most = CELLS
+    cells = min(most, max(fewest, math.ceil(SIDE * size * resolution * fine / 2)))
     if not len(found):
         return image.new_zeros(resolution, resolution)
     order = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))  # any, but always the same
-    places, shown = _initiator(image, found[order[:camera.tile_words_seen]], cells, camera.tile_side)
-    lit = _inked(shown, camera)
+    places, shown = _initiator(image, found[order[:WORDS_SEEN]], cells)
+    lit = _inked(shown)
     occupied = np.zeros((resolution * fine,) * 2, np.float32)
     mark(found.numpy(), places[lit].numpy(), occupied)
     return avg_pool2d(torch.from_numpy(occupied).to(image.device)[None], fine)[0]
 
 
-def _inked(levels: Tensor, camera: CameraParams) -> Tensor:
+def _inked(levels: Tensor) -> Tensor:
     """The cells (K,) that a tile covers, from the mean level (K,) of each.
 
     Cells above a share of the highest level belong to the tile. If the tile is white inside, it covers all of them. A
     line thinner than a pixel is grey. Of its cells, the brightest are covered, and their share is the usual level.
     """
     order = levels.argsort(descending=True, stable=True)
-    inside = int((levels > camera.tile_lit * levels.max().clamp_min(1e-6)).sum())
-    usual = float(levels[order[min(int((1 - camera.tile_usual) * inside), inside - 1)]].clamp(0, 1))
+    inside = int((levels > LIT * levels.max().clamp_min(1e-6)).sum())
+    usual = float(levels[order[min(int((1 - USUAL) * inside), inside - 1)]].clamp(0, 1))
     lit = torch.zeros(len(levels), dtype=torch.bool)
     lit[order[:math.ceil(usual * inside)]] = True
     return lit
 
 
-def _initiator(image: Tensor, found: Tensor, cells: int, side: float) -> tuple[Tensor, Tensor]:
-    """The centres (K,2) of a grid with `cells` per side, which is `side` times the frame's, and the mean level (K,)
+def _initiator(image: Tensor, found: Tensor, cells: int) -> tuple[Tensor, Tensor]:
+    """The centres (K,2) of a grid with `cells` per side, which is `SIDE` times the frame's, and the mean level (K,)
     that words (M,6) show there, weighted by their areas."""
-    half = side * FRAME_SIDE / 2
+    half = SIDE * FRAME_SIDE / 2
     axis = ((torch.arange(cells) + 0.5) / cells * 2 - 1) * half
     places = torch.stack([axis.repeat(cells), axis.repeat_interleave(cells)], 1)
     areas = (found[:, 0] * found[:, 3] - found[:, 1] * found[:, 2]).abs() + 1e-12

@@ -1,0 +1,36 @@
+"""The kinds of cameras by name, and the levels of an image."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from ..images.levels import DRAWN
+from .camera import Camera
+from .levels import Binary, Density, Levels
+from .linear import Linear
+from .params import KNOWN, CameraParams
+from .pens import Dots, Drawn, ToneMapped
+from .strokes import Strokes
+
+KINDS: dict[str, type[Levels]] = {each.kind: each for each in (Density, Linear, Dots, ToneMapped, Drawn, Strokes,
+                                                               Binary)}
+OF_OTHERS = "coverage", "dots", "tonemapped"   # kinds that a picture may have that others drew; strokes are coverage
+
+
+def levels_of(image: Tensor, meaning: str, params: CameraParams) -> Levels:
+    """The levels of an image (R,R) whose grey levels have a meaning (see `images.levels`). Raises `InputError` if
+    no kind of camera that it may have has all the values that the user knows."""
+    if meaning != DRAWN:
+        return KINDS[meaning](params, image)
+    return Drawn(params, image, kinds=kinds_of(params))
+
+
+def kinds_of(params: CameraParams) -> tuple[str, ...]:
+    """The kinds of a picture that others drew that have all the values which the user knows."""
+    known = {name for name in KNOWN if params.known(name) is not None}
+    return tuple(kind for kind in OF_OTHERS if known <= set(KINDS[kind].values))
+
+
+def with_camera(levels: Levels, camera: Camera | None) -> Levels:
+    """The levels of the same image with a camera; as they are without one."""
+    return levels if camera is None else KINDS[camera.kind](levels.params, levels.image, camera, levels.kinds)

@@ -18,6 +18,10 @@ from .ifs.code import IFS
 from .images.levels import TargetImage
 from .runtime.seeds import derive
 
+# What is good enough, for the search as for the verdict.
+WITHIN_NOISE = 1.2   # noise ratio below which a code cannot be told from the true one
+ALIKE = 0.985        # F1 within a pixel at which a code of few maps is no accident
+UNLIKE = 0.95        # F1 within a pixel from which the shape is right, though grey levels may be wrong
 BESIDE_PX = 1.5      # an attractor's pixel that is nearer counts as beside one of the shape: all eight neighbours are
 SMALL_TILE_PX = 8.0  # an attractor may lie off the shape by half a tile, but by no more than half of this
 TILED_MAPS = 2       # except for a code of at most so many maps, which do not draw a picture by chance
@@ -70,6 +74,11 @@ def camera_for(code: IFS, target: TargetImage, *, params: CameraParams | None = 
     estimated if others drew the picture."""
     levels = levels_of(target.image, target.levels, params or CameraParams())
     return estimated(target.image, levels, code, derive(seed, "likeness")) or levels.camera
+
+
+def default_camera(target: TargetImage, params: CameraParams | None = None) -> Camera:
+    """The camera of a target as far as its levels and the user say."""
+    return levels_of(target.image, target.levels, params or CameraParams()).camera
 
 
 def redrawn(code: IFS, target: TargetImage, camera: Camera, *, params: CameraParams | None = None, seed: int = 0

@@ -11,6 +11,7 @@ from ..errors import InputError, did_you_mean
 
 Levels = Literal["auto", "density", "linear", "dots", "tonemapped", "coverage", "binary"]
 
+MEANINGS = get_args(Levels)
 TARGET_SUPERSAMPLE = 16   # subpixels along a pixel
 TARGET_ROUNDING = 0.0025  # subpixels; 16 bits round a grey level by up to 0.002, 8 bits by up to 0.5
 DRAWN = "drawn"           # by others: as coverage, dots or a tone curve, which a search finds out
@@ -42,9 +43,9 @@ class TargetImage:
 def decided(levels: str, image: Tensor) -> str:
     """The meaning that a user names, or for "auto" that of an image (R,R) as it looks. Raises `InputError` if there is
     no such meaning."""
-    if levels not in (*get_args(Levels), DRAWN):
-        raise InputError(f"levels must be one of {', '.join(get_args(Levels))}, got {levels!r}"
-                         f"{did_you_mean(str(levels), get_args(Levels))}")
+    if levels not in (*MEANINGS, DRAWN):
+        raise InputError(f"levels must be one of {', '.join(MEANINGS)}, got {levels!r}"
+                         f"{did_you_mean(str(levels), MEANINGS)}")
     return meaning_of(image) if levels == "auto" else levels
 
 

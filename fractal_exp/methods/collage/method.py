@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from torch import Tensor
-
 from ...cameras.kinds import levels_of, with_camera
+from ...cameras.params import CameraParams
 from ...errors import InputError
 from ...images.levels import TargetImage
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.checks import check_count, check_seconds
 from ...runtime.deadline import Deadline
-from ..base import CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
+from ..base import AnyTarget, CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
 from .course import Teller
 from .params import BYTES_OF_A_MAP, CollageParams
 from .pipeline import Pipeline
@@ -44,13 +43,17 @@ class Collage(Method):
         self.params = CollageParams().updated(**options)
         self.seconds, self.seed, self.previews, self.device = seconds, seed, previews, check_device(device)
 
-    def check(self, target: Tensor) -> None:
-        target = check_target(target)
-        if target.shape[0] < SMALLEST_INPUT:
-            raise InputError(f"collage search needs an image of at least {SMALLEST_INPUT}², got {target.shape[0]}²; "
+    @property
+    def camera(self) -> CameraParams:
+        return self.params.camera
+
+    def check(self, target: AnyTarget) -> None:
+        side = len(check_target(target))
+        if side < SMALLEST_INPUT:
+            raise InputError(f"collage search needs an image of at least {SMALLEST_INPUT}², got {side}²; "
                              "read the picture at a larger resolution")
 
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
         self.check(target)
         image, params = check_target(target).to(self.device), self.params

@@ -15,7 +15,7 @@ from torch import Tensor
 from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.precision import full_precision
-from ..base import OnStep, Progress, check_target
+from ..base import AnyTarget, OnStep, Progress, check_target
 from ..pretrained import Pretrained, PretrainedParams
 from .enlarged import Enlarged
 from .network import SwinIR
@@ -58,7 +58,7 @@ class SuperResolution(Pretrained):
 
     @full_precision()
     @torch.no_grad()
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> Enlarged:
         image = check_target(target)
         self.check_size(image)

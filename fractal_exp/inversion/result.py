@@ -11,23 +11,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from torch import Tensor
 
-from .errors import InputError
-from .evaluation import metrics
-from .ifs.code import IFS, View
-from .images.placement import Placement
-from .images.reading import ReadImage, read_colour, read_target, write_image
-from .methods.base import CurvePoint
-from .methods.collage.camera.tones import levels_of, seen_with, taken_with
-from .methods.collage.image.camera import estimated
-from .methods.collage.image.objective import ImageObjective
-from .methods.collage.params import CollageParams
-from .methods.collage.simplify.likeness import likeness_of_attractor
-from .methods.history import StageRecord
-from .rendering import sheets
-from .rendering.colour import on_ground
-from .rendering.still import points_per_view, render_with_info
-from .runtime.seeds import derive
-from .verdict import THRESHOLDS, Verdict
+from ..cameras.camera import Camera, parse_camera
+from ..cameras.params import CameraParams
+from ..errors import InputError
+from ..ifs.code import IFS, View
+from ..images.levels import decided
+from ..images.placement import Placement
+from ..images.reading import ReadImage, read_colour, read_target, write_image
+from ..likeness import Likeness, default_camera, redrawn
+from ..methods.base import CurvePoint
+from ..methods.history import StageRecord
+from ..rendering import sheets
+from ..rendering.colour import on_ground
+from ..rendering.still import points_per_view, render_with_info
+from ..verdict import Verdict
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -35,54 +32,9 @@ if TYPE_CHECKING:
 VERSION = 2  # of the facts in inversion.json
 COLOUR = (255, 96, 0)
 OVERLAY_SUPERSAMPLE = 4
-INVERSION, TARGET = "inversion.json", "target.png"  # files in the folder of an inversion
+CODE, INVERSION, TARGET = "code.json", "inversion.json", "target.png"  # files in the folder of an inversion
+WARNED = 0.8  # F1 within a pixel below which an approximation comes with a warning
 OVERLAY_POINTS = points_per_view(2048)  # maximum, so that larger overlays get fainter, not slower
-
-
-@dataclass(frozen=True)
-class Likeness:
-    """The likeness of a code's rendering to the input, both (R,R). The code is rendered as the input was drawn: its
-    grey levels are a density of points, a coverage of pixels, or black and white.
-
-    f1, iou: of the masks I > 0 on the whole canvas, in [0,1]; for a picture that others drew, I > 1/4, or I > 1/20
-    in a density that is grey inside. f1_1px: F1 within a pixel, with each mask compared to the other's dilation by 3×3
-    pixels; for a picture that others drew, at most the attractor's own, so that a camera cannot make a wrong code look
-    right. noise_ratio: the error of the rendering over the error between two renderings of the code with different
-    random points; about 1 for the true code. The error compares both images at several scales, see `methods.collage`.
-    colour: the mean CIEDE2000 difference between the code's colours and the picture's (see `colouring.error`), or None
-    for a code without colours.
-    """
-
-    f1: float
-    iou: float
-    noise_ratio: float
-    f1_1px: float
-    colour: float | None = None
-
-    @classmethod
-    def of(cls, code: IFS, image: Tensor, *, levels: str = "auto", camera: Mapping[str, Any] | None = None,
-           found: Mapping[str, str | float] | None = None, seed: int = 0) -> Likeness:
-        """The likeness of a contractive code to an image (R,R) in [0,1]. levels: what its grey levels mean, "density",
-        "linear", "dots", "tonemapped", "coverage", "binary" or "auto"; camera: known values of `CameraParams`; found:
-        the camera that a method found, or None to estimate it here if necessary."""
-        params = CollageParams().updated(camera=dict(camera or {}), levels=levels)
-        taken = levels_of(image, levels, params.camera)
-        if not taken.is_exact:
-            own = taken_with(image, found, params.camera) if found else None
-            taken = own or seen_with(taken, estimated(image, taken, code, params, derive(seed, "likeness")))
-        objective = ImageObjective(image, taken, params, derive(seed, "likeness"))
-        rendering = objective.render(code)
-        least = 0.0 if taken.is_exact else taken.lit_above
-        masks = [(each > least).float()[None] for each in (rendering, image)]
-        f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
-        if not taken.is_exact:
-            f1_1px = min(f1_1px, likeness_of_attractor(code, image, taken)) if taken.is_whole else f1_1px
-        return cls(f1, iou, objective.error(rendering) / objective.noise(code), f1_1px)
-
-    def __str__(self) -> str:
-        colour = "" if self.colour is None else f", colours {self.colour:.2g} apart (CIEDE2000)"
-        return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, "
-                f"error {self.noise_ratio:.3g} × noise{colour}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +45,8 @@ class Inversion:
     its `placement`; source: the given picture, a path or an array; likeness: of the code's rendering to the target;
     verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the method ended;
     seconds: how long it took; options: of the method; notes: what was done to the picture and what the method reports;
-    warnings: what may spoil the result; camera: how the picture was drawn, as far as the method found out (the meaning
-    of its grey levels, and lengths in pixels of the target), or None; curve: codes of more and more maps and their
-    likeness, if the picture showed no code and maps were grown.
+    warnings: what may spoil the result; camera: how the picture was drawn, as far as it is known or was found out;
+    curve: codes of more and more maps and their likeness, if the picture showed no code and maps were grown.
     """
 
     code: IFS
@@ -103,6 +54,7 @@ class Inversion:
     source: Path | np.ndarray | Tensor
     likeness: Likeness
     verdict: Verdict
+    camera: Camera
     history: tuple[StageRecord, ...]
     stopped: str
     seconds: float
@@ -110,7 +62,6 @@ class Inversion:
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    camera: Mapping[str, str | float] | None = None
     curve: tuple[CurvePoint, ...] = ()
 
     @property
@@ -133,12 +84,14 @@ class Inversion:
         return image
 
     def redrawn(self, *, seed: int = 0) -> Tensor:
-        """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as the method found them."""
-        image = self.target.image
-        params = CollageParams().updated(camera=dict(self.options.get("camera") or {}))
-        taken = taken_with(image, self.camera, params.camera) if self.camera else levels_of(image, "auto",
-                                                                                           params.camera)
-        return taken.render(self.code, image.shape[-1], seed)
+        """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as they were found."""
+        return redrawn(self.code, self.target, self.camera, params=self._known, seed=seed)
+
+    @property
+    def _known(self) -> CameraParams:
+        """What the user knew of the camera. Options that an older version had are left out."""
+        given = dict(self.options.get("camera") or {})
+        return CameraParams().updated(**{key: given[key] for key in given.keys() & CameraParams.model_fields.keys()})
 
     def overlay(self, path: str | Path | None = None, *, colour: tuple[int, int, int] = COLOUR,
                 opacity: float = 0.8) -> Image:
@@ -170,9 +123,9 @@ class Inversion:
 
     def facts(self) -> dict[str, Any]:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
-        placement {size, crop_box}, scale (target pixels per picture pixel), likeness {f1, iou, noise_ratio, f1_1px,
-        colour}, verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error, maps}],
-        notes, warnings, curve [{maps, likeness, bytes, code}].
+        placement {size, crop_box}, scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
+        f1_1px, colour}, verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error,
+        maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
@@ -180,7 +133,7 @@ class Inversion:
             "resolution": self.target.image.shape[-1], "inverted": self.target.inverted,
             "placement": {name: list(value) for name, value in asdict(self.placement).items()},
             "scale": self.target.scale, "likeness": asdict(self.likeness), "verdict": asdict(self.verdict),
-            "camera": None if self.camera is None else dict(self.camera),
+            "levels": self.target.levels, "camera": self.camera.facts(self.target.image.shape[-1]),
             "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
             "notes": list(self.notes), "warnings": list(self.warnings),
             "curve": [{"maps": each.maps, "likeness": each.likeness, "bytes": each.bytes, "code": each.code.to_json()}
@@ -203,7 +156,7 @@ class Inversion:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"cannot make the folder {path}: {error.strerror}") from error
-        self.code.save(path / "code.json")
+        self.code.save(path / CODE)
         whole.save(path / INVERSION)
         write_image(path / TARGET, self.target.image, bits=16)
         return path
@@ -213,7 +166,8 @@ class Inversion:
         """Load what `save` wrote to a folder. path: the folder, or inversion.json in it.
 
         The target has 16 bits. The source is the path of the picture, or else the target. Older files hold no codes
-        of the curve, so `curve` is empty there. Raises `InputError` if a file is missing or damaged.
+        of the curve, so `curve` is empty there, and no levels, which are then decided anew. Raises `InputError` if a
+        file is missing or damaged.
         """
         path = Path(path).absolute()
         folder = path.parent if path.name == INVERSION else path
@@ -238,15 +192,16 @@ class Inversion:
         x0, y0, x1, y1 = facts["placement"]["crop_box"]
         notes, warnings = (tuple(map(str, facts[key])) for key in ("notes", "warnings"))
         source = Path(facts["source"]) if facts["source"] else image
+        levels = facts.get("levels") or decided(facts["options"].get("levels", "auto"), image)
         read = ReadImage(image, bool(facts["inverted"]), (width, height), (x0, y0, x1, y1), float(facts["scale"]),
-                         notes, warnings, source=source)
+                         notes, warnings, source=source, levels=levels)
+        camera = parse_camera(facts["camera"], side) if facts.get("camera") else default_camera(read)
         curve = tuple(CurvePoint(each["maps"], each["likeness"], each["bytes"], IFS.from_json(each["code"]))
                       for each in facts.get("curve", ()) if "code" in each)
         return cls(code=code, target=read, source=source, likeness=Likeness(**facts["likeness"]),
                    verdict=Verdict(**facts["verdict"]), history=tuple(StageRecord(**each) for each in facts["stages"]),
                    stopped=facts["stopped"], seconds=float(facts["seconds"]), method=facts["method"],
-                   options=facts["options"], notes=notes, warnings=warnings, camera=facts.get("camera"),
-                   curve=curve)
+                   options=facts["options"], notes=notes, warnings=warnings, camera=camera, curve=curve)
 
     def __str__(self) -> str:
         count = len(self.code)
@@ -265,7 +220,7 @@ class Inversion:
 
 def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:
     """What a user should know before trusting a code: doubts about the picture, and whether the code is far from it."""
-    unlike = likeness.f1_1px < THRESHOLDS.warned
+    unlike = likeness.f1_1px < WARNED
     far = verdict.kind == "not self-similar" or (verdict.kind == "approximation" and unlike)
     return (*target.warnings, *([f"{verdict} ({stopped})"] if far else []))
 

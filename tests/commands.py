@@ -26,3 +26,16 @@ def run_here(program: ModuleType, *words: str, server: str | None = None) -> tup
     status = end.value.code or 0
     assert isinstance(status, int), status
     return status, printed.getvalue()
+
+
+def said(program, arguments: list[str], monkeypatch, capsys) -> str:
+    """The line that a program ends with, which is all that it prints there."""
+    monkeypatch.setattr(sys, "argv", ["program", *arguments])
+    monkeypatch.setattr("fractal_exp.cli.interruption.listen", lambda: None)
+    with pytest.raises(SystemExit) as stop:
+        program.main()
+    error = capsys.readouterr().err
+    assert stop.value.code == 2 and error.count("\n") == 1, error
+    for word in ("Traceback", "struct", "ConfigStore", "HYDRA", "TrainConfig", "PerceptualConfig"):
+        assert word not in error
+    return error

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from hydra import compose, initialize_config_module
+from configured import composed
 
 from fractal_exp.cli import configuration
 from fractal_exp.pretraining.amortized import AmortizedTraining
@@ -50,12 +50,6 @@ def saved(path, name: str, **options):
     """The file of a network with its first weights."""
     training = TRAININGS[name](**options)
     return weights.save(path, name, training.network().state_dict(), training.recipe(), {"held_out": 1.0})
-
-
-def composed(*words: str):
-    configuration.register()
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return compose("train", list(words))
 
 
 def run(*words: str) -> dict[str, float]:

@@ -8,8 +8,8 @@ import fractal_exp.conf
 import numpy as np
 import pytest
 import torch
-from networks_helpers import TRAININGS, Stop, composed, each_training, resumed, run, saved, stopped_after
-from test_configuration import options, plain
+from configured import composed, options, plain
+from networks_helpers import TRAININGS, Stop, each_training, resumed, run, saved, stopped_after
 
 from benchmarks import networks
 from fractal_exp import InputError, tracking

@@ -23,10 +23,10 @@ from unittest.mock import patch
 
 import numpy as np
 import torch
-from fractal_exp.methods.collage.camera import tiles
-from fractal_exp.methods.collage.camera.levels import Density
 
 from fractal_exp import IFS, ops, suite
+from fractal_exp.cameras import tiles
+from fractal_exp.cameras.levels import Density
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.params import CameraParams, DescentParams
@@ -98,7 +98,7 @@ def tilings(image: torch.Tensor, code: IFS, repeats: int) -> dict:
     """All sizes of tiles, by the kernels and by plain torch."""
     def call() -> None:
         for size in CAMERA.tiles_px:
-            tiles.tiled(image, code, 2 / SIDE * size, SIDE, CAMERA.pen_supersample, camera=CAMERA)
+            tiles.tiled(image, code, 2 / SIDE * size, SIDE, CAMERA.pen_supersample)
 
     kernel = best(call, repeats)
     with patch.multiple(tiles, collect=_collected, mark=_marked):

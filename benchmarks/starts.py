@@ -20,11 +20,11 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
-from fractal_exp.methods.collage.camera.tones import levels_of
 from torch import Tensor
 from tqdm import tqdm
 
 from fractal_exp import suite
+from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.evaluation.summary import bootstrap_interval
 from fractal_exp.methods.amortized.method import Amortized
 from fractal_exp.methods.collage.maps import from_code

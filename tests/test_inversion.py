@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from collage_helpers import FEW_PENS
 from PIL import Image
 
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
@@ -17,7 +16,7 @@ from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Method, Pro
 
 QUICK = {"resolution": 64, "rounds": 1,
          "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1},
-         "growth": {"enabled": False}, "camera": FEW_PENS}
+         "growth": {"enabled": False}}
 SIZE = (180, 120)  # of the picture, in pixels
 
 

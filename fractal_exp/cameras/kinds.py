@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from ..errors import InputError
 from ..images.levels import DRAWN
 from .camera import Camera
 from .levels import Binary, Density, Levels
@@ -19,10 +20,20 @@ OF_OTHERS = "coverage", "dots", "tonemapped"   # kinds that a picture may have t
 
 def levels_of(image: Tensor, meaning: str, params: CameraParams) -> Levels:
     """The levels of an image (R,R) whose grey levels have a meaning (see `images.levels`). Raises `InputError` if
-    no kind of camera that it may have has all the values that the user knows."""
+    no camera that it may have has a value that the user knows."""
+    for name, given in KNOWN.items():
+        if params.known(name) is not None and not any(name in KINDS[kind].values for kind in _possible(meaning)):
+            raise InputError(f"camera.{given} must be null if levels is {meaning}, got {params.known(name)}")
     if meaning != DRAWN:
         return KINDS[meaning](params, image)
+    if params.blur_px is not None and not params.estimate:
+        raise InputError("camera.blur_px must be null if camera.estimate is false and levels is not linear, got "
+                         f"{params.blur_px}")
     return Drawn(params, image, kinds=kinds_of(params))
+
+
+def _possible(meaning: str) -> tuple[str, ...]:
+    return OF_OTHERS if meaning == DRAWN else (meaning,)
 
 
 def kinds_of(params: CameraParams) -> tuple[str, ...]:

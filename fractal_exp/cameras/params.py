@@ -45,6 +45,9 @@ class CameraParams(Params):
         for name in ("pen_px", "gain", "gamma"):
             if not self.estimate and getattr(self, name) is not None:
                 raise ParamError(name, f"{NAME} must be null if estimate is false, got {getattr(self, name)}")
+        if self.pen_px is not None and (self.gain is not None or self.gamma is not None):
+            raise ParamError("pen_px", f"{NAME} must be null if gain or gamma is given, which are of dots, not of "
+                                       f"lines and areas; got {self.pen_px}")
         return self
 
     def known(self, value: str) -> float | None:

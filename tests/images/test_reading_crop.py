@@ -11,7 +11,8 @@ from fractal_exp.ifs import attractor
 from fractal_exp.images import bands
 from fractal_exp.images.painted import Painted
 from fractal_exp.images.reading import read_colour, read_target
-from fractal_exp.inversion import Inversion, Likeness
+from fractal_exp.inversion import Inversion
+from fractal_exp.likeness import Likeness
 from fractal_exp.verdict import Verdict
 
 CROP = (310, 40, 590, 310)  # of a page: the leaf on its right
@@ -138,7 +139,7 @@ def test_an_overlay_lies_over_the_part_that_was_read(tmp_path):
     drawn = np.rint(255 * suite.target(code, 160).numpy()).astype(np.uint8)
     Image.fromarray(np.pad(np.hstack([drawn, drawn]), ((31, 4), (17, 9)))).save(tmp_path / "twins.png")
     read = read_target(tmp_path / "twins.png", 160, crop=(177, 20, 340, 195))
-    likeness = Likeness.of(code, read.image)
+    likeness = Likeness.of(code, read)
     found = Inversion(code=code, target=read, source=read.source, likeness=likeness, history=(), stopped="",
                       verdict=Verdict.of(likeness, 3, read.image, picture=read), method="hand", seconds=0.0)
     laid = np.asarray(found.overlay(colour=(255, 0, 0), opacity=1.0)).astype(int)

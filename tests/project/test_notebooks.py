@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import nbformat
 import pytest
-from collage_helpers import FEW_PENS
 from commands import run_here
 from jupyter_client import KernelManager
 from nbclient import NotebookClient
@@ -16,7 +15,7 @@ from fractal_exp.cli import sweep
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 SEARCH = {"rounds": 1, "search": {"restarts": 1, "moves": 3, "detail_moves": 1}, "moves": {"count": 1},
-          "growth": {"enabled": False}, "camera": FEW_PENS}
+          "growth": {"enabled": False}}
 QUICK = {  # values of the parameters that take moments: they show that everything runs, not what it can do
     "01_quickstart": {"resolution": 64, "options": SEARCH},
     "02_ablations": {},  # reads a sweep, see `output`

@@ -5,13 +5,14 @@ import math
 import numpy as np
 import torch
 from collage_helpers import PARAMS
-from fractal_exp.methods.collage.camera.tones import levels_of
 from PIL import Image, ImageDraw
 
+from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.ifs import attractor
+from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 
 SIDE, RATIO, DEPTH = 128, 0.6, 6
@@ -72,9 +73,9 @@ def at(image, side=SIDE):
 
 def objective(image, **camera):
     params = PARAMS.updated(camera=camera)
-    return ImageObjective(image, levels_of(image, "coverage", params.camera), params)
+    return ImageObjective(image, levels_of(image, DRAWN, params.camera), params)
 
 
 def stage(image, **options):
     params = PARAMS.updated(**options)
-    return Recursion(SearchProblem(image, levels_of(image, "coverage", params.camera), params))
+    return Construction(SearchProblem(image, levels_of(image, DRAWN, params.camera), params))

@@ -220,7 +220,7 @@ def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
 
 
 def test_time_is_left_for_the_last_stage_of_a_picture_that_others_drew(triangle):
-    assert ends(triangle[1], 40, levels="coverage") == pytest.approx([0.35, 0.8, 0.8, 0.8])
+    assert ends(triangle[1], 40, levels="drawn") == pytest.approx([0.35, 0.8, 0.8, 0.8])
 
 
 def test_rounds_of_a_binary_image_have_equal_parts_of_the_time(triangle):

@@ -4,13 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, meaning, measure_search, problem, small, tied
+from collage_helpers import DENSITY, PARAMS, measure_search, problem, small, tied
 from ops_helpers import check_descent, check_pushforward, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, suite
 from fractal_exp.evaluation import evaluate
 from fractal_exp.ifs import attractor
 from fractal_exp.images import samples
+from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.measure.saturation import saturation_corrected
@@ -87,9 +88,9 @@ def test_the_correction_brings_the_measure_of_a_saturated_image_back():
 
 def test_grey_levels_are_told_apart():
     code = codes.known("fern")
-    assert meaning(suite.target(code, 128)) == "density"
-    assert meaning(suite.target(code, 128, "binary")) == "binary"
-    assert meaning(samples.snowflake(256)) == "coverage"
+    assert meaning_of(suite.target(code, 128)) == "density"
+    assert meaning_of(suite.target(code, 128, "binary")) == "binary"
+    assert meaning_of(samples.snowflake(256)) == "drawn"
 
 
 @pytest.mark.parametrize(("kind", "least"), [("grey", 0.9), ("binary", 0.6)])  # a binary picture carries no density

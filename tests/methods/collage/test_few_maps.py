@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import pytest
 import torch
+from collage_helpers import pen_camera
 from drawn_helpers import SIDE, stage
 
+from fractal_exp.cameras.camera import Camera
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.image import DrawnMoves
 from fractal_exp.methods.collage.state import Candidate, State
 
@@ -42,10 +44,10 @@ def test_a_simpler_code_takes_the_place_of_a_code_of_many_maps():
 @pytest.mark.parametrize("likeness, error, is_simpler", [(0.99, 1.4, True), (0.98, 1.4, False), (0.99, 1.5, False)])
 def test_a_simpler_code_must_draw_the_shape_and_be_worth_its_error(monkeypatch, likeness, error, is_simpler):
     """Four maps more are worth 1.1 to the fourth power, 1.46."""
-    tried, pen = stage(cantor_set()), ("coverage", 0.0, 0.01, 0.0)
-    monkeypatch.setattr(Recursion, "_likeness", lambda *_: likeness)
+    tried, pen = stage(cantor_set()), Camera("coverage", tile=0.0, pen=0.01, blur=0.0)
+    monkeypatch.setattr(Construction, "_likeness", lambda *_: likeness)
     few, many = Candidate(THIRDS, None, error, error, pen), Candidate(MANY, None, 1.0, 1.0, pen)
     assert len(MANY) == 6 and tried._is_simpler(few, many) is is_simpler
     assert not tried._is_simpler(many, few)
-    for other in ("coverage", 0.1, 0.01, 0.0), ("strokes", 5.0, 0.0, 0.01, 0.0):
+    for other in pen_camera(0.1, 0.01, 0.0), Camera("strokes", depth=5.0, thinning=0.0, pen=0.01, blur=0.0):
         assert not tried._is_simpler(replace(few, camera=other), many), "tiles and strokes have limits of their own"

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 import torch
 from collage_helpers import PARAMS, merged, objective, tied
-from fractal_exp.methods.collage.camera.tones import levels_of
 from PIL import Image, ImageDraw
 
+from fractal_exp.cameras.estimate import estimated
+from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.ifs import attractor
+from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
 from fractal_exp.methods.collage.growth.growing import Grower
 from fractal_exp.methods.collage.growth.paving import paving
 from fractal_exp.methods.collage.growth.silhouette import Silhouette
-from fractal_exp.methods.collage.image.camera import estimated
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
@@ -51,7 +52,7 @@ def grower(image: torch.Tensor, **growth) -> Grower:
 
 def stage(image: torch.Tensor, seconds: float | None = None, **options) -> Growth:
     params = CollageParams().updated(**merged({"growth": FEW}, options))
-    levels = levels_of(image, "auto", params.camera)
+    levels = levels_of(image, meaning_of(image), params.camera)
     return Growth(SearchProblem(image, levels, params, deadline=Deadline(seconds)), 2)
 
 
@@ -197,7 +198,7 @@ def test_grown_maps_get_a_camera_that_shows_them():
         judge = some.problem.objective(len(picture), grown.code, 0, camera=camera)
         return judge.likeness(judge.judge(grown.maps, grown.weights).image)
 
-    nearest = estimated(picture, some.problem.levels, grown.code, some.params, 0)
+    nearest = estimated(picture, some.problem.levels, grown.code, 0)
     assert likeness(nearest) < 0.5, "too faint to be seen"
     assert likeness(shown.camera) > 0.95 and shown.camera[0] == "dots"
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 from collage_helpers import CAMERA, DENSITY, PARAMS, image_search, objective, tied
-from fractal_exp.methods.collage.camera.tones import LEVELS
 
 from fractal_exp import codes, suite
+from fractal_exp.cameras.kinds import KINDS
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import binned
@@ -31,7 +31,7 @@ def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
 def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangle, levels):
     code, _ = triangle
     image = suite.target(code, 128, "grey" if levels == "density" else "binary")
-    picture = objective(image, LEVELS[levels](CAMERA))
+    picture = objective(image, KINDS[levels](CAMERA))
     maps = affine.from_code(code)
     off = maps + 0.004 * torch.randn(maps.shape, generator=torch.Generator().manual_seed(0))
     start = picture.judge(off)
@@ -162,7 +162,7 @@ def test_the_mean_of_several_drawings_has_less_noise(triangle):
 @pytest.mark.parametrize(("kind", "levels", "noises"), [("grey", "density", 1.2), ("binary", "binary", 3)])
 def test_a_reduced_picture_is_as_it_would_have_been_drawn(kind, levels, noises):
     code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
-    levels, image = LEVELS[levels](CAMERA), suite.target(code, 512, kind)
+    levels, image = KINDS[levels](CAMERA), suite.target(code, 512, kind)
 
     def error(picture: ImageObjective) -> float:
         return picture.error(picture.render(code)) / picture.noise(code)

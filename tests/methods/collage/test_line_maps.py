@@ -8,9 +8,9 @@ import torch
 from collage_helpers import CAMERA, PARAMS, objective, params
 
 from fractal_exp import codes, suite
+from fractal_exp.cameras.points import attractor_points
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.bins import attractor_points
 from fractal_exp.methods.collage.moves.lines import CanvasLine, Light, profiled
 
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import torch
 from collage_helpers import params
-from fractal_exp.methods.collage.camera.linear import Linear
 from scipy.ndimage import gaussian_filter
 
 from fractal_exp import invert
+from fractal_exp.cameras.linear import Linear
+from fractal_exp.cameras.points import attractor_points
 from fractal_exp.errors import InputError
 from fractal_exp.ifs.code import IFS
-from fractal_exp.inversion import Likeness
+from fractal_exp.likeness import Likeness
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.bins import attractor_points
 from fractal_exp.methods.collage.image.jacobian import WEIGHT, FromCounts
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.population import Population
@@ -53,7 +53,7 @@ def image() -> torch.Tensor:
 
 def judge(image: torch.Tensor, **options) -> ImageObjective:
     given = params(**{"camera": CAMERA} | options)
-    return ImageObjective(image, Linear.of(image, given.camera), given)
+    return ImageObjective(image, Linear(given.camera, image), given)
 
 
 @pytest.mark.parametrize("blur_px", [0.0, 1.0, 2.0])
@@ -69,7 +69,7 @@ def test_a_linear_image_is_a_histogram_under_a_blur(blur_px):
 
 
 def test_an_image_that_is_shrunk_has_the_blur_and_the_noise_of_the_whole_one(image):
-    levels = Linear.of(image, params(camera=CAMERA).camera)
+    levels = Linear(params(camera=CAMERA).camera, image)
     assert levels.blur_px(SIDE // 2) == BLUR_PX / 2 and levels.points(SIDE // 2) == pytest.approx(POINTS)
     small = judge(levels.shrunk(image, SIDE // 2))
     shrunk = ImageObjective(small.image, levels, small.params)
@@ -170,7 +170,7 @@ def test_a_population_only_gets_better_and_stays_sorted(image):
 def test_populations_are_for_linear_images_of_a_given_number_of_maps(image):
     def crossed(image: torch.Tensor, **options) -> bool:
         given = params(**options)
-        return SearchProblem(image, Linear.of(image, given.camera), given).is_crossed
+        return SearchProblem(image, Linear(given.camera, image), given).is_crossed
 
     assert crossed(image, maps=3)
     assert not crossed(image) and not crossed(image, maps=9) and not crossed(image, maps=3, population={"most_maps": 0})

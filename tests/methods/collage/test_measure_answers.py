@@ -4,11 +4,12 @@ import math
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, meaning, measure_search, random, tied
+from collage_helpers import DENSITY, PARAMS, measure_search, random, tied
 from ops_helpers import tiling_problem
 
 from fractal_exp import suite
 from fractal_exp.ifs import attractor
+from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import halve
 from fractal_exp.methods.collage.measure.births import candidates
@@ -90,7 +91,7 @@ def test_the_kernel_pushes_off_the_identity_as_its_twin_does(tied):
 def test_a_line_along_the_border_is_no_inside_of_a_shape():
     image = torch.zeros(64, 64)
     image[:4] = torch.tensor([0.5, 1, 1, 0.5])[:, None]  # an anti-aliased bar that the border cuts
-    assert all(meaning(turned) == "coverage" for turned in (image, image.T, image.flip(0), image.T.flip(1)))
+    assert all(meaning_of(turned) == "drawn" for turned in (image, image.T, image.flip(0), image.T.flip(1)))
 
 
 def test_a_correction_is_trusted_where_picture_and_code_agree():

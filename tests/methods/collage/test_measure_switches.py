@@ -4,19 +4,21 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import CAMERA, DENSITY, PARAMS, measure_search, objective, problem, random, small
+from collage_helpers import CAMERA, DENSITY, PARAMS, measure_search, objective, pen_camera, problem, random, small
 from drawn_helpers import drawing, tree
 
 from fractal_exp import suite
+from fractal_exp.cameras.estimate import estimated
+from fractal_exp.cameras.kinds import levels_of, with_camera
+from fractal_exp.cameras.points import attractor_points
+from fractal_exp.images.levels import DRAWN, meaning_of
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.bins import attractor_points
-from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
-from fractal_exp.methods.collage.image.camera import as_seen, estimated
+from fractal_exp.methods.collage.image.camera import polish_under
 from fractal_exp.methods.collage.measure.births import _wanted, candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population
 from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.simplify.symmetry import symmetries
-from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.runtime.deadline import NO_DEADLINE
 
 
@@ -70,7 +72,7 @@ def test_trajectories_have_the_length_and_the_warm_up_that_the_camera_says(trian
     maps, share = affine.from_code(triangle[0]), torch.full((3,), 1 / 3)
     assert len(attractor_points(maps, share, 1000, 0, CAMERA.updated(trajectory=20, warmup=10))) == 1010
     first = attractor_points(maps, share, 1000, 0, CAMERA.updated(trajectory=20, warmup=0))
-    assert len(first) == 1020 and not torch.equal(first[:10], attractor_points(maps, share, 10, 0, CAMERA)[:10])
+    assert len(first) == 1020 and not torch.equal(first[:10], attractor_points(maps, share, 10, 0)[:10])
 
 
 def test_no_number_is_rounded_where_that_is_off(triangle):
@@ -94,17 +96,17 @@ def test_a_shape_without_symmetries_has_the_identity(triangle):
 def test_no_stroke_is_sought_where_that_is_off():
     image = drawing(4)
     for strokes in True, False:
-        given = problem(image, levels="coverage", maps=None, camera={"strokes": strokes, "recursion_blurs_px": []})
-        assert Recursion.may_help(given) == strokes
-        seen = objective(image, seen_with(levels_of(image, "coverage", given.params.camera), ("coverage", 0, .01, .01)),
+        given = problem(image, levels="drawn", maps=None, camera={"strokes": strokes, "recursion_blurs_px": []})
+        assert Construction.may_help(given) == strokes
+        seen = objective(image, with_camera(levels_of(image, DRAWN, given.params.camera), pen_camera(0, .01, .01)),
                          camera={"strokes": strokes, "likeliest": 1, "sharpened_steps": 1})
-        assert bool(as_seen(seen, seen.judge(affine.from_code(tree())), "strokes", NO_DEADLINE)) == strokes
+        assert bool(polish_under(seen, seen.judge(affine.from_code(tree())), "strokes", NO_DEADLINE)) == strokes
 
 
 def test_a_picture_that_others_drew_may_count_as_a_plain_rendering():
     image, off = drawing(4), {"estimate": False}
     params = PARAMS.updated(camera=off)
-    assert estimated(image, levels_of(image, "auto", params.camera), tree(), params, 0) == ()
-    assert not Recursion.may_help(problem(image, levels="coverage", camera=off))
+    assert estimated(image, levels_of(image, meaning_of(image), params.camera), tree(), 0) == ()
+    assert not Construction.may_help(problem(image, levels="drawn", camera=off))
     found = small(camera=off, moves={"drawn_count": 1}).reconstruct(image)
     assert len(found.code) >= 2 and found.camera is None

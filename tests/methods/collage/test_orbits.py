@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 import torch
 from collage_helpers import CAMERA, PARAMS, objective
-from fractal_exp.methods.collage.camera.levels import Density
 
 from fractal_exp import ops
+from fractal_exp.cameras.levels import Density
 from fractal_exp.errors import InputError
 from fractal_exp.methods.collage.moves.root import rooted
 from fractal_exp.methods.collage.moves.search import ImageSearch

@@ -7,11 +7,12 @@ from collage_helpers import PARAMS
 from drawn_helpers import PIXEL, SIDE, drawing, objective, tree
 from pretended_gpu import pretended
 
+from fractal_exp.cameras.kinds import levels_of
+from fractal_exp.cameras.strokes import parts_of
+from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.strokes import parts_of
-from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.methods.collage.trees.registration import Registration, _drawn, _Tree
@@ -34,7 +35,7 @@ def registered(image, maps, **camera):
 
 
 def ends(maps):
-    return parts_of(affine.to_code(maps), objective(drawing()).params.camera)[0]
+    return parts_of(affine.to_code(maps))[0]
 
 
 def largest_shift(maps):
@@ -114,7 +115,7 @@ def test_trees_are_registered_on_a_gpu_too():
     params = PARAMS.updated(camera={"likeliest": 1, "sharpened_steps": 1, "coarse_side": 64, "recursion_gain": 1.0})
     with pretended():
         image, maps = drawing(4).to("cuda"), knocked(0.02).to("cuda")
-        stage = Recursion(SearchProblem(image, levels_of(image, "coverage", params.camera), params))
+        stage = Construction(SearchProblem(image, levels_of(image, DRAWN, params.camera), params))
         stage.open(State(best=Candidate(maps, None, 1.0, 1.0)))
         (_, best), *_ = stage._as_strokes(stage.objective.judge(maps[1:]))
         assert best.maps.is_cuda and len(best.maps) == 3
@@ -137,7 +138,7 @@ def test_no_copy_has_a_larger_singular_value_than_told():
     """The true ones are 0.6."""
     params = PARAMS.updated(gauss_newton={"largest": 0.55})
     image = drawing(DEPTH)
-    seen = ImageObjective(image, levels_of(image, "coverage", params.camera), params)
+    seen = ImageObjective(image, levels_of(image, DRAWN, params.camera), params)
     best = Registration(seen).fits(seen.judge(affine.from_code(tree(0.5))))[0]
     assert affine.largest_singular(best.maps[:2]).tolist() == pytest.approx([0.55, 0.55], abs=1e-5)
 

@@ -2,13 +2,14 @@
 
 import pytest
 import torch
+from collage_helpers import dot_camera, pen_camera
 from drawn_helpers import at, triangles
 
 from fractal_exp import codes
+from fractal_exp.cameras.pens import Dots, Drawn
+from fractal_exp.cameras.points import attractor_points
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.bins import attractor_points
-from fractal_exp.methods.collage.camera.pens import Dots, Drawn
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify import needless, parents
@@ -25,10 +26,10 @@ from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
 GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
-PEN = (0.0, 1.0 * PIXEL, 0.5 * PIXEL)
+PEN = pen_camera(0.0, 1.0 * PIXEL, 0.5 * PIXEL)
 CULCITA, CYCLOSORUS = (attractor.normalize(codes.known(name)) for name in ("culcita", "cyclosorus"))
 CANTOR = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])  # maps
-INK, THICK_INK = (0.24, 0.5 * PIXEL), (0.15, 0.8 * PIXEL)   # gain and blur
+INK, THICK_INK = dot_camera(0.24, 0.5 * PIXEL), dot_camera(0.15, 0.8 * PIXEL)
 
 
 def inked(camera=INK, code=CULCITA, **options) -> ImageObjective:
@@ -64,8 +65,8 @@ def test_a_map_takes_the_place_of_its_compositions():
     dragon = attractor.normalize(codes.known("heighway_dragon"))
     first, second = affine.from_code(dragon)
     parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 0.5 * PIXEL, 0.0)).render(dragon, SIDE, 0)
-    levels = Drawn(CAMERA, image, (0.0, 0.5 * PIXEL, 0.0))
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 0.5 * PIXEL, 0.0)).render(dragon, SIDE, 0)
+    levels = Drawn(CAMERA, image, pen_camera(0.0, 0.5 * PIXEL, 0.0))
     judge = ImageObjective(image, levels, PARAMS)
     best = min(with_parents(judge, judge.judge(parts)), key=lambda each: each.error)
     assert sorted(best.maps.tolist()) == [pytest.approx(each, abs=1e-4) for each in sorted([first.tolist(),
@@ -75,7 +76,7 @@ def test_a_map_takes_the_place_of_its_compositions():
 def test_doubles_are_one_map_with_both_weights():
     maps = affine.from_code(GASKET)
     doubled = torch.cat([maps, maps[:1] + 0.3 * PIXEL * torch.tensor([0, 0, 0, 0, 1.0, 1])])
-    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0, CAMERA)
+    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0)
     kept, weights = without_doubles(doubled, torch.tensor([.3, .3, .3, .1]), points, 2 * PIXEL)
     assert torch.equal(kept, maps)
     assert weights.tolist() == pytest.approx([.4, .3, .3])
@@ -93,8 +94,8 @@ def test_what_maps_do_across_a_line_does_not_keep_their_parent_from_being_found(
     cantor = affine.to_code(torch.stack([first, second]))
     parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
     parts[:, [1, 3]] = torch.tensor([[0.7, 0.1], [-0.4, 0.9], [-0.4, 0.3]])  # what y does cannot be seen
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, PIXEL, 0.0)).render(cantor, SIDE, 0)
-    judge = ImageObjective(image, Drawn(CAMERA, image, (0.0, PIXEL, 0.0)), PARAMS)
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, PIXEL, 0.0)).render(cantor, SIDE, 0)
+    judge = ImageObjective(image, Drawn(CAMERA, image, pen_camera(0.0, PIXEL, 0.0)), PARAMS)
     fewer = with_fewer_maps(judge, judge.judge(parts), Price(0.0, 0.1), 4)
     assert len(fewer.maps) == 2
     lines = fewer.maps[:, [0, 4]].abs()  # a set that is its own mirror image: either sign
@@ -166,7 +167,7 @@ def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
     objective, found = without_needless(seen, 0)
     assert torch.allclose(found.maps, affine.from_code(CULCITA), atol=PIXEL)
     assert found.error < 0.02 * seen[1].error and objective.levels is found.levels
-    assert objective.levels.values == pytest.approx(INK, rel=0.1)
+    assert objective.levels.camera.gain == pytest.approx(INK.gain, rel=0.1)
     assert len(without_needless(seen, 8)[1].maps) == 8
     assert without_needless((objective, found), 0)[1] is found, "all are needed"
     assert len(without_needless(seen, 0, contained=True)[1].maps) == 4
@@ -220,7 +221,7 @@ def last_stage(picture, pen_px):
     """The last stage, which sees codes with this pen."""
     params = PARAMS.updated(canonical={"matrices": False})
     stage = DrawnLastDigits(SearchProblem(picture, Drawn(CAMERA, picture), params))
-    stage.objective = ImageObjective(picture, Drawn(CAMERA, picture, (0.0, pen_px * PIXEL, 0.0)), params)
+    stage.objective = ImageObjective(picture, Drawn(CAMERA, picture, pen_camera(0.0, pen_px * PIXEL, 0.0)), params)
     return stage
 
 
@@ -233,14 +234,14 @@ def last_digits(picture, code, pen_px):
 def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
-    picture = Drawn(CAMERA, None, (0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
+    picture = Drawn(CAMERA, None, pen_camera(0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
     assert torch.allclose(last_digits(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
 def test_what_the_polish_does_across_a_line_is_undone(monkeypatch):
     bent = CANTOR + torch.tensor([0, 0.1, 0, 0.2, 0, 0])  # the same along the line
     monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, judge.judge(bent)))
-    picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
+    picture = Drawn(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
     stage = last_stage(picture, pen_px=1)
     _, found = stage._on_line((stage.objective, stage.objective.judge(bent)))
     assert torch.allclose(found.maps, CANTOR, atol=0.001)
@@ -250,7 +251,7 @@ def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
     """Two maps, each of which turns half of the curve a little, up and down again."""
     rise = 0.0125
     curve = torch.tensor([[0.5, -rise, rise, 0.5, -0.375, 0], [0.5, rise, -rise, 0.5, 0.375, 0]])
-    picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
+    picture = Drawn(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
     assert torch.allclose(last_digits(picture, curve, pen_px=1), curve, atol=1e-3)
 
 

@@ -5,22 +5,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from collage_helpers import CAMERA, PARAMS
+from collage_helpers import CAMERA, PARAMS, dot_camera, pen_camera, stroke_camera
 from drawn_helpers import DEPTH, FOOT, PIXEL, RATIO, SIDE, TOP, drawing, tree
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, codes
+from fractal_exp.cameras.camera import parse_camera
+from fractal_exp.cameras.estimate import nearest
+from fractal_exp.cameras.kinds import levels_of, with_camera
+from fractal_exp.cameras.pens import Dots
+from fractal_exp.cameras.strokes import Strokes, as_lines
 from fractal_exp.ifs import attractor
+from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage import method
-from fractal_exp.methods.collage.camera.pens import Dots
-from fractal_exp.methods.collage.camera.strokes import Strokes, as_lines
-from fractal_exp.methods.collage.camera.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.given import OPTIONS
-from fractal_exp.methods.collage.image.camera import nearest, sharpened
+from fractal_exp.methods.collage.image.camera import MOST_MAPS, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
-from fractal_exp.methods.collage.stages.construction import Recursion, is_construction
+from fractal_exp.methods.collage.stages.construction import Construction, is_construction
 from fractal_exp.methods.collage.stages.image import DrawnMoves, stages_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
@@ -29,34 +32,34 @@ from fractal_exp.runtime.deadline import Deadline
 
 
 def judged(image, kind, camera):
-    return ImageObjective(image, seen_with(levels_of(image, kind, CAMERA), camera), PARAMS)
+    return ImageObjective(image, with_camera(levels_of(image, kind, CAMERA), camera), PARAMS)
 
 
 @pytest.mark.parametrize(("depth", "width", "thinning"), [(4, 1.6, False), (6, 1.6, False), (6, 4.0, True)])
 def test_depth_and_pen_of_a_drawn_tree_are_found(depth, width, thinning):
     image = drawing(depth, width, thinning)
-    levels = levels_of(image, "coverage", CAMERA)
-    (angle, camera), *_ = nearest(image, Strokes.of(image, CAMERA), tree(), PARAMS, 0)
-    (whole, _), *_ = nearest(image, levels, tree(), PARAMS, 0)
-    assert camera[0] == "strokes" and bool(camera[2]) == thinning
-    assert depth - thinning <= camera[1] <= depth, "the last twigs of a pen that shrinks are faint"
-    assert camera[3] == pytest.approx(width / 2 * PIXEL, abs=0.3 * PIXEL)
+    levels = levels_of(image, DRAWN, CAMERA)
+    (angle, camera), *_ = nearest(image, Strokes(CAMERA, image), tree(), 0)
+    (whole, _), *_ = nearest(image, levels, tree(), 0)
+    assert bool(camera.thinning) == thinning
+    assert depth - thinning <= camera.depth <= depth, "the last twigs of a pen that shrinks are faint"
+    assert camera.pen == pytest.approx(width / 2 * PIXEL, abs=0.3 * PIXEL)
     assert angle < 0.6 * whole, "than of a pen that draws the whole attractor"
 
 
 def test_a_code_that_draws_no_strokes_has_no_such_camera():
     gasket = attractor.normalize(codes.known("sierpinski_triangle"))
     image = drawing()
-    assert nearest(image, Strokes.of(image, CAMERA), gasket, PARAMS, 0) == []
+    assert nearest(image, Strokes(CAMERA, image), gasket, 0) == []
 
 
 def test_a_code_is_polished_as_strokes_until_it_explains_the_drawing():
     image, true = drawing(), affine.from_code(tree())
     start = true.clone()
     start[1:, :4] *= 0.985   # the twigs end before the attractor does: a pen asks for smaller branches
-    objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    objective = judged(image, "coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0))
     other, found = sharpened(objective, objective.judge(start))
-    assert camera_of(other.levels)[:3] == ("strokes", DEPTH, 0)
+    assert (other.levels.camera.depth, other.levels.camera.thinning) == (DEPTH, 0)
     assert found.error < 0.3 * objective.judge(start).error
     assert found.error < 0.7 * other.judge(true).error, "nearer than the true code, whose pen has other ends"
 
@@ -67,20 +70,20 @@ def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])
     start = torch.cat([maps, affine.composed(maps[1], mirror)[None]])
     start[1:, :4] *= 0.985
-    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
-    stage.objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS))
+    stage.objective = judged(image, "coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0))
     found = stage._rounded(stage.objective.judge(start))
     assert len(found.maps) == 3
-    assert camera_of(stage.objective.levels)[:3] == ("strokes", DEPTH, 0)
+    assert (stage.objective.levels.camera.depth, stage.objective.levels.camera.thinning) == (DEPTH, 0)
 
 
 def test_strokes_without_width_draw_the_same():
     wide = affine.from_code(tree())
     wide[0] = torch.tensor([0.04, 0.01, 0.02, 0.3, 0.03, -0.45])   # a trunk that leans and has a width
-    lines = as_lines(affine.to_code(wide), CAMERA)
+    lines = as_lines(affine.to_code(wide))
     assert torch.equal(lines[1:], wide[1:]) and float(affine.smaller_singular(lines)[0]) < 1e-6
     assert float(affine.smaller_singular(wide)[0]) > 0.03
-    seen = judged(drawing(), "coverage", ("strokes", 6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
+    seen = judged(drawing(), "coverage", stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
     same, before = seen.judge(lines).image, seen.judge(wide).image
     assert float((same - before).abs().mean()) < 0.03 * float(before.mean())
 
@@ -88,10 +91,10 @@ def test_strokes_without_width_draw_the_same():
 def test_a_code_seen_as_strokes_ends_without_their_widths():
     image, wide = drawing(), affine.from_code(tree())
     wide[0, :2] = torch.tensor([0.02, 0.0])
-    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
-    for name, thin in (("strokes", True), ("coverage", False)):
-        values = (6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL) if thin else (0.0, 0.8 * PIXEL, 0.0)
-        stage.objective = judged(image, "coverage", (name, *values))
+    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS))
+    for camera, thin in ((stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL), True),
+                         (pen_camera(0.0, 0.8 * PIXEL, 0.0), False)):
+        stage.objective = judged(image, "coverage", camera)
         found = stage._without_width(stage.objective.judge(wide))
         assert (float(affine.smaller_singular(found.maps)[0]) < 1e-6) == thin
 
@@ -99,20 +102,20 @@ def test_a_code_seen_as_strokes_ends_without_their_widths():
 @pytest.mark.slow
 def test_dots_are_sharpened_as_dots():
     fern = attractor.normalize(codes.known("fern"))
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.5 * PIXEL)).render(fern, SIDE, 1)
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.16, 0.5 * PIXEL)).render(fern, SIDE, 1)
     maps = affine.from_code(fern)
     maps[0, 4:] += 0.5 * PIXEL
-    objective = judged(image, "dots", ("dots", 0.08, 0.5 * PIXEL))
+    objective = judged(image, "dots", dot_camera(0.08, 0.5 * PIXEL))
     start = objective.judge(maps, fern.probabilities)
     other, found = sharpened(objective, start)
-    assert camera_of(other.levels)[0] == "dots" and found.error < 0.7 * start.error
+    assert other.levels.camera.kind == "dots" and found.error < 0.7 * start.error
 
 
 def test_a_code_of_many_maps_and_exact_levels_stay_as_they_are():
     image = drawing()
-    objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    objective = judged(image, "coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0))
     many = objective.judge(affine.from_code(tree()).repeat(5, 1))
-    assert len(many.maps) > CAMERA.sharpened_maps and sharpened(objective, many) == (objective, many)
+    assert len(many.maps) > MOST_MAPS and sharpened(objective, many) == (objective, many)
     exact = ImageObjective(image, levels_of(image, "density", CAMERA), PARAMS)
     shown = exact.judge(affine.from_code(tree()))
     assert sharpened(exact, shown) == (exact, shown)
@@ -120,15 +123,15 @@ def test_a_code_of_many_maps_and_exact_levels_stay_as_they_are():
 
 def test_strokes_are_described_in_pixels_and_taken_up_again():
     image = drawing()
-    levels = seen_with(levels_of(image, "coverage", CAMERA), ("strokes", 6.0, 0.0, 0.75 * PIXEL, 0.35 * PIXEL))
-    told = described(levels)
+    levels = with_camera(levels_of(image, DRAWN, CAMERA), stroke_camera(6.0, 0.0, 0.75 * PIXEL, 0.35 * PIXEL))
+    told = levels.camera.facts(SIDE)
     assert told == pytest.approx({"levels": "strokes", "depth": 6, "thinning": 0, "pen_px": 0.75, "blur_px": 0.35})
-    again = taken_with(image, told, CAMERA)
+    again = with_camera(levels, parse_camera(told, SIDE))
     assert torch.equal(again.render(tree(), SIDE, 0), levels.render(tree(), SIDE, 0))
 
 
 def test_strokes_beside_the_canvas_and_codes_without_copies_are_drawn():
-    strokes = Strokes(CAMERA, drawing(), (3.0, 0.0, PIXEL, 0.0))
+    strokes = Strokes(CAMERA, drawing(), stroke_camera(3.0, 0.0, PIXEL, 0.0))
     flat = IFS(torch.tensor([[[0.0, 0], [0, 0.5]], [[0.0, 0], [0, 0.5]]]), torch.tensor([[0.0, 0.1], [0.0, -0.1]]))
     assert float(strokes.render(flat, SIDE, 0).max()) > 0.9
     away = affine.to_code(affine.from_code(tree()) + torch.tensor([0, 0, 0, 0, 3.0, 0]))
@@ -137,7 +140,7 @@ def test_strokes_beside_the_canvas_and_codes_without_copies_are_drawn():
 
 @pytest.mark.parametrize("side", [64, 256, 512])
 def test_strokes_cover_as_much_of_the_canvas_at_any_resolution(side):
-    strokes = Strokes(CAMERA, drawing(), (6.0, 0.0, PIXEL, 0.0))
+    strokes = Strokes(CAMERA, drawing(), stroke_camera(6.0, 0.0, PIXEL, 0.0))
     wide = affine.from_code(tree())
     wide[0, 0] = 0.03                                      # a trunk of some width
     shares = [float(strokes.render(affine.to_code(wide), each, 0).mean()) for each in (SIDE, side)]
@@ -146,14 +149,14 @@ def test_strokes_cover_as_much_of_the_canvas_at_any_resolution(side):
 
 def test_a_deadline_that_has_passed_leaves_all_as_it_is():
     image = drawing()
-    objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    objective = judged(image, "coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0))
     shown = objective.judge(affine.from_code(tree()))
     assert sharpened(objective, shown, Deadline(0.0)) == (objective, shown)
 
 
 def test_a_tree_is_like_its_drawing_though_its_attractor_goes_on():
     image = drawing(depth=3)
-    strokes = judged(image, "coverage", ("strokes", 3.0, 0.0, 0.8 * PIXEL, 0.0))
+    strokes = judged(image, "coverage", stroke_camera(3.0, 0.0, 0.8 * PIXEL, 0.0))
     twig = RATIO**3 * (TOP[1] - FOOT[1])
     assert strokes.levels.smallest_part(tree(), SIDE) == pytest.approx(twig, rel=0.02)
     maps = affine.from_code(tree())
@@ -167,8 +170,8 @@ def test_a_tree_is_like_its_drawing_though_its_attractor_goes_on():
 def test_a_tree_of_few_levels_is_found_as_few_maps():
     """To the measure it is a lattice of lines. The stage is handed a wrong code, as the search before it would."""
     image = drawing(4)
-    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
-    stage = Recursion(problem, 0)
+    problem = SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS)
+    stage = Construction(problem, 0)
     wrong = affine.from_code(tree(0.5))
     state = State(best=Candidate(wrong, None, 1.0, 1.0), stopped="a stage before it had no time")
     assert stage.is_wanted(state)
@@ -178,16 +181,16 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
         state = stage.moved(state)
     state = stage.close(state)
     found = state.best
-    assert found.camera[:2] == ("strokes", 4) and len(found.maps) <= 4
+    assert found.camera.depth == 4 and len(found.maps) <= 4
     assert state.stopped == "few steps of a construction explain the picture"
     assert not DrawnMoves(problem).is_wanted(state)   # the moves by renderings are left out
-    assert DrawnMoves(problem).is_wanted(State(best=replace(found, camera=("coverage", 0.01))))
+    assert DrawnMoves(problem).is_wanted(State(best=replace(found, camera=pen_camera(0.0, 0.01, 0.0))))
     branches = found.maps[affine.smaller_singular(found.maps) > 0.3]
     assert affine.smaller_singular(branches).tolist() == pytest.approx([RATIO] * 2, abs=0.04)
 
 
 def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
-    problem = SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS)
+    problem = SearchProblem(drawing(4), levels_of(drawing(4), DRAWN, CAMERA), PARAMS)
     assert "construction" in [stage.name for stage in stages_of(problem, 0)]
     polishing = replace_params(problem, **OPTIONS)
     assert "construction" not in [stage.name for stage in stages_of(polishing, 0)] and polishing.rounds == 1
@@ -207,21 +210,21 @@ def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     for start, end in ((parts * torch.tensor([1.0, -1])).add(1) * fine).tolist():
         pen.line([tuple(start), tuple(end)], fill=255, width=6)
     image = torch.from_numpy(np.asarray(picture, np.float32).reshape(SIDE, 8, SIDE, 8).mean((1, 3)) / 255)
-    stage = Recursion(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS), 0)
+    stage = Construction(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS), 0)
     state = State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))
     assert stage.is_wanted(state)
     state = replace(state, current=stage.begin(state))
     while not stage.is_settled(state) and state.step < stage.expected_moves:
         state = stage.moved(state)
     best = stage.close(state).best
-    assert len(best.maps) == 2 and best.camera[0] == "coverage" and best.camera[1] > 0
+    assert len(best.maps) == 2 and best.camera.kind == "coverage" and best.camera.tile > 0
     drawn, true = (attractor.visible_box(each) for each in (best.code, dragon))
     assert max(abs(a - b) for a, b in zip(drawn, true, strict=True)) < 2 * PIXEL
     assert not DrawnMoves(stage.problem, 0).is_wanted(replace(state, best=best, current=None))
 
 
-@pytest.mark.parametrize("camera, ended", [(("coverage", 0.0, 0.01, 0.0), False), (("coverage", 0.1, 0.0, 0.0), True),
-                                           (("strokes", 4.0, 0.0, 0.01, 0.0), True), ((), False)])
+@pytest.mark.parametrize("camera, ended", [(pen_camera(0.0, 0.01, 0.0), False), (pen_camera(0.1, 0.0, 0.0), True),
+                                           (stroke_camera(4.0, 0.0, 0.01, 0.0), True), (None, False)])
 def test_a_note_tells_that_the_attractor_goes_on(monkeypatch, camera, ended):
     class Found:
         state = State()
@@ -238,30 +241,28 @@ def test_a_note_tells_that_the_attractor_goes_on(monkeypatch, camera, ended):
 
 
 def test_tiles_of_many_maps_explain_nothing():
-    few, many = (Candidate(affine.from_code(tree()).repeat(n, 1)[:2 * n], None, 1.0, 1.0, ("coverage", 0.1, 0.0, 0.0))
+    few, many = (Candidate(affine.from_code(tree()).repeat(n, 1)[:2 * n], None, 1.0, 1.0, pen_camera(0.1, 0.0, 0.0))
                  for n in (1, 2))
-    assert is_construction(few, CAMERA.tiled_maps) and not is_construction(many, CAMERA.tiled_maps)
-    assert not is_construction(replace(few, camera=("coverage", 0.0, 0.1, 0.0)), CAMERA.tiled_maps), "a pen"
+    assert is_construction(few) and not is_construction(many)
+    assert not is_construction(replace(few, camera=pen_camera(0.0, 0.1, 0.0))), "a pen"
 
 
 def test_a_code_that_draws_the_picture_is_not_searched_again():
     image = drawing(10)
-    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
+    problem = SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS)
     true = affine.from_code(tree())
-    assert not Recursion(problem, 0).is_wanted(State(best=Candidate(true, None, 1.0, 1.0)))
-    assert Recursion(replace_params(problem, camera={"recursion_below": 1.0})).is_wanted(
-        State(best=Candidate(true, None, 1.0, 1.0)))
+    assert not Construction(problem, 0).is_wanted(State(best=Candidate(true, None, 1.0, 1.0)))
     many = true.repeat(2, 1)   # more maps than such a search allows
-    assert Recursion(problem, 0).is_wanted(State(best=Candidate(many, None, 1.0, 1.0)))
-    assert not Recursion.may_help(replace_params(problem, maps=3)) and Recursion.may_help(problem)
+    assert Construction(problem, 0).is_wanted(State(best=Candidate(many, None, 1.0, 1.0)))
+    assert not Construction.may_help(replace_params(problem, maps=3)) and Construction.may_help(problem)
 
 
 @pytest.mark.parametrize("kind, likeness, wanted", [("coverage", 0.98, True), ("dots", 0.98, False),
                                                     ("dots", 0.94, True)])
 def test_scatter_plots_are_no_constructions(monkeypatch, kind, likeness, wanted):
-    stage = Recursion(SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS))
+    stage = Construction(SearchProblem(drawing(4), levels_of(drawing(4), DRAWN, CAMERA), PARAMS))
     stage._objective = ImageObjective(drawing(4), levels_of(drawing(4), kind, CAMERA), PARAMS)
-    monkeypatch.setattr(Recursion, "_likeness", lambda *_: likeness)
+    monkeypatch.setattr(Construction, "_likeness", lambda *_: likeness)
     assert stage.is_wanted(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))) is wanted
 
 
@@ -272,9 +273,9 @@ def replace_params(problem, **options):
 def test_dots_and_pens_are_compared_by_their_angles():
     """Dots have sixteen times as many subpixels as a pen, so their errors are as many times as large."""
     image = drawing(4)
-    stage = Recursion(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
-    pen, dots = (judged(image, *each) for each in (("coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0)),
-                                                    ("dots", ("dots", 0.08, 0.5 * PIXEL))))
+    stage = Construction(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS))
+    pen, dots = (judged(image, *each) for each in (("coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0)),
+                                                    ("dots", dot_camera(0.08, 0.5 * PIXEL))))
     shown, other = pen.judge(affine.from_code(tree())), dots.judge(affine.from_code(tree()))
     assert stage._error(pen, shown) == pytest.approx(shown.error)
     assert stage._error(dots, other) == pytest.approx(other.error / 16)
@@ -282,16 +283,16 @@ def test_dots_and_pens_are_compared_by_their_angles():
 
 def test_no_tiles_are_sought_with_a_known_pen():
     image = drawing(4)
-    tried = ({}, {"coverage", "strokes"}), ({"pen_px": 0.8}, {"strokes"}), ({"tiles_px": []}, {"strokes"})
+    tried = ({}, {"coverage", "strokes"}), ({"pen_px": 0.8}, {"strokes"}), ({"tiles": False}, {"strokes"})
     for known, cameras in tried:
-        problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS.updated(camera=known))
-        assert {each.camera for each in Recursion(problem)._tries} == cameras
+        problem = SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS.updated(camera=known))
+        assert {each.camera for each in Construction(problem)._tries} == cameras
 
 
 def test_a_shrunk_picture_is_not_taken_for_a_construction_that_was_not_sought():
     image = drawing(4)
-    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS.updated(
+    problem = SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS.updated(
         stages={"largest_side": 64, "full_side": 128}))
-    state = State(best=Candidate(affine.from_code(tree())[:2], None, 1.0, 1.0, ("coverage", 0.1, 0.0, 0.0)))
-    assert problem.is_reduced and not Recursion.may_help(problem)
+    state = State(best=Candidate(affine.from_code(tree())[:2], None, 1.0, 1.0, pen_camera(0.1, 0.0, 0.0)))
+    assert problem.is_reduced and not Construction.may_help(problem)
     assert DrawnMoves(problem).is_wanted(state)

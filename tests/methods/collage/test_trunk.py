@@ -3,18 +3,19 @@
 import numpy as np
 import pytest
 import torch
-from collage_helpers import PARAMS
+from collage_helpers import PARAMS, stroke_camera
 from drawn_helpers import FOOT, PIXEL, SIDE, TOP, drawing, objective, stage, tree
 
 from fractal_exp import codes
+from fractal_exp.cameras.kinds import levels_of
+from fractal_exp.cameras.stroke_kernels import outline
+from fractal_exp.cameras.strokes import flat_maps, parts_of
 from fractal_exp.ifs import attractor
+from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.stroke_kernels import outline
-from fractal_exp.methods.collage.camera.strokes import flat_maps, parts_of
-from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.measure.search import MeasureSearch
 from fractal_exp.methods.collage.stages import construction as recursion
-from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.methods.collage.trees import trunk
 from fractal_exp.methods.collage.trees.trunk import _segments, flat_maps_onto, with_trunk
@@ -24,8 +25,8 @@ def test_the_trunk_is_what_the_branches_leave_over():
     image, branches = drawing(6), affine.from_code(tree())[1:]
     found = with_trunk(objective(image), objective(image).judge(branches), 4)
     assert torch.equal(found.maps[:2], branches) and len(found.maps) == 3
-    assert flat_maps(found.code, PARAMS.camera).tolist() == [False, False, True]
-    (segment,), _ = parts_of(found.code, PARAMS.camera)
+    assert flat_maps(found.code).tolist() == [False, False, True]
+    (segment,), _ = parts_of(found.code)
     beside = PARAMS.camera.trunk_beside_px + 2
     low, high = sorted(segment.tolist(), key=lambda end: end[1])
     assert low == pytest.approx(FOOT, abs=2 * PIXEL)
@@ -49,7 +50,7 @@ def test_a_crown_that_leaves_nothing_over_keeps_its_trunk():
 
 def test_there_is_no_trunk_where_copies_leave_nothing_over():
     gasket = attractor.normalize(codes.known("sierpinski_triangle"))
-    image = levels_of(torch.ones(SIDE, SIDE), "coverage", PARAMS.camera).render(gasket, SIDE, 0)
+    image = levels_of(torch.ones(SIDE, SIDE), DRAWN, PARAMS.camera).render(gasket, SIDE, 0)
     seen = objective(image)
     whole = seen.judge(affine.from_code(gasket))
     assert with_trunk(seen, whole, 4) is None
@@ -171,14 +172,14 @@ def test_strokes_are_polished_on_a_small_image_first(monkeypatch):
 
 @pytest.mark.parametrize("tiles, sizes", [(False, [64, 64]), (True, [64, 64, SIDE, SIDE])])
 def test_a_code_without_promise_goes_no_further_unless_tiles_drew_it(monkeypatch, tiles, sizes):
-    monkeypatch.setattr(Recursion, "_has_tiles", lambda *_: tiles)   # they show the picture itself
+    monkeypatch.setattr(Construction, "_has_tiles", lambda *_: tiles)   # they show the picture itself
     assert seen_sizes(monkeypatch, {"recursion_gain": 0.0}) == (sizes, 2 * tiles)
 
 
 @pytest.mark.parametrize("likeness, ends", [(0.98, False), (0.99, True)])
 def test_strokes_that_draw_the_picture_less_well_do_not_end_the_search(monkeypatch, likeness, ends):
-    found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, ("strokes", 5.0, 0.0, PIXEL, 0.0))
-    monkeypatch.setattr(Recursion, "_likeness_of_drawing", lambda *_: likeness)
+    found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, stroke_camera(5.0, 0.0, PIXEL, 0.0))
+    monkeypatch.setattr(Construction, "_likeness_of_drawing", lambda *_: likeness)
     assert stage(drawing(5)).is_settled(State(best=found, current=found)) is ends
 
 
@@ -225,7 +226,7 @@ def test_how_well_strokes_must_draw_the_picture_is_a_parameter(least):
     image = drawing(6)
     tried = stage(image, camera={"recursion_alike": least})
     tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-    found = Candidate(affine.from_code(tree(0.57)), None, 1.0, 1.0, ("strokes", 6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
+    found = Candidate(affine.from_code(tree(0.57)), None, 1.0, 1.0, stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
     shown, seen = tried._shown(found)
     assert 0.5 < seen.likeness(shown.image) < 0.999
     assert tried._is_explained(found) == (least == 0.5)

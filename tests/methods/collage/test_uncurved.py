@@ -4,18 +4,20 @@ from dataclasses import replace
 
 import pytest
 import torch
-from fractal_exp.methods.collage.camera.levels import may_be_density
-from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
-from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
+from collage_helpers import dot_camera, pen_camera
 
 from fractal_exp import codes
+from fractal_exp.cameras.estimate import estimated, nearest
+from fractal_exp.cameras.kinds import levels_of, with_camera
+from fractal_exp.cameras.levels import may_be_density
+from fractal_exp.cameras.pens import Dots, Drawn, ToneMapped
 from fractal_exp.ifs import attractor
+from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image.camera import estimated, nearest
 from fractal_exp.methods.collage.measure.saturation import correction
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
-from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.image import Approach, DrawnMoves, stages_of
 from fractal_exp.methods.collage.stages.measure import Detail, Restart, Uncurved
 from fractal_exp.methods.collage.stages.problem import SearchProblem
@@ -25,9 +27,9 @@ from fractal_exp.runtime.deadline import Deadline
 SIDE, PARAMS = 128, CollageParams()
 CAMERA = PARAMS.camera
 FERN = attractor.normalize(codes.known("fern"))
-CURVED = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.04, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
+CURVED = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.04, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
 GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
-DRAWING = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 2 / SIDE, 0.0)).render(GASKET, SIDE, 1)
+DRAWING = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 2 / SIDE, 0.0)).render(GASKET, SIDE, 1)
 
 
 def problem(image=CURVED, **options):
@@ -41,7 +43,7 @@ def kinds(given, number=0):
 
 def test_a_density_is_grey_inside_and_a_drawing_is_not():
     koch = attractor.normalize(codes.known("koch_curve"))
-    thin = Drawn(CAMERA, torch.zeros(SIDE, SIDE), (0.0, 0.5 / SIDE, 1 / SIDE)).render(koch, SIDE, 1)
+    thin = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 0.5 / SIDE, 1 / SIDE)).render(koch, SIDE, 1)
     assert float((thin[thin > CAMERA.faint] < 0.95).float().mean()) > 0.9, "a thin line is grey"
     assert may_be_density(CURVED, CAMERA)
     assert not may_be_density(DRAWING, CAMERA) and not may_be_density(thin, CAMERA)
@@ -92,16 +94,16 @@ def test_later_stages_search_what_the_state_says():
 
 
 def test_behind_a_tone_curve_dots_have_no_advantage():
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.0)).render(FERN, SIDE, 1) ** (1 / 1.25)
-    dots, curve = (nearest(image, kind(CAMERA, image), FERN, PARAMS, 0)[0][0] for kind in (Dots, ToneMapped))
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.16, 0.0)).render(FERN, SIDE, 1) ** (1 / 1.25)
+    dots, curve = (nearest(image, kind(CAMERA, image), FERN, 0)[0][0] for kind in (Dots, ToneMapped))
     assert CAMERA.dotted * dots < curve < dots
-    levels = levels_of(image, "auto", CAMERA)
-    assert estimated(image, levels, FERN, PARAMS, 0)[0] == "dots"
-    assert estimated(image, seen_with(levels, ("tonemapped",)), FERN, PARAMS, 0)[0] == "tonemapped"
+    levels = levels_of(image, meaning_of(image), CAMERA)
+    assert estimated(image, levels, FERN, 0)[0] == "dots"
+    assert estimated(image, with_camera(levels, ("tonemapped",)), FERN, 0)[0] == "tonemapped"
 
 
 def test_faint_pixels_of_a_density_belong_to_its_shape():
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.01, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
+    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.01, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
     likeness = [likeness_of_attractor(FERN, image, kind(camera, image, values))
                 for camera in (CAMERA, CAMERA.updated(grey_inside=1.0))
                 for kind, values in ((ToneMapped, (0.01, 2.2, 0.0)), (Dots, (0.01, 0.0)))]
@@ -148,5 +150,5 @@ def test_the_camera_is_estimated_for_the_measure_of_the_search(kind, monkeypatch
 
 def test_no_strokes_are_sought_in_a_density():
     given, far = problem(), Candidate(affine.from_code(FERN.similar(0.5, (0.0, 0.0))), None, 0.1, 1.0)
-    assert Recursion(given).is_wanted(State(best=far))
-    assert not Recursion(given).is_wanted(State(best=far, measured_through=("tonemapped",)))
+    assert Construction(given).is_wanted(State(best=far))
+    assert not Construction(given).is_wanted(State(best=far, measured_through=("tonemapped",)))

@@ -60,14 +60,14 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     stopped. Raises `InputError`, before any work, if the image is unusable, the method or an option is unknown, or a
     value is out of range.
     """
-    from .images.levels import TargetImage
+    from .images.levels import decided
     from .images.reading import ReadImage, read_target
     from .inversion import run
 
     build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step, colour)
     reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean, "crop": crop}
     if isinstance(image, ReadImage):
-        target, reading = replace(image, levels=TargetImage.of(image, levels).levels), {}
+        target, reading = image if levels == "auto" else replace(image, levels=decided(levels, image.image)), {}
     else:
         if levels == "linear" and not isinstance(image, str | Path):
             image, reading["clean"] = _scaled(image), False  # its levels are numbers; there is no paper to clean

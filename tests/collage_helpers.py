@@ -56,8 +56,9 @@ def measure_search(masses: Tensor, grid: int = 64, seed: int = 0, smaller: float
 
 
 def problem(image: Tensor, **options) -> SearchProblem:
-    levels = levels_of(image, options.pop("levels", meaning_of(image)), CAMERA)
-    return SearchProblem(image, levels, params(**merged(FEW, options)))
+    meaning = options.pop("levels", meaning_of(image))
+    given = params(**merged(FEW, options))
+    return SearchProblem(image, levels_of(image, meaning, given.camera), given)
 
 
 def small(**options) -> Collage:

@@ -78,7 +78,8 @@ def test_a_picture_is_all_it_needs(folder, method, capsys):
     assert out.count("note       ") == 1 and "note       known beforehand" in out
     assert "verdict    " in out and "50% search, error 2" in out and "F1 " in out and "asked to" in out
     written = {path.name for path in (folder / "gasket-fractal").iterdir()}
-    assert written == {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "overlay.png"}
+    assert written == {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "overlay.png",
+                       "code.html"}
     assert len(IFS.load(folder / "gasket-fractal" / "code.json")) == 3
     assert Image.open(folder / "gasket-fractal" / "rendering.png").size == (1024, 1024)
     assert Image.open(folder / "gasket-fractal" / "overlay.png").size == (168, 158)
@@ -162,7 +163,7 @@ def test_it_finds_a_code_itself(folder, capsys):
     leaf((0, 100, 0)).save("leaf.png")
     app.main(["leaf.png", "--resolution", "64", "--set", "rounds=1", "search.restarts=1", "search.moves=1",
               "search.detail_moves=1", "moves.count=1", "moves.drawn_count=1", "growth.enabled=false",
-              "canonical.enabled=false", "camera.tiles_px=[]", "camera.pens_px=[1.0]", "camera.blurs_px=[0.5]"])
+              "canonical.enabled=false", "camera.tiles=false", "camera.pen_px=1.0", "camera.blur_px=0.5"])
     out = capsys.readouterr().out
     assert "verdict    " in out and "coloured: levels run" in out
     assert len(Inversion.load("leaf-fractal").code) >= 2

@@ -12,7 +12,7 @@ from fractal_exp.images import bands
 from fractal_exp.images.painted import Painted
 from fractal_exp.images.reading import read_colour, read_target
 from fractal_exp.inversion import Inversion
-from fractal_exp.likeness import Likeness
+from fractal_exp.likeness import Likeness, camera_for
 from fractal_exp.verdict import Verdict
 
 CROP = (310, 40, 590, 310)  # of a page: the leaf on its right
@@ -141,7 +141,8 @@ def test_an_overlay_lies_over_the_part_that_was_read(tmp_path):
     read = read_target(tmp_path / "twins.png", 160, crop=(177, 20, 340, 195))
     likeness = Likeness.of(code, read)
     found = Inversion(code=code, target=read, source=read.source, likeness=likeness, history=(), stopped="",
-                      verdict=Verdict.of(likeness, 3, read.image, picture=read), method="hand", seconds=0.0)
+                      verdict=Verdict.of(likeness, 3, read), method="hand", seconds=0.0,
+                      camera=camera_for(code, read))
     laid = np.asarray(found.overlay(colour=(255, 0, 0), opacity=1.0)).astype(int)
     red = laid[..., 0] - laid[..., 1] > 100
     lit = np.asarray(Image.open(tmp_path / "twins.png")) > 0

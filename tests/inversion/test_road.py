@@ -13,6 +13,7 @@ from fractal_exp.images.levels import MEANINGS, TargetImage, decided, meaning_of
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Inversion, Work, conclude, reconstruct, run, write
 from fractal_exp.methods.base import CodeReconstruction, Method, Progress
+from fractal_exp.methods.collage.method import Collage
 
 SIDE = 96
 PIXEL = 2 / SIDE
@@ -103,3 +104,13 @@ def test_every_result_has_the_same_files(tmp_path):
     names = write(found, tmp_path)
     assert sorted(names) == sorted(each.name for each in tmp_path.iterdir()) == [
         "code.html", "code.json", "inversion.json", "overlay.png", "redrawn.png", "rendering.png", "target.png"]
+
+
+@pytest.mark.parametrize("levels, camera, message", [
+    ("drawn", {"estimate": False, "blur_px": 0.5}, "camera.blur_px must be null if camera.estimate is false"),
+    ("dots", {"pen_px": 1.5}, "camera.pen_px must be null if levels is dots, got 1.5"),
+    ("coverage", {"gain": 1.0}, "camera.gain must be null if levels is coverage, got 1.0"),
+    ("density", {"blur_px": 1.0}, "camera.blur_px must be null if levels is density, got 1.0")])
+def test_what_is_known_of_a_camera_must_agree_with_the_levels(levels, camera, message):
+    with pytest.raises(InputError, match=message):
+        Collage(camera=camera).check(TargetImage.of(suite.target(CODE, SIDE), levels))

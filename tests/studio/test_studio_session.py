@@ -182,7 +182,7 @@ def test_before_a_stage_has_ended_another_candidate_is_shown_every_second_at_mos
     code, other, third = (attractor.normalize(codes.known(name)) for name in ("sierpinski_triangle", "fern", "rauzy"))
     image, words, now = suite.target(code, SIDE), [], [0.0]
     monkeypatch.setattr("fractal_exp.studio.tasks.time.monotonic", lambda: now[0])
-    tell = _Telling(words.append, ReadImage(image, False, (SIDE, SIDE), (0, 0, SIDE, SIDE), 1.0, ()), None)
+    tell = _Telling(words.append, ReadImage.of_drawing(image, "density"), None)
 
     def shown(seconds, **more):
         """The code that is shown of what a search tells at a time."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...cameras.kinds import levels_of, with_camera
+from ...cameras.levels import Levels
 from ...cameras.params import CameraParams
 from ...errors import InputError
 from ...images.levels import TargetImage
@@ -52,13 +53,17 @@ class Collage(Method):
         if side < SMALLEST_INPUT:
             raise InputError(f"collage search needs an image of at least {SMALLEST_INPUT}², got {side}²; "
                              "read the picture at a larger resolution")
+        self._levels(target)
+
+    def _levels(self, target: AnyTarget) -> Levels:
+        """The levels of a target. Raises `InputError` if they have no camera with what the user knows of it."""
+        return levels_of(check_target(target).to(self.device), TargetImage.of(target).levels, self.camera)
 
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
         self.check(target)
-        image, params = check_target(target).to(self.device), self.params
-        levels = levels_of(image, TargetImage.of(target).levels, params.camera)
-        problem = SearchProblem(image, levels, params, self.seed, self.deadline())
+        levels = self._levels(target)
+        problem = SearchProblem(levels.picture, levels, self.params, self.seed, self.deadline())
         snapshot = checkpoint.load() if checkpoint else None
         told = State.of(snapshot, self.device) if snapshot else State()
         size = problem.image.shape[0]

@@ -274,7 +274,6 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
 @pytest.mark.parametrize(("options", "message"), [
     ({"search": {"moves": -1}}, "search.moves must be at least 0, got -1"), ({"maps": 1}, "maps must be at least 2"),
     ({"maps": 3, "at_most": 5}, "not two; got maps=3 and at_most=5"),
-    ({"levels": "colour"}, "levels must be 'auto', 'density'"),
     ({"seconds": 0}, "seconds must be above 0"), ({"refine": {"finest": 8}}, "refine.finest must be at least 128"),
     ({"move": {}}, "there is no parameter move; did you mean 'moves'"),
     ({"seconds": "a"}, "seconds must be above 0 .* got 'a'; give a number, such as 60"),

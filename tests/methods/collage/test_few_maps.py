@@ -37,7 +37,7 @@ def test_a_simpler_code_takes_the_place_of_a_code_of_many_maps():
         state = tried.moved(state)
     state = tried.close(state)
     assert affine.from_code(state.leader.code)[:, [0, 4]].abs() == pytest.approx(THIRDS[:, [0, 4]].abs(), abs=0.02)
-    assert state.leader.camera[:2] == ("coverage", 0.0) and not state.stopped
+    assert state.leader.camera.tile == 0 and not state.stopped
     assert DrawnMoves(tried.problem).is_wanted(state), "the moves go on from it"
 
 

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from fractal_exp.cameras.estimate import estimated
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.ifs import attractor
-from fractal_exp.images.levels import meaning_of
+from fractal_exp.images.levels import decided
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
@@ -50,10 +50,10 @@ def grower(image: torch.Tensor, **growth) -> Grower:
     return Grower(image, params)
 
 
-def stage(image: torch.Tensor, seconds: float | None = None, **options) -> Growth:
+def stage(image: torch.Tensor, seconds: float | None = None, levels: str = "auto", **options) -> Growth:
     params = CollageParams().updated(**merged({"growth": FEW}, options))
-    levels = levels_of(image, meaning_of(image), params.camera)
-    return Growth(SearchProblem(image, levels, params, deadline=Deadline(seconds)), 2)
+    seen = levels_of(image, decided(levels, image), params.camera)
+    return Growth(SearchProblem(image, seen, params, deadline=Deadline(seconds)), 2)
 
 
 def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
@@ -200,7 +200,7 @@ def test_grown_maps_get_a_camera_that_shows_them():
 
     nearest = estimated(picture, some.problem.levels, grown.code, 0)
     assert likeness(nearest) < 0.5, "too faint to be seen"
-    assert likeness(shown.camera) > 0.95 and shown.camera[0] == "dots"
+    assert likeness(shown.camera) > 0.95 and shown.camera.kind == "dots"
 
 
 def test_what_draws_a_binary_image_with_less_error_stays():

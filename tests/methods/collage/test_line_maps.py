@@ -38,7 +38,7 @@ def test_the_light_along_a_line_tells_which_way_it_lies(degrees):
     maps[stem, :4], maps[stem, 4:] = wrong[:4], true[stem, 4:] + 0.04 * direction
     given = objective(image)
     shown = given.judge(maps)
-    points = attractor_points(maps, shown.probabilities, 50_000, 0, PARAMS.camera)
+    points = attractor_points(maps, shown.probabilities, 50_000, 0)
     rest = given.without(shown, [stem])
     found = profiled(maps[stem], float(shown.probabilities[stem]), points, light(image, rest.image), PARAMS.lines)[0]
     assert found.dtype == maps.dtype

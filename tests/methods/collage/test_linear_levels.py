@@ -7,10 +7,11 @@ from collage_helpers import params
 from scipy.ndimage import gaussian_filter
 
 from fractal_exp import invert
-from fractal_exp.cameras.linear import Linear
+from fractal_exp.cameras.linear import LEAST_POINTS, Linear
 from fractal_exp.cameras.points import attractor_points
 from fractal_exp.errors import InputError
 from fractal_exp.ifs.code import IFS
+from fractal_exp.images.levels import TargetImage
 from fractal_exp.likeness import Likeness
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.jacobian import WEIGHT, FromCounts
@@ -59,8 +60,8 @@ def judge(image: torch.Tensor, **options) -> ImageObjective:
 @pytest.mark.parametrize("blur_px", [0.0, 1.0, 2.0])
 def test_a_linear_image_is_a_histogram_under_a_blur(blur_px):
     code = CODE.similar(1, (0.5, 0.3))  # a part of it beyond the canvas
-    levels = Linear(CameraParams(blur_px=blur_px, linear_points=5.0, points_per_pixel=1.0), 0.2, SIDE)
-    points = attractor_points(affine.from_code(code), code.sampling_probabilities(), 5 * SIDE**2, 7, levels.camera)
+    levels = Linear(CameraParams(blur_px=blur_px, points_per_pixel=1.0), brightness=0.2)
+    points = attractor_points(affine.from_code(code), code.sampling_probabilities(), round(LEAST_POINTS * SIDE**2), 7)
     points = points.double().numpy()
     assert (np.abs(points) > 1).any()
     expected = counted(points, blur_px=blur_px)
@@ -80,7 +81,7 @@ def test_an_image_that_is_shrunk_has_the_blur_and_the_noise_of_the_whole_one(ima
 def test_counting_errors_of_blurred_counts_have_one_variance(points_per_pixel):
     quarters = torch.tensor([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]])
     flat = IFS(torch.eye(2).expand(4, 2, 2) / 2, quarters)  # all of the canvas evenly
-    levels = Linear(CameraParams(blur_px=BLUR_PX, points_per_pixel=points_per_pixel), 0.5, SIDE)
+    levels = Linear(CameraParams(blur_px=BLUR_PX, points_per_pixel=points_per_pixel), brightness=0.5)
     n = levels.subpixels(SIDE, SIDE)
     stable = torch.stack([levels.stabilized(levels.noisy(flat, SIDE, seed), n) for seed in range(20)])
     inner = slice(6, SIDE - 6)  # some blur is lost over the edge
@@ -97,7 +98,7 @@ def test_sharpening_undoes_most_of_a_blur(image):
 
 
 def test_derivatives_by_maps_and_probabilities_are_those_of_renderings(image):
-    picture = judge(image, camera=CAMERA | {"linear_points": 120.0}, gauss_newton={"points_per_cell": 100.0})
+    picture = judge(image, camera=CAMERA | {"points_per_pixel": 120.0}, gauss_newton={"points_per_cell": 100.0})
     shown = picture.judge(affine.from_code(CODE), CODE.probabilities)
     jacobian = FromCounts(picture, shown, range(3), 0)
     assert [unit[:2] for unit in jacobian.units if unit[1] == WEIGHT] == [(0, 6), (1, 6), (2, 6)]
@@ -132,7 +133,8 @@ def test_a_code_is_found_from_its_density_alone(image):
 
 
 def test_a_likeness_is_that_under_the_camera_of_the_image(image):
-    known, wrong = (Likeness.of(CODE, image, levels="linear", camera=CAMERA | {"blur_px": blur})
+    target = TargetImage.of(image, "linear")
+    known, wrong = (Likeness.of(CODE, target, params=CameraParams(**CAMERA | {"blur_px": blur}))
                     for blur in (BLUR_PX, 0.5))
     assert known.noise_ratio < 1.3 and wrong.noise_ratio > 2
 
@@ -179,11 +181,11 @@ def test_populations_are_for_linear_images_of_a_given_number_of_maps(image):
 @pytest.mark.parametrize(("camera", "message"), [
     ({"blur_px": -1.0}, "camera.blur_px must be at least 0"),
     ({"blur_px": float("inf")}, "camera.blur_px must be a finite number"),
-    ({"linear_points": 0.0}, "camera.linear_points must be at least 0.1"),
+    ({"points_per_pixel": 0.0}, "camera.points_per_pixel must be at least 0.1"),
 ])
 def test_a_camera_that_cannot_be_is_refused(camera, message):
     with pytest.raises(InputError, match=message):
-        Collage(levels="linear", camera=camera)
+        Collage(camera=camera)
 
 
 @pytest.mark.parametrize("counts", [np.full((64, 64), 3.0), -np.eye(64), np.full((64, 64), np.nan)])

@@ -122,10 +122,7 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"search": {"mix": {"largest": 1.2}}}, "search.mix.largest must be above 0 and below 1, got 1.2"),
     ({"births": {"large": [0.1]}}, "births.large must be a list of 2 values, got [0.1]"),
     ({"births": {"large": [0.1, 0.2, 0.3]}}, "births.large must be a list of 2 values, got [0.1, 0.2, 0.3]"),
-    ({"camera": {"twigs_px": []}}, "camera.twigs_px must be a list of 2 values, got []"),
     ({"frame": {"enabled": "yes"}}, "frame.enabled must be true or false, got 'yes'"),
-    ({"levels": "colour"}, "levels must be 'auto', 'density', 'linear', 'dots', 'tonemapped', 'coverage' or 'binary', "
-                           "got 'colour'"),
     ({"saturation": 3}, "saturation must be a mapping of settings, got 3"),
     ({"maps": 3, "at_most": 4}, "give one of the number of maps (maps), its upper bound (at_most or bytes) and the "
                                 "likeness to be reached, not two; got maps=3 and at_most=4"),
@@ -183,15 +180,7 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"population": {"polished": 9}}, "population.judged must be at least polished, which is 9; got 8"),
     ({"population": {"first": 20}}, "population.first must be at least size, which is 48; got 20"),
     ({"population": {"generations": 5}}, "population.generations must be at least judged_every, which is 10; got 5"),
-    ({"camera": {"warmup": 430}}, "camera.warmup must be below trajectory, which is 430; got 430"),
-    ({"camera": {"tile_words": 100}}, "camera.tile_words must be at least tile_words_seen, which is 800; got 100"),
-    ({"camera": {"tile_cells": [20, 10]}}, "camera.tile_cells must be a lower and an upper end, got [20, 10]"),
     ({"camera": {"estimate": False, "pen_px": 1.5}}, "camera.pen_px must be null if estimate is false, got 1.5"),
-    ({"camera": {"estimate": False, "blur_px": 0.5}},
-     "camera.blur_px must be null if camera.estimate is false and levels is not linear, got 0.5"),
-    ({"levels": "dots", "camera": {"pen_px": 1.5}}, "camera.pen_px must be null if levels is dots, got 1.5"),
-    ({"levels": "coverage", "camera": {"gain": 1.0}}, "camera.gain must be null if levels is coverage, got 1.0"),
-    ({"levels": "density", "camera": {"blur_px": 1.0}}, "camera.blur_px must be null if levels is density, got 1.0"),
     ({"saturation": {"length": 30}}, "saturation.warmup must be below length, which is 30; got 30"),
     ({"likeness": 0.9, "growth": {"enabled": False}},
      "likeness is reached by growth, but growth.enabled is false; got 0.9"),
@@ -202,8 +191,8 @@ def test_a_parameter_out_of_range_is_refused_by_its_full_name(options, message):
 
 
 @pytest.mark.parametrize("options", [
-    {"levels": "linear", "camera": {"blur_px": 2.0, "estimate": False}}, {"camera": {"pen_px": 1.5, "blur_px": 0.5}},
-    {"levels": "dots", "camera": {"gain": 0.5, "blur_px": 0.5}}, {"likeness": 0.9}, {"bytes": 96, "growth": {
+    {"camera": {"blur_px": 2.0, "estimate": False}}, {"camera": {"pen_px": 1.5, "blur_px": 0.5}},
+    {"camera": {"gain": 0.5, "blur_px": 0.5}}, {"likeness": 0.9}, {"bytes": 96, "growth": {
         "enabled": False}}, {"search": {"grid": 128}}, {"births": {"kept": 24}}], ids=str)
 def test_parameters_that_agree_are_taken(options):
     assert CollageParams().updated(**options) != CollageParams()

@@ -5,16 +5,12 @@ import pytest
 import torch
 from collage_helpers import PARAMS
 from drawn_helpers import PIXEL, SIDE, drawing, objective, tree
-from pretended_gpu import pretended
 
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.cameras.strokes import parts_of
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.stages.construction import Construction
-from fractal_exp.methods.collage.stages.problem import SearchProblem
-from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.methods.collage.trees.registration import Registration, _drawn, _Tree
 from fractal_exp.runtime.deadline import Deadline
 
@@ -68,15 +64,10 @@ def test_the_best_depth_comes_first(monkeypatch):
     assert depths[fits[0].misfit] == DEPTH and set(depths.values()) >= set(range(1, 8))
 
 
-def test_strokes_are_drawn_no_deeper_than_told():
-    assert [len(registered(drawing(3), knocked(0.0), registered_strokes=most)) for most in (2, 7, 8)] == [1, 2, 3]
-
-
 def test_strokes_too_short_to_see_are_not_drawn():
     maps = knocked(0.0)
     maps[1:, :4] *= 0.3   # to 0.18
-    assert len(registered(drawing(3), maps)) == 3, "their lengths are 28 pixels, 5, 0.9 and 0.2"
-    assert len(registered(drawing(3), maps, twigs_px=(2.0, 24.0))) == 2
+    assert len(registered(drawing(3), maps)) == 3, "their lengths are 28 pixels, 5, 0.9 and, too short, 0.2"
 
 
 def test_the_trunk_moves_along():
@@ -109,29 +100,6 @@ def test_strokes_without_length_are_left_out():
 def test_nothing_is_registered_after_the_deadline():
     seen = objective(drawing(DEPTH))
     assert Registration(seen, Deadline(0.0)).fits(seen.judge(knocked(0.02))) == []
-
-
-def test_trees_are_registered_on_a_gpu_too():
-    params = PARAMS.updated(camera={"likeliest": 1, "sharpened_steps": 1, "coarse_side": 64, "recursion_gain": 1.0})
-    with pretended():
-        image, maps = drawing(4).to("cuda"), knocked(0.02).to("cuda")
-        stage = Construction(SearchProblem(image, levels_of(image, DRAWN, params.camera), params))
-        stage.open(State(best=Candidate(maps, None, 1.0, 1.0)))
-        (_, best), *_ = stage._as_strokes(stage.objective.judge(maps[1:]))
-        assert best.maps.is_cuda and len(best.maps) == 3
-
-
-def test_lines_far_away_do_not_count():
-    image = drawing(DEPTH)
-    image[8:12, 8:40] = 1.0
-    near, all_of_it = (registered(image, knocked(0.02), registration_px=px)[0] for px in (4.0, 400.0))
-    assert largest_shift(near.maps[:2]) < 5 < largest_shift(all_of_it.maps[:2])
-
-
-@pytest.mark.parametrize("camera", [{"registration_steps": 1}, {"registration_little": 0.5}])
-def test_how_long_it_takes_is_a_parameter(camera):
-    image, maps = drawing(DEPTH), knocked(0.04)
-    assert registered(image, maps, **camera)[0].misfit > 1.2 * registered(image, maps)[0].misfit
 
 
 def test_no_copy_has_a_larger_singular_value_than_told():

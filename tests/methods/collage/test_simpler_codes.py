@@ -6,9 +6,11 @@ from collage_helpers import dot_camera, pen_camera
 from drawn_helpers import at, triangles
 
 from fractal_exp import codes
+from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots, Drawn
 from fractal_exp.cameras.points import attractor_points
 from fractal_exp.ifs import attractor
+from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
@@ -130,7 +132,7 @@ def test_an_attractor_on_a_line_is_known_though_points_take_long_to_reach_it():
 def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
     maps = affine.from_code(GASKET)
     tiny = torch.tensor([[.02, 0, 0, .02, *maps[0, 4:]]])  # within the image of the first
-    pen = (0.0, 0.5 * PIXEL, 0.0)
+    pen = pen_camera(0.0, 0.5 * PIXEL, 0.0)
     image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(GASKET, SIDE, 0)
     judge = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS)
     shown = judge.judge(torch.cat([maps, tiny]))
@@ -220,8 +222,10 @@ def test_a_number_of_maps_that_was_asked_for_stays():
 def last_stage(picture, pen_px):
     """The last stage, which sees codes with this pen."""
     params = PARAMS.updated(canonical={"matrices": False})
-    stage = DrawnLastDigits(SearchProblem(picture, Drawn(CAMERA, picture), params))
-    stage.objective = ImageObjective(picture, Drawn(CAMERA, picture, pen_camera(0.0, pen_px * PIXEL, 0.0)), params)
+    levels = levels_of(picture, DRAWN, CAMERA)
+    stage = DrawnLastDigits(SearchProblem(picture, levels, params))
+    seen = with_camera(levels, pen_camera(0.0, pen_px * PIXEL, 0.0))
+    stage.objective = ImageObjective(picture, seen, params)
     return stage
 
 

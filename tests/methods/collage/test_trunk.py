@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from collage_helpers import PARAMS, stroke_camera
-from drawn_helpers import FOOT, PIXEL, SIDE, TOP, drawing, objective, stage, tree
+from drawn_helpers import FOOT, PIXEL, RATIO, SIDE, TOP, drawing, objective, stage, tree
 
 from fractal_exp import codes
 from fractal_exp.cameras.kinds import levels_of
@@ -13,12 +13,9 @@ from fractal_exp.cameras.strokes import flat_maps, parts_of
 from fractal_exp.ifs import attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.measure.search import MeasureSearch
-from fractal_exp.methods.collage.stages import construction as recursion
-from fractal_exp.methods.collage.stages.construction import Construction
+from fractal_exp.methods.collage.stages.construction import COARSE_SIDE, Construction
 from fractal_exp.methods.collage.state import Candidate, State
-from fractal_exp.methods.collage.trees import trunk
-from fractal_exp.methods.collage.trees.trunk import _segments, flat_maps_onto, with_trunk
+from fractal_exp.methods.collage.trees.trunk import BESIDE_PX, _segments, flat_maps_onto, with_trunk
 
 
 def test_the_trunk_is_what_the_branches_leave_over():
@@ -27,7 +24,7 @@ def test_the_trunk_is_what_the_branches_leave_over():
     assert torch.equal(found.maps[:2], branches) and len(found.maps) == 3
     assert flat_maps(found.code).tolist() == [False, False, True]
     (segment,), _ = parts_of(found.code)
-    beside = PARAMS.camera.trunk_beside_px + 2
+    beside = BESIDE_PX + 2
     low, high = sorted(segment.tolist(), key=lambda end: end[1])
     assert low == pytest.approx(FOOT, abs=2 * PIXEL)
     assert high[0] == pytest.approx(TOP[0], abs=PIXEL) and TOP[1] - beside * PIXEL < high[1] < TOP[1] + PIXEL
@@ -57,15 +54,9 @@ def test_there_is_no_trunk_where_copies_leave_nothing_over():
     assert with_trunk(seen, seen.judge(whole.maps[:1]), 4) is None, "of a single copy"
 
 
-@pytest.mark.parametrize("camera", [{"trunk_least_px": 100.0}, {"trunk_beside_px": 100.0}])
-def test_how_much_counts_as_a_trunk_is_a_parameter(camera):
-    seen = objective(drawing(6), **camera)
-    assert with_trunk(seen, seen.judge(affine.from_code(tree())[1:]), 4) is None
-
-
 def segments(mask, most=4, shape=None):
     shape = mask if shape is None else shape
-    return [torch.stack(ends) for ends in _segments(*map(torch.from_numpy, (mask, shape)), most, PARAMS.camera, 0)]
+    return [torch.stack(ends) for ends in _segments(*map(torch.from_numpy, (mask, shape)), most, 0)]
 
 
 def lengths(found):
@@ -155,27 +146,6 @@ def test_the_pen_outlines_segments():
     assert bool((torch.from_numpy(off)[~near] >= true[~near] - 1e-5).all()) and np.isinf(off).any()
 
 
-def seen_sizes(monkeypatch, camera):
-    """The sizes of the images on which a tree is polished as strokes, and how many cameras were left."""
-    image, sizes = drawing(5), []
-    tried = stage(image, camera={"coarse_side": 64, "likeliest": 1, "sharpened_steps": 1, **camera})
-    tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-    real = recursion.as_seen
-    monkeypatch.setattr(recursion, "as_seen", lambda seen, *rest: sizes.append(len(seen.image)) or real(seen, *rest))
-    found = tried._as_strokes(tried.objective.judge(affine.from_code(tree())[1:]))
-    return sizes, len(found)
-
-
-def test_strokes_are_polished_on_a_small_image_first(monkeypatch):
-    assert seen_sizes(monkeypatch, {"recursion_gain": 1.0}) == ([64, 64, SIDE, SIDE], 2)
-
-
-@pytest.mark.parametrize("tiles, sizes", [(False, [64, 64]), (True, [64, 64, SIDE, SIDE])])
-def test_a_code_without_promise_goes_no_further_unless_tiles_drew_it(monkeypatch, tiles, sizes):
-    monkeypatch.setattr(Construction, "_has_tiles", lambda *_: tiles)   # they show the picture itself
-    assert seen_sizes(monkeypatch, {"recursion_gain": 0.0}) == (sizes, 2 * tiles)
-
-
 @pytest.mark.parametrize("likeness, ends", [(0.98, False), (0.99, True)])
 def test_strokes_that_draw_the_picture_less_well_do_not_end_the_search(monkeypatch, likeness, ends):
     found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, stroke_camera(5.0, 0.0, PIXEL, 0.0))
@@ -184,16 +154,8 @@ def test_strokes_that_draw_the_picture_less_well_do_not_end_the_search(monkeypat
 
 
 def test_known_widths_are_scaled_with_the_image():
-    camera = stage(drawing(5), camera={"coarse_side": 64, "pen_px": 1.5, "blur_px": 0.0})._coarse.params.camera
-    assert (camera.pen_px, camera.blur_px) == (0.75, 0.0)
-
-
-def test_without_a_trunk_flat_maps_stay(monkeypatch):
-    monkeypatch.setattr(recursion, "with_trunk", lambda seen, found, most: asked.append(most))
-    for most, expected in ((4, [4, 1]), (1, [1]), (0, [0])):
-        asked, tried = [], stage(drawing(5), camera={"trunk_strokes": most})
-        tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-        assert tried._as_strokes(tried.objective.judge(affine.from_code(tree()))) == [] and asked == expected
+    camera = stage(drawing(5), camera={"pen_px": 1.5, "blur_px": 0.0})._coarse.params.camera
+    assert (camera.pen_px, camera.blur_px) == (1.5 * COARSE_SIDE / SIDE, 0.0)
 
 
 def test_the_first_search_for_strokes_comes_before_those_for_tiles():
@@ -201,32 +163,10 @@ def test_the_first_search_for_strokes_comes_before_those_for_tiles():
     assert kinds == ["strokes", "coverage", "coverage", "strokes", "strokes"]
 
 
-@pytest.mark.parametrize("most, copies, strokes", [(2, None, None), (3, 2, 1), (4, 3, 2), (9, 4, 4)])
-def test_a_trunk_does_not_exceed_the_maps_that_are_asked_for(most, copies, strokes, monkeypatch):
-    tried = stage(drawing(6), at_most=most)
-    first = tried._tries[0]
-    assert (first.camera == "strokes") == (copies is not None)
-    if copies is None:
-        return
-    asked = []
-    monkeypatch.setattr(recursion, "MeasureSearch", lambda masses, regime, params, *rest: asked.append(params.at_most)
-                        or MeasureSearch(masses, regime, params.updated(search={"moves": 0}), *rest))
-    tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-    tried._few_maps(first, 0)
-    assert asked == [copies]
-    branches = affine.from_code(tree())[1:]
-    segments = []
-    monkeypatch.setattr(trunk, "_segments", lambda mask, shape, most, camera, seed: segments.append(most) or [])
-    trunk.with_trunk(tried.objective, tried.objective.judge(branches), 4)
-    assert segments == [min(4, most - 2)]
-
-
-@pytest.mark.parametrize("least", [0.5, 0.999])
-def test_how_well_strokes_must_draw_the_picture_is_a_parameter(least):
+@pytest.mark.parametrize("ratio, explained", [(0.57, False), (RATIO, True)])
+def test_strokes_must_draw_the_picture_well(ratio, explained):
     image = drawing(6)
-    tried = stage(image, camera={"recursion_alike": least})
+    tried = stage(image)
     tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-    found = Candidate(affine.from_code(tree(0.57)), None, 1.0, 1.0, stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
-    shown, seen = tried._shown(found)
-    assert 0.5 < seen.likeness(shown.image) < 0.999
-    assert tried._is_explained(found) == (least == 0.5)
+    found = Candidate(affine.from_code(tree(ratio)), None, 1.0, 1.0, stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
+    assert tried._is_explained(found) is explained

@@ -14,6 +14,7 @@ from ....ifs import attractor
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
+from ..bins import lit_pixels
 from ..camera.strokes import extent, flat_maps, onto_segment
 from ..image.objective import ImageObjective, Rendered
 from ..params.camera import CameraParams
@@ -49,7 +50,7 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
 
 def lit_shape(objective: ImageObjective) -> Tensor:
     """The mask (R,R) of what a picture shows. Thin lines are faint."""
-    return (objective.image > objective.params.growth.lit * objective.image.max()).cpu()
+    return lit_pixels(objective.image).cpu()
 
 
 def middle_of(shape: Tensor) -> Tensor:

@@ -64,12 +64,12 @@ from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.measure.bins import binned
 from fractal_exp.methods.collage.measure.levels import Density
-from fractal_exp.methods.collage.params import CameraParams, DescentParams
+from fractal_exp.methods.collage.params import CameraParams
 from fractal_exp.ops.collage import Descent, descend, pushforward
 from fractal_exp.runtime import threads
 threads.use(1)
 code, levels = attractor.normalize(codes.known("fern")), Density(CameraParams())
-measure = binned(levels.measure(suite.target(code, 128)), 64, DescentParams())
+measure = binned(levels.measure(suite.target(code, 128)), 64)
 maps, weights = affine.from_code(code)[None] + 0.01, torch.full((1, 4), 0.25)
 found = [*descend(maps, weights, measure, Descent(40)), *descend(maps, weights, measure, Descent(40, tied=True)),
          pushforward(maps, weights, measure.samples, 64), ops.chaos_game(code.linear, code.offset, trajectories=100,

@@ -1,4 +1,4 @@
-"""Measures on grids, from the masses of an image, from an attractor, or from points."""
+"""Measures on grids, from the masses of an image, from an attractor, or from points; and the shape of an image."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from torch.nn.functional import avg_pool2d
 from ...cameras.points import TRAJECTORY, WARMUP
 from ...ops.collage import BinnedMeasure, orbit_bins, pushforward
 from ...ops.collage.reference import EDGE
-from .params.measure import DescentParams
+
+CELLS_PER_PIXEL = 1.3   # maximum along a side of the finest grid
+PIXEL_PARTS = 2         # per side, into which a pixel is divided when its mass is shared among cells
+LIT = 0.1               # grey level, as a share of the highest, above which a pixel belongs to a shape; lines are faint
 
 
-def grid_for(resolution: int, wanted: int, params: DescentParams) -> int:
+def grid_for(resolution: int, wanted: int) -> int:
     """Cells per side of a grid: the largest power of two that an image of this resolution fills, at most `wanted`."""
-    return min(wanted, 2 ** (int(params.cells_per_pixel * resolution).bit_length() - 1))
+    return min(wanted, 2 ** (int(CELLS_PER_PIXEL * resolution).bit_length() - 1))
 
 
-def binned(masses: Tensor, size: int, params: DescentParams, grids: int | None = None) -> BinnedMeasure:
+def binned(masses: Tensor, size: int, grids: int = BinnedMeasure.grids) -> BinnedMeasure:
     """The measure of an image's masses (R,R) on a grid of `size` cells per side. Its samples are the centroids of lit
-    cells of the same grid, or the pixels if those are larger. grids: how many are compared; None: `params.grids`."""
+    cells of the same grid, or the pixels if those are larger. grids: how many are compared."""
     resolution = masses.shape[0]
     masses = (masses / masses.sum()).float()
     row = torch.arange(resolution, device=masses.device)
@@ -31,20 +34,25 @@ def binned(masses: Tensor, size: int, params: DescentParams, grids: int | None =
                       for values in (masses, masses * x, -masses * x.T))
     lit = weight > 0
     samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
-    hats = _hats(resolution, size, params.pixel_parts).to(masses.device)
-    return BinnedMeasure(samples, hats.T @ masses @ hats, params.grids if grids is None else grids, params.floor)
+    hats = _hats(resolution, size).to(masses.device)
+    return BinnedMeasure(samples, hats.T @ masses @ hats, grids)
 
 
-def _hats(resolution: int, size: int, parts: int) -> Tensor:
-    """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass in the middles of `parts` equal
-    parts of the pixel."""
+def lit_pixels(image: Tensor) -> Tensor:
+    """The mask (R,R) of the shape that an image (R,R) shows."""
+    return image > LIT * image.max()
+
+
+def _hats(resolution: int, size: int) -> Tensor:
+    """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass in the middles of equal parts
+    of the pixel."""
     shares = torch.zeros(resolution, size)
     row = torch.arange(resolution)
-    for part in range(parts):
-        u = ((row + (2 * part + 1) / (2 * parts)) * size / resolution - 0.5).clamp(0, size - EDGE)
+    for part in range(PIXEL_PARTS):
+        u = ((row + (2 * part + 1) / (2 * PIXEL_PARTS)) * size / resolution - 0.5).clamp(0, size - EDGE)
         low = u.floor().long()
-        shares[row, low] += (1 - (u - low)) / parts
-        shares[row, low + 1] += (u - low) / parts
+        shares[row, low] += (1 - (u - low)) / PIXEL_PARTS
+        shares[row, low + 1] += (u - low) / PIXEL_PARTS
     return shares
 
 

@@ -65,7 +65,7 @@ def test_descent_keeps_maps_contractive_and_off_the_identity():
 def test_a_true_code_has_no_collage_error_and_maps_near_it_find_back(triangle):
     code, image = triangle
     masses = DENSITY.measure(image)
-    measure = binned(masses, 64, PARAMS.descent)
+    measure = binned(masses, 64)
     maps = affine.from_code(code)[None]
     weights = torch.full((1, 3), 1 / 3)
     _, _, error = descend(maps, weights, measure, Descent(0))
@@ -81,7 +81,7 @@ def test_the_correction_brings_the_measure_of_a_saturated_image_back():
     masses = DENSITY.measure(suite.target(code, 256))
     maps, weights = affine.from_code(code)[None], affine.volumes(affine.from_code(code))
     weights = (weights / weights.sum())[None]
-    before, after = (float(descend(maps, weights, binned(m, 64, PARAMS.descent), Descent(0))[2])
+    before, after = (float(descend(maps, weights, binned(m, 64), Descent(0))[2])
                      for m in (masses, saturation_corrected(masses, code, DENSITY, PARAMS.saturation, 3)))
     assert after < 0.5 * before
 
@@ -230,7 +230,7 @@ def test_time_ends_a_search_with_the_best_so_far(triangle):
 
 def test_a_search_never_returns_a_worse_state(triangle):
     _, image = triangle
-    search = measure_search(DENSITY.measure(image), search={"start_sets": 4})
+    search = measure_search(DENSITY.measure(image))
     now = search.start()
     for number in range(6):
         new = search.step(now, number)
@@ -280,7 +280,7 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     ({"seconds": float("nan")}, "seconds must be above 0"),
     ({"previews": -1}, "previews must be an integer of at least 0"),
     ({"moves": {"reorint": 1}}, "there is no parameter moves.reorint; did you mean 'reorient'"),
-    ({"search": {"start": {"steps": 1.5}}}, "search.start.steps must be a whole number, got 1.5"),
+    ({"growth": {"steps": 1.5}}, "growth.steps must be a whole number, got 1.5"),
 ])
 def test_bad_options_are_refused(options, message):
     with pytest.raises(InputError, match=message):

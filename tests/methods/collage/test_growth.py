@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from collage_helpers import PARAMS, merged, objective, tied
+from collage_helpers import merged, objective, tied
 from PIL import Image, ImageDraw
 
 from fractal_exp.cameras.estimate import estimated
@@ -21,7 +21,7 @@ from fractal_exp.methods.collage.growth.silhouette import Silhouette
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
-from fractal_exp.methods.collage.stages.growth import Growth
+from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.checkpoint import Checkpoint
@@ -86,7 +86,7 @@ def test_a_paving_covers_the_shape_the_better_the_more_maps_it_has(image):
 def test_a_shape_of_fewer_pixels_than_maps_is_paved_too():
     mask = torch.zeros(32, 32, dtype=torch.bool)
     mask[10, 10] = mask[20, 12] = mask[20, 13] = True
-    found = paving(Silhouette(mask), 5, PARAMS.growth)
+    found = paving(Silhouette(mask), 5)
     assert found.shape == (5, 6) and bool(found.isfinite().all())
     assert float(affine.largest_singular(found).max()) < 1
 
@@ -95,7 +95,7 @@ def test_a_knob_at_the_end_of_a_line_is_paved_by_maps_that_contract():
     mask = torch.zeros(64, 64, dtype=torch.bool)
     mask[32, 4:60] = True
     mask[28:37, 54:63] = True                             # its shorter axis is longer than that of the whole
-    found = paving(Silhouette(mask), 3, PARAMS.growth)
+    found = paving(Silhouette(mask), 3)
     assert float(affine.largest_singular(found).max()) == pytest.approx(0.9, abs=1e-5)
     assert len(grower(mask.float()).grown(3).maps) == 3
 
@@ -104,7 +104,7 @@ def test_areas_are_those_of_the_images_in_pixels():
     mask = torch.zeros(64, 64, dtype=torch.bool)
     mask[16:48, 16:48] = True                             # the square from -0.5 to 0.5
     maps = torch.tensor([[0.5, 0, 0, 0.5, 0.1, 0.2], [0.5, 0, 0, 0, 0, 0.01]])
-    square, line = areas(maps, Silhouette(mask), PARAMS.growth, generator(0, "areas")).tolist()
+    square, line = areas(maps, Silhouette(mask), generator(0, "areas")).tolist()
     assert square == pytest.approx(16 * 16) and line == pytest.approx(16 / 16, rel=0.05)
 
 
@@ -167,7 +167,7 @@ def test_where_the_search_found_the_code_nothing_is_grown(triangle):
 def test_a_code_that_draws_faint_parts_too_is_no_blob(kind, number):
     truth = attractor.normalize(random_suite(67)[number])
     image, right = target(truth, 128, kind), tied(affine.from_code(truth))
-    assert grower(image).likeness(right) < CollageParams().growth.unlike   # of the brighter pixels alone
+    assert grower(image).likeness(right) < UNLIKE   # of the brighter pixels alone
     assert not stage(image).is_wanted(State(best=right))
     assert stage(image, likeness=0.99).is_wanted(State(best=right))
     assert stage(image).is_wanted(State(best=tied(BLOB)))

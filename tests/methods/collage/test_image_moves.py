@@ -37,7 +37,7 @@ def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangl
     start = picture.judge(off)
     found = polished(picture, start, 10)
     assert found.error < 0.5 * start.error
-    measure = binned(DENSITY.measure(image), 64, PARAMS.descent)
+    measure = binned(DENSITY.measure(image), 64)
     away = affine.distances(found.maps, maps, measure).diagonal().max() * 64  # pixels of 128
     assert away < (0.06 if levels == "density" else 0.3)
     assert polished(picture, found, 2).error <= found.error
@@ -58,7 +58,7 @@ def test_a_faint_map_that_is_missing_is_found_by_its_picture():
 
 def test_a_reoriented_map_keeps_mean_and_covariance(triangle):
     code, image = triangle
-    measure = binned(DENSITY.measure(image), 64, PARAMS.descent)
+    measure = binned(DENSITY.measure(image), 64)
     old = affine.from_code(code)[0]
     new = reoriented(old, measure, PARAMS.updated(moves={"candidates": 8}).moves, torch.Generator().manual_seed(0))
     linear, was = new[:, :4].unflatten(1, (2, 2)), old[:4].view(2, 2)
@@ -132,7 +132,7 @@ def test_a_map_found_squared_is_replaced_by_its_root():
 
 def test_reflections_and_thinner_images_stay_in_place(triangle):
     code, image = triangle
-    measure = binned(DENSITY.measure(image), 64, PARAMS.descent)
+    measure = binned(DENSITY.measure(image), 64)
     old = torch.tensor([[0.3, 0.1, -0.2, 0.15, 0.1, 0.2]])
 
     def image_of(maps):

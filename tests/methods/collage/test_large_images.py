@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from collage_helpers import PARAMS, problem, small, tied
+from collage_helpers import problem, small, tied
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
@@ -60,7 +60,7 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
     stage, state = last_stages(given)[0], State(best=tied(maps))
     stage.open(state)
-    measure = binned(given.masses, 64, PARAMS.descent)
+    measure = binned(given.masses, 64)
     away = affine.distances(stage.begin(state).maps, affine.from_code(code), measure)
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
     whole = problem(given.image)

@@ -14,6 +14,7 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import halve
 from fractal_exp.methods.collage.measure.births import candidates
 from fractal_exp.methods.collage.measure.saturation import correction
+from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
 from fractal_exp.ops.collage.reference import displacement_squared
 
@@ -35,13 +36,10 @@ def far_from_the_middle():
 
 
 def test_maps_are_only_merged_with_those_whose_images_are_alike(triangle):
-    """Also where no affinity is high enough, that of a map with itself included."""
     code, image = triangle
-    maps = affine.from_code(code)
-    for affinity in (0.9, 1.0):
-        search = measure_search(DENSITY.measure(image), search={"same_affinity": affinity, "merge": {"steps": 1}})
-        assert len(search.merged(tied(maps)).maps) == 3
-        assert len(search.merged(tied(torch.cat([maps, maps[:1] * 1.001]))).maps) == (3 if affinity < 1 else 4)
+    maps, search = affine.from_code(code), measure_search(DENSITY.measure(image))
+    assert len(search.merged(tied(maps)).maps) == 3
+    assert len(search.merged(tied(torch.cat([maps, maps[:1] * 1.001]))).maps) == 3
 
 
 def test_distances_of_maps_are_those_of_the_points_they_map():
@@ -139,7 +137,7 @@ def test_maps_born_of_a_blob_give_the_measure_its_mean_and_covariance():
 
 def test_a_score_is_the_error_and_what_maps_identities_and_untied_weights_cost():
     masses = torch.rand(32, 32, generator=random())
-    search = measure_search(masses, 32, search={"price": 1e-3, "prior": 0.02})
+    search = MeasureSearch(masses, Regime(32, 1e-3, 0.02, 8, (0.1, 0.9)), PARAMS)
     half, quarter = torch.tensor([0.5, 0, 0, 0.5, 0.3, 0.3]), torch.tensor([0.5, 0, 0, 0.5, -0.3, 0.3])
     maps, even = torch.stack([half, quarter]), torch.tensor([0.25, 0.25])
     assert search.cheap_score(maps, even, 0.125) == pytest.approx(0.125 + 2e-3, abs=1e-6)

@@ -13,7 +13,7 @@ from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.images.levels import DRAWN, meaning_of
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.camera import polish_under
-from fractal_exp.methods.collage.measure.births import _wanted, candidates, reoriented
+from fractal_exp.methods.collage.measure.births import candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population
 from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.simplify.symmetry import symmetries
@@ -56,15 +56,10 @@ def test_random_maps_mirror_unless_that_is_off(reflections, triangle):
     born = [candidates(measure.bins, measure.bins, measure, (0.1, 0.5), 40, 20, births, random()),
             reoriented(torch.tensor([0.5, 0.1, 0, 0.4, 0, 0]), measure, PARAMS.moves, random(),
                        reflections=reflections),
-            Population(masses, 3, params.updated(population={"first": 48, "descent": {"steps": 0}})).maps]
-    for maps in born:
-        assert bool((determinants(maps) < 0).any()) == reflections
-
-
-def test_a_place_may_be_drawn_by_mass_alone(triangle):
-    measure = measure_search(DENSITY.measure(triangle[1])).measure
-    torch.testing.assert_close(_wanted(measure.bins, measure, 0.0), measure.bins, atol=1e-9, rtol=1e-4)
-    assert not torch.allclose(_wanted(measure.bins, measure, 1.0) / 2, measure.bins, atol=1e-9, rtol=1e-2)
+            Population(masses, 3, params.updated(population={"first": 48})).maps]
+    for maps in born:   # descent turns over a few of a population
+        share = float((determinants(maps) < 0).float().mean())
+        assert share > 0.3 if reflections else share < 0.1
 
 
 def test_no_number_is_rounded_where_that_is_off(triangle):

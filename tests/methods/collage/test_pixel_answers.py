@@ -97,7 +97,7 @@ def test_every_step_of_a_search_and_every_seed_tries_something_else():
     masses = torch.rand(32, 32, generator=torch.Generator().manual_seed(0)).square()
     maps = torch.tensor([[0.5, 0, 0, 0.5, 0.3, 0.3], [0.5, 0, 0, 0.5, -0.3, -0.3]])
     bad = Candidate(maps, torch.tensor([0.25, 0.25]), float("inf"))
-    few = {"search": {"proposals": 2}, "births": {"count": 12, "kept": 2}}
+    few = {"search": {"proposals": 2}, "births": {"count": 12}}
     found = [measure_search(masses, 32, seed, **few).step(bad, number).maps
              for seed, number in ((0, 1), (0, 2), (1, 1), (0, 1))]
     assert torch.equal(found[0], found[3])

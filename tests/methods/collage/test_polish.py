@@ -94,7 +94,7 @@ def test_a_tip_nobody_sees_is_moved_into_the_frame(fern):
 def test_a_line_is_reoriented_by_its_rendering(fern, monkeypatch):
     code, image = fern
     maps, stem = affine.from_code(code), int(code.linear.det().abs().argmin())
-    measure = binned(DENSITY.measure(image), 64, PARAMS.descent)
+    measure = binned(DENSITY.measure(image), 64)
     thin = [affine.thinness(each, measure) for each in maps]
     assert thin[stem] < PARAMS.moves.thin < min(thin[:stem] + thin[stem + 1:])
     wrong = maps.clone()
@@ -112,7 +112,7 @@ def test_the_last_polish_leaves_a_true_code_where_it_is(fern):
     true = affine.from_code(code)
     search = image_search(image)
     found = search.finish(search.candidate(search.objective.judge(true)))
-    away = affine.distances(found.maps, true, binned(DENSITY.measure(image), 64, PARAMS.descent)).diagonal() * 64
+    away = affine.distances(found.maps, true, binned(DENSITY.measure(image), 64)).diagonal() * 64
     assert float(away.max()) < 0.1  # pixels of 128
 
 

@@ -9,6 +9,7 @@ from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image.objective import reduced
+from fractal_exp.methods.collage.measure.search import PRUNE
 from fractal_exp.methods.collage.moves import new_map
 from fractal_exp.methods.collage.simplify.likeness import without_unseen
 from fractal_exp.methods.collage.simplify.pruning import Price, pruned
@@ -40,7 +41,7 @@ def test_a_set_on_the_measure_is_pruned_unless_that_is_off_and_its_number_of_map
     search = measure_search(DENSITY.measure(image), 32, **options)
     maps = torch.cat([maps[:3], torch.tensor([[0.02, 0, 0, 0.02, 0.3, -0.2]])])   # the last is hardly worth anything
     weights = torch.tensor([0.166, 0.166, 0.166, 0.002])
-    found = search.pruned(*search.descend_one(maps, weights, search.params.search.prune))
+    found = search.pruned(*search.descend_one(maps, weights, PRUNE))
     assert len(found.maps) == left
 
 

@@ -14,7 +14,7 @@ from ....cameras.params import CameraParams
 from ....runtime.params import NAME, ParamError, Params, Positive
 from .growth import GrowthParams
 from .image import FrameParams, GaussNewtonParams, ImageParams, LineParams, MoveParams, RefineParams
-from .measure import BirthParams, DescentParams, PopulationParams, SaturationParams, SearchParams
+from .measure import BirthParams, PopulationParams, SaturationParams, SearchParams
 from .rounding import CanonicalParams
 from .stages import StageParams
 
@@ -37,7 +37,6 @@ class CollageParams(Params):
     search: SearchParams = SearchParams()
     population: PopulationParams = PopulationParams()
     births: BirthParams = BirthParams()
-    descent: DescentParams = DescentParams()
     saturation: SaturationParams = SaturationParams()
     refine: RefineParams = RefineParams()
     camera: CameraParams = CameraParams()

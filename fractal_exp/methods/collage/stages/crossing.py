@@ -12,6 +12,15 @@ from ..measure.population import Population
 from ..params import CollageParams
 from ..state import Candidate
 
+JUDGED_EVERY = 10   # generations after which the best sets are rendered
+JUDGED = 8          # number of sets that are rendered
+POLISHED = 3        # number of sets that are polished: those with the best renderings
+FIRST_POLISH = 3    # Gauss-Newton steps of each polished set
+POLISH = 8          # further steps if the first ones were hopeful
+HOPEFUL = 0.3       # share of the error that the first steps leave near the true code
+SETTLED = 1.15      # noise ratio up to which a code counts as the true one; above it, another population starts
+CROSSED_MOVES = 6   # moves of stage 3 that follow, instead of `moves.count`
+
 
 class Crossing:
     """One population after another on masses (R,R), each for its number of generations, judged by `objective`.
@@ -24,7 +33,7 @@ class Crossing:
                  done: int = 0, deadline: Deadline = NO_DEADLINE):
         self.masses, self.objective, self.deadline, self.seed = masses, objective, deadline, seed
         self.all, self.params = params, params.population
-        self._noise: tuple[Tensor, float] | None = None
+        self._noises: dict[tuple[float, ...], float] = {}
         self._begin(done // self.params.generations)
         for number in range(done - done % self.params.generations, done):
             self._advance(number)
@@ -39,16 +48,17 @@ class Crossing:
             self._begin(number // self.params.generations)
         new = [self._judged(i) for i in self._advance(number)]
         new.sort(key=lambda rendered: rendered.error)
-        for each in new[:self.params.polished]:
+        for each in new[:POLISHED]:
             if not self.deadline.passed:
                 now = min(now, self._candidate(self._polished(each)), key=lambda candidate: candidate.error)
         return now
 
     def is_settled(self, now: Candidate) -> bool:
         """Whether the code explains the image."""
-        if self._noise is None or self._noise[0] is not now.maps:
-            self._noise = now.maps, self.objective.noise(now.code)
-        return now.error <= self.params.settled * self._noise[1]
+        numbers = *now.maps.flatten().tolist(), *now.probabilities.tolist()
+        if numbers not in self._noises:
+            self._noises = {numbers: self.objective.noise(now.code)}
+        return now.error <= SETTLED * self._noises[numbers]
 
     def _begin(self, number: int) -> None:
         """Start a new population."""
@@ -60,9 +70,9 @@ class Crossing:
     def _advance(self, number: int) -> list[int]:
         """Make one generation; return the sets to judge now, without those judged before."""
         self.population.advance()
-        if (number + 1) % self.params.judged_every:
+        if (number + 1) % JUDGED_EVERY:
             return []
-        errors = self.population.errors[:self.params.judged].tolist()
+        errors = self.population.errors[:JUDGED].tolist()
         new = [i for i, error in enumerate(errors) if error not in self._seen]
         self._seen |= set(errors)
         return new
@@ -71,10 +81,10 @@ class Crossing:
         return self.objective.judge(self.population.maps[i], self.population.probabilities[i])
 
     def _polished(self, first: Rendered) -> Rendered:
-        found = polished(self.objective, first, self.params.polish_first, deadline=self.deadline)
-        if found.error > self.params.hopeful * first.error:
+        found = polished(self.objective, first, FIRST_POLISH, deadline=self.deadline)
+        if found.error > HOPEFUL * first.error:
             return found
-        return polished(self.objective, found, self.params.polish, deadline=self.deadline)
+        return polished(self.objective, found, POLISH, deadline=self.deadline)
 
     @staticmethod
     def _candidate(rendered: Rendered) -> Candidate:

@@ -14,6 +14,9 @@ from ..state import Candidate, Grown, State
 from .base import Stage
 from .problem import SearchProblem
 
+UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
+MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found
+
 
 class Growth(Stage[Any]):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
@@ -52,7 +55,7 @@ class Growth(Stage[Any]):
         likeness = self._likeness(found)
         if likeness < (self.params.likeness or 0):
             return True
-        return likeness < self.params.growth.unlike and not self._explains_rendering(found)
+        return likeness < UNLIKE and not self._explains_rendering(found)
 
     def open(self, state: State) -> None:
         problem = self.problem
@@ -72,7 +75,7 @@ class Growth(Stage[Any]):
         found, chosen = state.result, self._chosen(state.curve)
         grown, likeness = self._drawn(chosen)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
-                likeness < self._likeness(found) + self.params.growth.margin or self._draws_better(found, chosen)):
+                likeness < self._likeness(found) + MARGIN or self._draws_better(found, chosen)):
             return replace(state, best=found, before=None)
         return replace(state, best=grown, before=None,
                        stopped=f"{len(chosen.maps)} maps were grown, F1 {likeness:.3f} within a pixel")
@@ -94,7 +97,7 @@ class Growth(Stage[Any]):
             return False
         objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
         shown, other = (objective.judge(each.maps, each.weights) for each in (found, grown))
-        return shown.error < other.error and objective.likeness(shown.image) >= self.params.growth.unlike
+        return shown.error < other.error and objective.likeness(shown.image) >= UNLIKE
 
     def _likeness(self, found: Candidate) -> float:
         """The likeness (F1 within a pixel) of what the search found."""

@@ -15,6 +15,7 @@ from ..simplify.pruning import Price, pruned_in_frame
 from ..state import Candidate, State
 from .base import Stage
 from .construction import Construction, is_construction
+from .crossing import CROSSED_MOVES
 from .growth import Growth
 from .measure import Detail, FromMixture, Populations, Restart, Uncurved
 from .problem import SearchProblem
@@ -44,7 +45,7 @@ class ImageMoves(Stage[ImageSearch]):
 
     @property
     def expected_moves(self) -> int:
-        return self.params.population.moves if self.problem.is_crossed else self.params.moves.count
+        return CROSSED_MOVES if self.problem.is_crossed else self.params.moves.count
 
     @property
     def most_moves(self) -> int:

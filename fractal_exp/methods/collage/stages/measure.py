@@ -11,11 +11,15 @@ from ....cameras.pens import Drawn
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective
-from ..measure.search import MeasureSearch, Regime
+from ..measure.search import WRONG_NUMBER, MeasureSearch, Regime
 from ..state import Candidate, Key, State
 from .base import Stage
 from .crossing import Crossing
 from .problem import SearchProblem
+
+AGREEMENT = 0.02        # relative difference of scores below which two restarts agree; the others are then skipped
+POPULATIONS = 5         # maximum number of populations, each started from scratch
+POPULATION_SIDE = 64    # maximum side, pixels, of the image by which their sets are judged and polished
 
 
 class Restart(Stage[MeasureSearch]):
@@ -37,9 +41,8 @@ class Restart(Stage[MeasureSearch]):
         """False once two restarts of the round agree."""
         if len(state.scores) < 2:
             return True
-        within = 1 + self.params.search.agreement
-        # above it, the number of maps is wrong
-        limit = min(self.params.search.wrong_number, within * state.leader.score)
+        # above WRONG_NUMBER, the number of maps is wrong
+        limit = min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
         return state.scores[1] >= limit
 
     def open(self, state: State) -> None:
@@ -144,10 +147,10 @@ class Populations(Stage[Crossing]):
 
     @property
     def most_moves(self) -> int:
-        return self.params.population.rounds * self.expected_moves
+        return POPULATIONS * self.expected_moves
 
     def open(self, state: State) -> None:
-        problem, size = self.problem, self.params.population.view
+        problem, size = self.problem, POPULATION_SIDE
         image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
         seed = derive(problem.seed, "population", self.round)
         objective = ImageObjective(image, problem.levels, self.params, seed)

@@ -15,6 +15,7 @@ from ....ifs import attractor
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
+from ..bins import lit_pixels
 from ..image.objective import ImageObjective, Rendered
 
 Segment = tuple[Tensor, Tensor]   # two ends (2,) on the canvas
@@ -52,7 +53,7 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
 
 def lit_shape(objective: ImageObjective) -> Tensor:
     """The mask (R,R) of what a picture shows. Thin lines are faint."""
-    return (objective.image > objective.params.growth.lit * objective.image.max()).cpu()
+    return lit_pixels(objective.image).cpu()
 
 
 def middle_of(shape: Tensor) -> Tensor:

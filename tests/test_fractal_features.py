@@ -9,6 +9,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
+from benchmarks.perceptual_training.network import Learner
 from fractal_exp import InputError, perceptual_distance
 from fractal_exp.codes import known
 from fractal_exp.evaluation import evaluate, summarize
@@ -18,7 +19,6 @@ from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.perceptual.feature_distance import unit_distance
-from fractal_exp.perceptual_training.network import Learner
 
 SMALLEST = fractal_features.SMALLEST_PX
 

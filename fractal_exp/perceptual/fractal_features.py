@@ -82,7 +82,7 @@ def load(path: str | Path | None = None) -> FractalFeatures:
 def _shipped() -> bytes:
     """The file in this package, whole and as it was published."""
     file = resources.files("fractal_exp.data") / SHIPPED
-    remedy = "reinstall fractal-exp, or name a file that fractal-perceptual wrote with perceptual_weights=PATH"
+    remedy = "reinstall fractal-exp, or name a file that benchmarks.perceptual_training wrote with perceptual_weights=PATH"
     try:
         data = file.read_bytes()
     except OSError as error:
@@ -100,12 +100,12 @@ def _parse(data: bytes, name: str) -> FractalFeatures:
     try:
         tensors = from_bytes(data)
     except (SafetensorError, ValueError) as error:
-        raise InputError(f"{name} cannot be read as safetensors: {error}; name a file that fractal-perceptual wrote "
+        raise InputError(f"{name} cannot be read as safetensors: {error}; name a file that benchmarks.perceptual_training wrote "
                          "(perceptual_weights=PATH)") from error
     notes = _notes(data, name)
     if notes.get("format") != FORMAT or notes.get("version") != str(VERSION):
         raise InputError(f"{name} must be of the format {FORMAT!r} version {VERSION}, got {notes.get('format')!r} "
-                         f"version {notes.get('version')!r}; train one with fractal-perceptual, or leave "
+                         f"version {notes.get('version')!r}; train one with benchmarks.perceptual_training, or leave "
                          "perceptual_weights out for the one in this package")
     layers = network()
     expected = {f"layers.{key}": tuple(value.shape) for key, value in layers.state_dict().items()}
@@ -128,10 +128,10 @@ def _recipe(notes: Mapping[str, str], name: str) -> dict[str, Any]:
     try:
         recipe = parse_json(notes.get("recipe", "{}").encode(), "its recipe")
     except InputError as error:
-        raise InputError(f"{name} is damaged: {error}; copy it anew, or train one with fractal-perceptual") from error
+        raise InputError(f"{name} is damaged: {error}; copy it anew, or train one with benchmarks.perceptual_training") from error
     if not isinstance(recipe, dict):
         raise InputError(f"{name} is damaged: its recipe must be a JSON object, got {type(recipe).__name__}; copy it "
-                         "anew, or train one with fractal-perceptual")
+                         "anew, or train one with benchmarks.perceptual_training")
     return recipe
 
 

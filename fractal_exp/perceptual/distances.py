@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from ..runtime.extras import need
+from ..runtime.weights import Weights
 from . import fractal_features
 from .feature_distance import unit_distance
 
@@ -122,14 +123,16 @@ class Backbone:
         return PerceptualDistance(self.kind, layers, self.taps, _heads(self.heads), self.smallest_px)
 
     def layers(self, path: Path) -> nn.Sequential:
-        """The backbone's layers up to the last tap, with the weights of a file."""
+        """The backbone's layers up to the last tap, with the weights of a file: a whole checkpoint or its features."""
         need("torchvision")
         from torchvision.models import get_model
 
         with torch.device("meta"):  # no memory, and no draw from the global random generator
             features = get_model(self.model, weights=None).features
-        state = _matching(_read(path), features.state_dict(), f"{path} does not hold the features of {self.model}")
-        features.load_state_dict(state, assign=True)
+        state, prefix = _read(path), "features."
+        inner = {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)} or state
+        singles = {name: value.float() for name, value in inner.items()}
+        Weights(singles, {}, {}, f"{path} (read as the features of {self.model})", "").fill(features)
         return features[:self.taps[-1]]
 
 
@@ -203,23 +206,6 @@ def _read(path: Path) -> dict[str, Tensor]:
     if not isinstance(state, dict) or not all(isinstance(value, Tensor) for value in state.values()):
         raise InputError(f"{path} must hold a state dict (names and tensors), got {type(state).__name__}")
     return state
-
-
-def _matching(state: dict[str, Tensor], expected: dict[str, Tensor], complaint: str) -> dict[str, Tensor]:
-    """The tensors of a whole checkpoint or a bare features dict, float32, checked name by name."""
-    prefix = "features."
-    inner = {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)} or state
-    if set(inner) != set(expected):
-        name = sorted(set(inner) ^ set(expected))[0]
-        raise InputError(f"{complaint}: {name} is {'missing' if name in expected else 'unknown'} (expected "
-                         f"{len(expected)} tensors, got {len(inner)})")
-    for name, value in inner.items():
-        if value.shape != expected[name].shape:
-            raise InputError(f"{complaint}: {name} has shape {tuple(value.shape)}, expected "
-                             f"{tuple(expected[name].shape)}")
-        if not bool(torch.isfinite(value).all()):
-            raise InputError(f"{complaint}: {name} has NaN or infinite values")
-    return {name: value.float() for name, value in inner.items()}
 
 
 _BACKBONES = (

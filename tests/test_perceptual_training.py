@@ -1,29 +1,27 @@
 """The training of the network behind the distance `fractal`, and what it is judged by."""
 
-import json
-from copy import deepcopy
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_module
+from networks_helpers import resumed
 from scipy.stats import spearmanr
 
-from fractal_exp import InputError, tracking
-from fractal_exp.cli import perceptual as app
+from benchmarks.perceptual_training import __main__ as app
+from benchmarks.perceptual_training import held_out, pictures
+from benchmarks.perceptual_training.network import Learner, ranking_loss, unit
+from benchmarks.perceptual_training.perturbations import displacement, orbits_of_one_address
+from benchmarks.perceptual_training.scores import intervals, spearman
+from benchmarks.perceptual_training.training import PerceptualTraining
+from fractal_exp import InputError
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
-from fractal_exp.perceptual_training import held_out, pictures
-from fractal_exp.perceptual_training.network import Learner, ranking_loss, unit
-from fractal_exp.perceptual_training.perturbations import displacement, orbits_of_one_address, similar
-from fractal_exp.perceptual_training.scores import intervals, spearman
-from fractal_exp.perceptual_training.training import Recipe, Source, train
-from fractal_exp.runtime.checkpoint import Checkpoint
+from fractal_exp.training.codes import similar
+from fractal_exp.training.loop import train
 
 SMALLEST = fractal_features.SMALLEST_PX
-TINY = Recipe(steps=3, calibration=2, classes=8, batch=3, copies=2, resolutions=(64,), resolution_chances=(1.0,),
-              fits=1, path_chance=0.4, contrastive=0.1, classification=0.1, validate_every=10)
+TINY = {"steps": 3, "calibration": 2, "classes": 8, "batch": 3, "copies": 2, "resolutions": [64],
+        "resolution_chances": [1.0], "fits": 1, "path_chance": 0.4, "contrastive": 0.1, "classification": 0.1,
+        "held_out": 4}
 
 
 def images(*shape, seed=0, dtype=torch.float32):
@@ -78,12 +76,11 @@ def test_the_displacement_of_a_shift_and_of_a_growth_is_known():
 
 
 def test_batches_depend_on_their_number_alone():
-    first, again = Source(TINY), Source(TINY)
+    first, again = PerceptualTraining(**TINY), PerceptualTraining(**TINY)
     first.batch(0)
-    for name in ("truth", "copies", "sizes", "classes"):
-        assert torch.equal(getattr(first.batch(3), name), getattr(again.batch(3), name))
-    drawn = first.batch(3)
-    assert drawn.copies.shape[1:] == (2, 64, 64) and 0 <= float(drawn.copies.min()) <= float(drawn.copies.max()) <= 1
+    assert all(map(torch.equal, first.batch(3), again.batch(3)))
+    copies = first.batch(3)[2]
+    assert copies.shape[1:] == (2, 64, 64) and 0 <= float(copies.min()) <= float(copies.max()) <= 1
 
 
 def test_ranking_prefers_distances_in_the_order_of_the_displacements():
@@ -109,130 +106,38 @@ def test_held_out_copies_have_the_stated_sizes():
     assert [len(copy.code) for copy in truth.without] == [len(truth.code) - 1] * len(truth.code)
 
 
-class Stop(Exception):
-    pass
+def test_only_channel_weights_learn_in_the_calibration():
+    training = PerceptualTraining(**TINY)
+    network = training.network()
+    training.loss(network, training.batch(3)).backward()
+    assert {name for name, value in network.named_parameters() if value.grad is not None and value.grad.any()} == {
+        f"raw_weights.{level}" for level in range(len(fractal_features.CHANNELS))}
 
 
-@pytest.mark.slow
 def test_an_interrupted_training_gives_the_same_network(tmp_path):
-    whole = train(TINY)
-    checkpoint = Checkpoint(tmp_path / "checkpoint.safetensors", 2, {})
-
-    def stop(progress):
-        if progress.step == 3:
-            raise Stop
-
-    with pytest.raises(Stop):
-        train(TINY, on_step=stop, checkpoint=checkpoint)
-    resumed = train(TINY, checkpoint=replace(checkpoint, resume=True))
-    for one, other in zip(whole.layers.parameters(), resumed.layers.parameters(), strict=True):
-        assert torch.equal(one, other)
-    assert all(map(torch.equal, whole.channel_weights, resumed.channel_weights))
+    whole = train(PerceptualTraining(**TINY))
+    again, steps = resumed(lambda: PerceptualTraining(**TINY), tmp_path / "checkpoint", 3)
+    assert steps[0] == 3 and whole.scores == again.scores
+    assert all(torch.equal(whole.tensors[key], again.tensors[key]) for key in whole.tensors)
 
 
 @pytest.mark.parametrize("change, message", [
     ({"steps": 0}, "steps must be at least 1"), ({"copies": 1}, "copies must be at least 2"),
-    ({"resolutions": (16,), "resolution_chances": (1.0,)}, "resolutions must be at least 32"),
-    ({"resolutions": (64, 128)}, "every resolution needs a chance"),
-    ({"ranking": 0, "contrastive": 0, "classification": 0}, "nothing to learn"),
-    ({"ranking": -1}, "ranking must be a finite number"), ({"classes": 0}, "classification needs classes"),
-    ({"learning_rate": 0}, "learning_rate must be above 0"), ({"resolution_chances": (0.0,)}, "nor all 0")])
+    ({"resolutions": [16]}, "resolutions.0 must be at least 32"),
+    ({"resolutions": [64, 128]}, "every resolution needs a chance"),
+    ({"ranking": 0.0, "contrastive": 0.0, "classification": 0.0}, "nothing to learn"),
+    ({"ranking": -1.0}, "ranking must be at least 0"), ({"classes": 0}, "classification needs classes"),
+    ({"rate": 0.0}, "rate must be above 0"), ({"resolution_chances": [0.0]}, "must be above 0")])
 def test_recipes_that_cannot_be_trained(change, message):
     with pytest.raises(InputError, match=message):
-        replace(TINY, **change)
+        PerceptualTraining(**(TINY | change))
 
 
-def composed(*overrides):
-    app.register()
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return compose("perceptual", list(overrides))
-
-
-@pytest.fixture(scope="module")
-def trained():
-    """What a small training gives, for tests of what is done with it."""
-    return train(TINY)
-
-
-def test_every_size_of_training_composes():
-    for choice in ("smoke", "small", "full"):
-        assert composed(f"training={choice}").scale == choice
-
-
-def test_the_command_writes_a_file_that_loads_and_says_how_it_was_made(tmp_path, capsys):
-    words = ["training=smoke", f"output={tmp_path}", "tracking=none"]
-    path = app.train_distance(composed(*words))
+def test_the_script_writes_a_file_that_loads_and_says_how_it_was_made(tmp_path):
+    words = [f"{key}={str(value).lower()}" for key, value in TINY.items()]
+    path = app.main([str(tmp_path / "mine.safetensors"), *words, "--threads", "1"])
     recipe = fractal_features.load(path).recipe
-    assert recipe["steps"] == 6 and "spearman_within_64" in recipe["validation"] and recipe["device"] == "cpu"
-    assert json.dumps(recipe)
-    assert torch.isfinite(perceptual.load("fractal", path)(*images(2, 64, 64)))
-    assert app.train_distance(composed(*words, "resume=true")) == path
-    assert "finished" in capsys.readouterr().out
-    with pytest.raises(InputError, match="unknown key recipe.colour"):
-        app.train_distance(composed(*words, "+recipe.colour=1"))
-
-
-def test_a_training_is_a_run_with_its_weights_and_scores(tmp_path, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    path = app.train_distance(composed("training=smoke", f"output={tmp_path}", "tracking=mlflow"))
-    uri = tracking.prepare_store(tmp_path)
-    run = tracking.runs_frame(uri, "perceptual").iloc[0]
-    assert run["status"] == "FINISHED" and (run["tags.backend"], run["tags.device"]) == ("cpu", "cpu")
-    assert run["tags.perceptual"] == "none" and run["metrics.eval/spearman_within_64"] > 0
-    assert tracking.read_artifact(uri, run["run_id"], path.name) == path.read_bytes()
-    assert len(tracking.read_series(uri, run["run_id"], "train/loss")) == 9
-
-
-def test_a_training_on_a_gpu_is_a_run_too(trained, tmp_path, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    monkeypatch.setattr(app, "check_device", lambda device: device)
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda _: "a GPU")
-    monkeypatch.setattr(app, "train", lambda recipe, device, **_: trained)
-    path = app.train_distance(composed("training=smoke", f"output={tmp_path}", "tracking=mlflow", "device=cuda"))
-    run = tracking.runs_frame(tracking.prepare_store(tmp_path), "perceptual").iloc[0]
-    assert run["status"] == "FINISHED" and run["tags.device_name"] == "a GPU"
-    assert (run["tags.backend"], run["tags.device"]) == ("cpu", "cuda"), "the CPU draws the pictures"
-    assert fractal_features.load(path).recipe["device"] == "cuda"
-
-
-def test_a_training_that_is_not_finite_does_not_count_as_finished(trained, tmp_path, monkeypatch):
-    def diverge(recipe, **_):
-        diverged = deepcopy(trained)
-        diverged.channel_weights[2][0] = float("nan")
-        return diverged
-
-    words = ["training=smoke", f"output={tmp_path}", "tracking=mlflow"]
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    monkeypatch.setattr(app, "train", diverge)
-    with pytest.raises(InputError, match="channel_weights.2 has NaN"):
-        app.train_distance(composed(*words))
-    assert not list(tmp_path.rglob("finished.json"))
-    assert tracking.runs_frame(tracking.prepare_store(tmp_path), "perceptual")["status"].tolist() == ["FAILED"]
-    monkeypatch.setattr(app, "train", lambda recipe, **_: trained)
-    fractal_features.load(app.train_distance(composed(*words, "resume=true")))
-
-
-def test_training_anew_takes_the_old_weights_away_first(trained, tmp_path, monkeypatch):
-    words = ["training=smoke", f"output={tmp_path}", "tracking=none"]
-    monkeypatch.setattr(app, "train", lambda recipe, **_: trained)
-    path = app.train_distance(composed(*words))
-    seen = []
-
-    def stop(*_, **__):
-        seen.append(path.exists())
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(app, "train", stop)
-    with pytest.raises(KeyboardInterrupt):
-        app.train_distance(composed(*words))
-    assert seen == [False] and not (path.parent / "finished.json").exists()
-    path.touch()  # as after a training that was killed at its very end, which resume=true goes on with
-    with pytest.raises(KeyboardInterrupt):
-        app.train_distance(composed(*words, "resume=true"))
-    assert seen == [False, True]
-
-
-def test_a_device_that_is_not_there_is_refused_before_any_work(tmp_path):
-    with pytest.raises(InputError, match="there is no device 'gpu'"):
-        app.train_distance(composed("training=smoke", f"output={tmp_path}", "device=gpu"))
-    assert not list(tmp_path.iterdir())
+    assert recipe["steps"] == 3 and recipe["device"] == "cpu" and "spearman_within_64" in recipe["validation"]
+    a, b = images(2, 64, 64)
+    assert torch.isfinite(perceptual.load("fractal", path)(a, b))
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.safetensors"]

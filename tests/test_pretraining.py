@@ -17,17 +17,17 @@ from fractal_exp.cli import configuration, pretrain
 from fractal_exp.cli.train import NOT_PART_OF_A_FIT
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import FitDiverged
-from fractal_exp.pretraining import loop, pictures
-from fractal_exp.pretraining.configs import FILES, hydra_config
-from fractal_exp.pretraining.loop import train
 from fractal_exp.runtime import weights
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.suite import FIRST_TRAINING_SEED, draw_code, random_suite, target
+from fractal_exp.training import codes, loop
+from fractal_exp.training.configs import FILES, hydra_config
+from fractal_exp.training.loop import train
 
 
 def test_no_suite_has_the_seed_of_a_training_code():
-    streams = (pictures.TRAINING, pictures.HELD_OUT)
-    seeds = [pictures.code_seed(seed, name, stream, number) for seed in (0, 1, 2025) for name in TRAININGS
+    streams = (codes.TRAINING, codes.HELD_OUT)
+    seeds = [codes.code_seed(seed, name, stream, number) for seed in (0, 1, 2025) for name in TRAININGS
              for stream in streams for number in range(300)]
     assert min(seeds) >= FIRST_TRAINING_SEED and max(seeds) < 2**63
     assert len(set(seeds)) == len(seeds), "training and held-out codes are others, too"
@@ -38,15 +38,15 @@ def test_no_suite_has_the_seed_of_a_training_code():
 
 
 def test_training_codes_are_the_suites_distribution_in_the_frame_of_targets():
-    seed = pictures.code_seed(0, "x", pictures.TRAINING, 3)
-    code = pictures.training_code(seed)
+    seed = codes.code_seed(0, "x", codes.TRAINING, 3)
+    code = codes.training_code(seed)
     drawn = draw_code(np.random.Generator(np.random.PCG64(seed)), {})
     assert torch.equal(code.linear, drawn.linear) and torch.equal(code.offset, attractor.normalize(drawn).offset)
 
 
 def test_a_picture_is_a_target_drawn_with_other_points():
-    code = pictures.training_code(pictures.code_seed(0, "x", pictures.TRAINING, 1))
-    picture, again, fewer = (pictures.draw([pictures.rows(code)], 64, *rest)[0] for rest in ((1,), (2,), (1, 2.0)))
+    code = codes.training_code(codes.code_seed(0, "x", codes.TRAINING, 1))
+    picture, again, fewer = (codes.draw([codes.rows(code)], 64, *rest)[0] for rest in ((1,), (2,), (1, 2.0)))
     truth = target(code, 64)
     assert float((picture - truth).abs().mean()) < 1.5 * float((picture - again).abs().mean()) + 1e-3
     assert not torch.equal(picture, again) and not torch.equal(picture, fewer)
@@ -144,7 +144,7 @@ def test_trainings_that_cannot_be(name, change, message):
 @pytest.mark.parametrize("name", FILES)
 def test_its_file_is_made_from_its_recipe_and_every_scale_composes(name):
     path = Path(next(iter(fractal_exp.conf.__path__))) / "pretraining" / f"{name}.yaml"
-    assert path.read_text() == hydra_config(name), f"python -m fractal_exp.pretraining.configs {name} > {path}"
+    assert path.read_text() == hydra_config(name), f"python -m fractal_exp.training.configs {name} > {path}"
     for scale in ("smoke", "laptop", "paper"):
         training = configuration.build(configuration.resolve(
             composed("task=pretrain", f"method={name}", f"scale={scale}")).pretraining)

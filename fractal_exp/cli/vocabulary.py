@@ -15,7 +15,7 @@ from .configuration import plain
 
 
 class Vocabulary:
-    """The keys below a configuration (train, sweep or perceptual), and the choices of every group."""
+    """The keys below a configuration (train or sweep), and the choices of every group."""
 
     def __init__(self, config: str):
         self.config, self.folder = config, Path(str(importlib.resources.files("fractal_exp.conf")))

@@ -74,7 +74,7 @@ def weights(tmp_path):
         tensors = load_file(data / fractal_features.SHIPPED)
 
     def write(recipe: str):
-        notes = {"format": fractal_features.FORMAT, "version": str(fractal_features.VERSION), "recipe": recipe}
+        notes = {"format": fractal_features.FORMAT, "version": fractal_features.VERSION, "recipe": recipe}
         save_file(tensors, tmp_path / "mine.safetensors", metadata=notes)
         return tmp_path / "mine.safetensors"
     return write

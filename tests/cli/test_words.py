@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from fractal_exp import InputError, codes, invert, render
-from fractal_exp.cli import commands, configuration, perceptual, sweep, sweep_check, train, words
+from fractal_exp.cli import commands, configuration, sweep, sweep_check, train, words
 from fractal_exp.cli.vocabulary import Vocabulary
 from fractal_exp.ifs import attractor
 
@@ -85,16 +85,6 @@ def test_so_it_is_where_several_fits_are_asked_for(arguments, message, monkeypat
 def test_a_sweep_is_refused_before_it_is_opened(arguments, message, monkeypatch, capsys, tmp_path):
     assert message in said(sweep, [*arguments, f"output={tmp_path / 'out'}"], monkeypatch, capsys)
     assert not (tmp_path / "out" / "mlflow.db").exists()
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["training=smal"], "there is no training=smal; did you mean 'small'"),
-    (["recipe.stepps=3"], "did you mean recipe.steps"),
-    (["sedd=3"], "did you mean recipe.seed"),
-    (["threads=x"], "threads must be a whole number"),
-])
-def test_the_training_answers_alike(arguments, message, monkeypatch, capsys):
-    assert message in said(perceptual, [*arguments, *SHOWN], monkeypatch, capsys)
 
 
 def test_a_defect_of_ours_keeps_its_traceback(capsys):
@@ -218,21 +208,20 @@ def test_a_code_with_gradients_is_drawn_by_its_values():
     assert torch.equal(image, again) and not again.requires_grad
 
 
-@pytest.mark.parametrize(("program", "work"), [(train, "fit"), (perceptual, "train_distance")])
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device", "/x"),
                                    BrokenPipeError(errno.EPIPE, "Broken pipe"), OSError("a library's own words")])
-def test_what_the_system_refuses_of_a_file_is_one_line_in_every_program(program, work, error, monkeypatch, capsys):
+def test_what_the_system_refuses_of_a_file_is_one_line(error, monkeypatch, capsys):
     def fail(config):
         raise error
 
-    monkeypatch.setattr(program, work, fail)
+    monkeypatch.setattr(train, "fit", fail)
     if error.filename:
-        assert "error: /x: No space left on device; free some space" in said(program, [], monkeypatch, capsys)
+        assert "error: /x: No space left on device; free some space" in said(train, [], monkeypatch, capsys)
         return
     monkeypatch.setattr(sys, "argv", ["program"])
     monkeypatch.setattr("fractal_exp.cli.interruption.listen", lambda: None)
     with pytest.raises(SystemExit) as stop:
-        program.main()
+        train.main()
     assert stop.value.code == 1 and "Traceback" in capsys.readouterr().err
 
 

@@ -13,7 +13,7 @@ from fractal_exp.cli import configuration
 from fractal_exp.methods.amortized.method import Amortized, chosen
 from fractal_exp.methods.amortized.network import SetNetwork
 from fractal_exp.methods.base import CodeReconstruction
-from fractal_exp.pretraining.amortized import match
+from fractal_exp.training.amortized import match
 
 
 @pytest.fixture

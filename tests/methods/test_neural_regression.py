@@ -11,11 +11,11 @@ from fractal_exp.methods import load
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.neural_regression.method import NeuralRegression, code_of
 from fractal_exp.methods.neural_regression.network import IDENTITY, RegressionNetwork
-from fractal_exp.perceptual_training.drawing import draw
-from fractal_exp.perceptual_training.perturbations import table
-from fractal_exp.pretraining.epochs import turned
-from fractal_exp.pretraining.neural_regression import RegressionTraining, sorted_rows
 from fractal_exp.runtime import weights
+from fractal_exp.training.codes import table
+from fractal_exp.training.drawing import draw
+from fractal_exp.training.epochs import turned
+from fractal_exp.training.neural_regression import RegressionTraining, sorted_rows
 
 COMMAND = "`fractal-train task=pretrain method=neural_regression method.side=16` trains them"
 

@@ -15,8 +15,8 @@ from fractal_exp.methods.base import CodeReconstruction, Reconstruction
 from fractal_exp.methods.super_resolution.enlarged import Enlarged
 from fractal_exp.methods.super_resolution.method import SuperResolution, rounded
 from fractal_exp.methods.super_resolution.network import SwinIR
-from fractal_exp.pretraining.super_resolution import SuperResolutionRecipe, SuperResolutionTraining
 from fractal_exp.targets import Target
+from fractal_exp.training.super_resolution import SuperResolutionRecipe, SuperResolutionTraining
 
 TRUTH = codes.known("sierpinski_triangle")
 OPTIONS = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",

@@ -130,7 +130,7 @@ for program, *arguments in json.loads(sys.argv[2]):
 
 @pytest.mark.slow
 def test_a_command_says_in_a_line_what_to_install(blocked, tmp_path):
-    programs = ["train", "sweep", "perceptual"]
+    programs = ["train", "sweep"]
     done = in_the_core(STARTS, blocked, json.dumps([[program] for program in programs]), folder=tmp_path)
     assert done.stdout.splitlines() == [f"{program} 2" for program in programs], done.stderr
     for program, line in zip(programs, done.stderr.splitlines(), strict=True):

@@ -23,7 +23,7 @@ from .network import SetNetwork
 
 
 class AmortizedParams(PretrainedParams):
-    """The parameters of amortised set prediction; those of its training stand in `fractal_exp.pretraining`."""
+    """The parameters of amortised set prediction; those of its training stand in `fractal_exp.training`."""
 
     maps: Annotated[int, Field(ge=1, le=64)] = 10
     """Number of maps at most; weights know one number."""

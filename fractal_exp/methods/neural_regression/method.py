@@ -26,7 +26,7 @@ BLOCK = 8  # the side is halved by each of three blocks
 
 
 class NeuralRegressionParams(PretrainedParams):
-    """The parameters of neural regression; those of its training stand in `fractal_exp.pretraining`."""
+    """The parameters of neural regression; those of its training stand in `fractal_exp.training`."""
 
     maps: Annotated[int, Field(ge=1, le=64)] = 10
     """Number of maps of the code; weights know one number (10 in the paper's comparison)."""

@@ -25,7 +25,7 @@ GREY_LEVELS = 255  # an 8-bit file's
 
 
 class SuperResolutionParams(PretrainedParams):
-    """The parameters of super-resolution; those of its training stand in `fractal_exp.pretraining`."""
+    """The parameters of super-resolution; those of its training stand in `fractal_exp.training`."""
 
     factor: Annotated[int, Field(ge=2, le=16)] = 8
     """How many times the image is enlarged, and the largest zoom of a view; weights know one factor (8 in the paper's

@@ -16,8 +16,8 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from ..methods.neural_regression.method import NeuralRegression
-from ..perceptual_training.perturbations import Maps
 from ..runtime.params import Amount, Positive
+from .codes import Maps
 from .epochs import EpochRecipe, EpochTraining
 from .loop import Batch
 

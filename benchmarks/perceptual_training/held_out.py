@@ -8,15 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from torch import Tensor
 
-from ..ifs import attractor
-from ..ifs.code import IFS
-from ..rendering.still import points_per_view, render
-from ..runtime.seeds import derive
-from ..suite import TARGET_SUPERSAMPLE, draw_code
-from .perturbations import KINDS, LARGEST_SINGULAR, Maps, displacement, orbits_of_one_address, perturbed
+from fractal_exp.ifs import attractor
+from fractal_exp.ifs.code import IFS
+from fractal_exp.rendering.still import points_per_view, render
+from fractal_exp.runtime.seeds import derive
+from fractal_exp.suite import TARGET_SUPERSAMPLE, draw_code
+from fractal_exp.training.codes import rows
+
+from .perturbations import KINDS, LARGEST_SINGULAR, displacement, ifs, orbits_of_one_address, perturbed
 
 STREAM = "perceptual-test"
 SMALLEST, LARGEST = 1e-3, 0.5  # displacements in units of the canvas: an eighth of a pixel at 256² to a quarter of it
@@ -71,12 +72,12 @@ def _truth(seed: int, count: int) -> Truth:
 def _copy(truth: IFS, kind: str, own_frame: bool, rng: np.random.Generator) -> Copy:
     """A copy perturbed by an amount drawn evenly over its logarithm, moved by neither too little nor too much; framed
     by its own box, as a fit's reconstruction is, or left in the truth's frame."""
-    maps = _maps(truth)
+    maps = rows(truth)
     for _ in range(TRIES):
         amount = float(np.exp(rng.uniform(np.log(SMALLEST), np.log(2 * LARGEST))))
-        copy = _ifs(perturbed(maps, kind, amount, np.zeros(2), rng))
+        copy = ifs(perturbed(maps, kind, amount, np.zeros(2), rng))
         copy = attractor.normalize(copy) if own_frame else copy
-        size = displacement(*orbits_of_one_address(maps, [_maps(copy)], int(rng.integers(2**31))))
+        size = displacement(*orbits_of_one_address(maps, [rows(copy)], int(rng.integers(2**31))))
         if SMALLEST <= size <= LARGEST:
             return Copy(copy, kind, size)
     raise RuntimeError(f"{TRIES} copies of kind {kind} moved by less than {SMALLEST} or more than {LARGEST}")
@@ -84,11 +85,3 @@ def _copy(truth: IFS, kind: str, own_frame: bool, rng: np.random.Generator) -> C
 
 def _other(rows: Tensor, without: int) -> Tensor:
     return rows[[row for row in range(len(rows)) if row != without]]
-
-
-def _maps(code: IFS) -> Maps:
-    return torch.cat([code.linear.reshape(-1, 4), code.offset], 1).double().numpy()
-
-
-def _ifs(maps: Maps) -> IFS:
-    return IFS(torch.from_numpy(maps[:, :4]).reshape(-1, 2, 2), torch.from_numpy(maps[:, 4:]))

@@ -9,9 +9,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ..perceptual import fractal_features
-from ..perceptual.feature_distance import squared_distance, unit_length
-from ..perceptual.fractal_features import CHANNELS
+from fractal_exp.perceptual import fractal_features
+from fractal_exp.perceptual.feature_distance import squared_distance, unit_length
+from fractal_exp.perceptual.fractal_features import CHANNELS
 
 EMBEDDING = 64
 FIRST_WEIGHT = 0.0    # of a channel, before softplus

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ..ifs.code import IFS
-from ..methods.chaotic.losses import DSSIM, MipMSE, WeightedSum
-from ..methods.chaotic.model import SVD, ForwardModel
-from ..runtime.seeds import derive
-from .perturbations import Maps, perturbed
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, WeightedSum
+from fractal_exp.methods.chaotic.model import SVD, ForwardModel
+from fractal_exp.runtime.seeds import derive
+from fractal_exp.training.codes import rows
+
+from .perturbations import ifs, perturbed
 from .pictures import Path, random_code
 
 RESOLUTION, TRAJECTORIES, LENGTH = 64, 200, 40
@@ -29,12 +30,12 @@ def fit_path(seed: int, iterations: int = 60, steps: int = 10) -> Path:
     model = ForwardModel(SVD(), resolution=RESOLUTION, maps=len(truth), trajectories=TRAJECTORIES, length=LENGTH)
     objective = WeightedSum({"mse": 10.0, "ssim": 1.0}, {"mse": MipMSE(), "ssim": DSSIM()})
     with torch.no_grad():
-        objective.prepare(model(model.encode(_code(truth)), derive(seed, "target")).image)
-    raw = {name: value.requires_grad_() for name, value in model.encode(_code(begun)).items()}
+        objective.prepare(model(model.encode(ifs(truth)), derive(seed, "target")).image)
+    raw = {name: value.requires_grad_() for name, value in model.encode(ifs(begun)).items()}
     optimizer, found = torch.optim.Adam(raw.values(), LEARNING_RATE), []
     for iteration in range(iterations):
         if iteration % max(1, iterations // steps) == 0:
-            found.append(_maps(model.code(raw, derive(seed, "frame"))))
+            found.append(rows(model.code(raw, derive(seed, "frame"))))
         optimizer.zero_grad()
         objective(model(raw, derive(seed, "points", iteration)))[0].backward()
         optimizer.step()
@@ -42,11 +43,3 @@ def fit_path(seed: int, iterations: int = 60, steps: int = 10) -> Path:
             for name, value in model.parameterization.project(raw).items():
                 raw[name].copy_(value)
     return Path(truth, tuple(found))
-
-
-def _code(maps: Maps) -> IFS:
-    return IFS(torch.from_numpy(maps[:, :4]).reshape(-1, 2, 2), torch.from_numpy(maps[:, 4:]))
-
-
-def _maps(code: IFS) -> Maps:
-    return torch.cat([code.linear.reshape(-1, 4), code.offset], 1).detach().double().numpy()

@@ -5,25 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ..rendering.still import points_per_view
-from ..suite import TARGET_SUPERSAMPLE, draw_code
-from . import drawing
-from .perturbations import (
-    KINDS,
-    Maps,
-    contractive,
-    displacement,
-    frame,
-    orbits_of_one_address,
-    perturbed,
-    similar,
-    table,
-)
+from fractal_exp.rendering.still import points_per_view
+from fractal_exp.suite import TARGET_SUPERSAMPLE, draw_code
+from fractal_exp.training import drawing
+from fractal_exp.training.codes import Maps, rows, similar, table
+
+from .perturbations import KINDS, contractive, displacement, frame, orbits_of_one_address, perturbed
 
 PARTS = 512                     # supersampled pixels a side, at least, of the pictures; from 64² on,
 FEWEST_PARTS = 4                # and of each pixel
@@ -41,8 +34,7 @@ class Path:
     steps: tuple[Maps, ...]
 
 
-@dataclass(frozen=True)
-class Batch:
+class Pictures(NamedTuple):
     """Pictures of T codes: `truth` and `partner`, another picture of the same code, (T,R,R); `copies` (T,K,R,R) of
     moved codes and their `sizes` (T,K), the root mean square displacement in pixels; `classes` (T,), the code's number.
     """
@@ -52,10 +44,6 @@ class Batch:
     copies: Tensor
     sizes: Tensor
     classes: Tensor
-
-    def to(self, device: str) -> Batch:
-        """The same on another device."""
-        return Batch(*(getattr(self, name).to(device) for name in self.__dataclass_fields__))
 
 
 def random_code(seed: int) -> Maps:
@@ -69,14 +57,13 @@ def random_code(seed: int) -> Maps:
         cos, sin = ratio * np.cos(angle), ratio * np.sin(angle)
         maps = np.stack([cos, -sin * flip, sin, cos * flip, *rng.uniform(-1, 1, (2, count))], 1)
     else:
-        code = draw_code(rng, {})
-        maps = np.concatenate([code.linear.reshape(-1, 4).numpy(), code.offset.numpy()], 1).astype(np.float64)
+        maps = rows(draw_code(rng, {}))
     maps = contractive(maps)
     return similar(maps, *frame(orbits_of_one_address(maps, [], seed % 2**31)[0]))
 
 
 def batch(codes: list[Maps], classes: list[int], copies: int, resolution: int, seed: int,
-          paths: list[Path] | None = None, fine: bool = False) -> Batch:
+          paths: list[Path] | None = None, fine: bool = False) -> Pictures:
     """Pictures of codes, of `copies` moved copies of each and of a partner; with paths the copies are their steps.
 
     fine: drawn with the points and the supersampling of `suite.target`, of which others have a fraction.
@@ -110,7 +97,8 @@ def batch(codes: list[Maps], classes: list[int], copies: int, resolution: int, s
     images = torch.from_numpy(drawing.draw(maps, p, seeds, counts, resolution,
                                            TARGET_SUPERSAMPLE if fine else factor(resolution)))
     images = _styled(images, looks).unflatten(0, (len(codes), copies + 2))
-    return Batch(images[:, 0], images[:, -1], images[:, 1:-1], torch.from_numpy(sizes).float(), torch.tensor(classes))
+    return Pictures(images[:, 0], images[:, -1], images[:, 1:-1], torch.from_numpy(sizes).float(),
+                    torch.tensor(classes))
 
 
 def factor(resolution: int) -> int:

@@ -3,37 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 
-from ..ifs.attractor import FRAME_SIDE
-from ..ifs.code import PROBABILITY_FLOOR
-from .drawing import MAX_MAPS, orbit
-
-Maps = np.ndarray  # (N,6), rows a b c d e f of x' = a x + b y + e, y' = c x + d y + f, float64
+from fractal_exp.ifs.attractor import FRAME_SIDE
+from fractal_exp.ifs.code import IFS
+from fractal_exp.training.codes import Maps, table
+from fractal_exp.training.drawing import orbit
 
 POINTS = 2048          # of an attractor, to frame it and to measure displacements by
 LARGEST_SINGULAR = 0.99
 KINDS = ("all", "one", "rotation", "translation", "scale")
 
 
-def probabilities(maps: Maps) -> np.ndarray:
-    """The probabilities (N,) of the maps, |det| + 0.01 normalised."""
-    p = np.abs(maps[:, 0] * maps[:, 3] - maps[:, 1] * maps[:, 2]) + PROBABILITY_FLOOR
-    return p / p.sum()
-
-
-def table(codes: list[Maps], weights: list[np.ndarray] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """The maps (B,10,6) of many codes and their probabilities (B,10), filled up with maps of no probability."""
-    maps, p = np.zeros((len(codes), MAX_MAPS, 6)), np.zeros((len(codes), MAX_MAPS))
-    for row, code in enumerate(codes):
-        maps[row, :len(code)] = code
-        p[row, :len(code)] = probabilities(code) if weights is None else weights[row]
-    return maps, p
-
-
-def similar(maps: Maps, scale: float, shift: np.ndarray) -> Maps:
-    """The code whose attractor is scale · A + shift."""
-    linear = maps[:, :4].reshape(-1, 2, 2)
-    return np.concatenate([maps[:, :4], scale * maps[:, 4:] + shift - linear @ shift], 1)
+def ifs(maps: Maps) -> IFS:
+    """The code of maps (N,6); `fractal_exp.training.codes.rows` is the way back."""
+    return IFS(torch.from_numpy(maps[:, :4]).reshape(-1, 2, 2), torch.from_numpy(maps[:, 4:]))
 
 
 def frame(points: np.ndarray) -> tuple[float, np.ndarray]:
@@ -76,9 +60,8 @@ def contractive(maps: Maps) -> Maps:
 
 def orbits_of_one_address(truth: Maps, copies: list[Maps], seed: int) -> np.ndarray:
     """Points (1 + C,2048,2) of a code and of copies with as many maps, point by point of the same addresses."""
-    codes = [truth, *copies]
-    maps, p = table(codes, [probabilities(truth)] * len(codes))
-    return orbit(maps, p, np.full(len(codes), seed, np.int64), POINTS)
+    maps, p = table([truth, *copies])
+    return orbit(maps, p[:1].repeat(len(maps), 0), np.full(len(maps), seed, np.int64), POINTS)
 
 
 def displacement(points: np.ndarray, moved: np.ndarray) -> float:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 import torch
 from pydantic import Field
-from torch import Tensor, nn
+from torch import Tensor
 
-from ..perceptual_training.drawing import MAX_MAPS
-from ..perceptual_training.perturbations import Maps
 from ..runtime.params import Amount, Positive, Share
-from ..runtime.seeds import derive
-from . import pictures
-from .loop import Batch, Recipe, Training
+from .codes import HELD_OUT, TRAINING, CodeTraining, Maps, draw
+from .drawing import MAX_MAPS
+from .loop import Batch, Recipe
 
 
 class EpochRecipe(Recipe):
@@ -41,7 +39,7 @@ class EpochRecipe(Recipe):
     distribution of the codes as it is."""
 
 
-class EpochTraining(Training):
+class EpochTraining(CodeTraining):
     """Such a training. A batch is images (B,S,S) and the numbers of their codes."""
 
     Params: type[EpochRecipe]
@@ -73,43 +71,27 @@ class EpochTraining(Training):
     def patience(self) -> int | None:
         return self.params.patience
 
-    def network(self) -> nn.Module:
-        return self.method.built(self.recipe(), self.stream("initial"))
-
     def rate(self, step: int) -> float:
         return self.params.rate * self.params.decay ** (step // self.every)
 
     def batch(self, step: int) -> Batch:
         epoch, place = divmod(step, self.every)
-        order = np.random.Generator(np.random.PCG64(self.stream(pictures.TRAINING, "order", epoch)))
+        order = np.random.Generator(np.random.PCG64(self.stream(TRAINING, "order", epoch)))
         numbers = order.permutation(self.params.codes)[place * self.size:(place + 1) * self.size]
         codes = [self.code(int(number)) for number in numbers]
         if self.symmetries:
-            rng = np.random.Generator(np.random.PCG64(self.stream(pictures.TRAINING, "symmetries", step)))
+            rng = np.random.Generator(np.random.PCG64(self.stream(TRAINING, "symmetries", step)))
             codes = [turned(code, rng) for code in codes]
-        return self._drawn(codes, self.stream(pictures.TRAINING, "pictures", step))
+        return self._drawn(codes, self.stream(TRAINING, "pictures", step))
 
     @cached_property
     def held_out(self) -> Batch:
-        """Codes that training never sees."""
-        codes = [self._made(pictures.HELD_OUT, number) for number in range(self.params.held_out)]
-        return self._drawn(codes, self.stream(pictures.HELD_OUT, "pictures"))
-
-    @lru_cache(None)  # noqa: B019 — lives as long as the training
-    def code(self, number: int) -> Maps:
-        """A code to learn from."""
-        return self._made(pictures.TRAINING, number)
-
-    def stream(self, *path: int | str) -> int:
-        """A seed of this training for a purpose."""
-        return derive(self.seed, "pretraining", self.method.name, *path)
+        """Pictures of codes that training never sees."""
+        return self._drawn(self.held_out_codes(), self.stream(HELD_OUT, "pictures"))
 
     def _drawn(self, codes: list[Maps], seed: int) -> Batch:
-        images = pictures.draw(codes, self.params.side, seed, self.params.points)
+        images = draw(codes, self.params.side, seed, self.params.points)
         return images, torch.stack([self.numbers(code) for code in codes])
-
-    def _made(self, stream: str, number: int) -> Maps:
-        return pictures.rows(pictures.training_code(pictures.code_seed(self.seed, self.method.name, stream, number)))
 
 
 def turned(code: Maps, rng: np.random.Generator) -> Maps:

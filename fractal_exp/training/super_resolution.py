@@ -6,7 +6,7 @@ on 10 000 fractals.
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -15,17 +15,15 @@ from pydantic import Field, model_validator
 from torch import Tensor, nn
 
 from ..errors import InputError
-from ..ifs.code import IFS
 from ..methods.super_resolution.method import SuperResolution
-from ..perceptual_training import drawing
-from ..perceptual_training.perturbations import Maps, orbits_of_one_address, similar, table
 from ..rendering.still import points_per_view
 from ..runtime.params import Positive
-from ..runtime.seeds import derive
 from ..suite import TARGET_SUPERSAMPLE
-from . import pictures
-from .loop import Batch, Recipe, Training
+from . import drawing
+from .codes import HELD_OUT, TRAINING, CodeTraining, Maps, similar, table
+from .loop import Batch, Recipe
 
+POINTS = 2048  # of an attractor; pieces are taken about one of them
 HALVED = (0.5, 0.8, 0.9, 0.95)  # shares of the steps at which the rate is halved (Liang et al. 2021)
 
 
@@ -76,7 +74,7 @@ class SuperResolutionRecipe(Recipe):
         return self
 
 
-class SuperResolutionTraining(Training):
+class SuperResolutionTraining(CodeTraining):
     """The training of super-resolution. The loss is the mean absolute error; bicubic interpolation is what it must
     beat."""
 
@@ -92,16 +90,13 @@ class SuperResolutionTraining(Training):
     def every(self) -> int:
         return self.params.every
 
-    def network(self) -> nn.Module:
-        return self.method.built(self.recipe(), self._seed("initial"))
-
     def rate(self, step: int) -> float:
         return self.params.rate * 0.5 ** sum(step >= share * self.steps for share in HALVED)
 
     def batch(self, step: int) -> Batch:
-        rng = np.random.Generator(np.random.PCG64(self._seed(pictures.TRAINING, "batch", step)))
+        rng = np.random.Generator(np.random.PCG64(self.stream(TRAINING, "batch", step)))
         numbers = rng.integers(self.params.codes, size=self.params.batch)
-        return self._pieces([self._code(int(number)) for number in numbers], rng)
+        return self._pieces([self.code(int(number)) for number in numbers], rng)
 
     def loss(self, network: nn.Module, batch: Batch) -> Tensor:
         coarse, fine = batch
@@ -114,8 +109,8 @@ class SuperResolutionTraining(Training):
 
     @cached_property
     def _held_out(self) -> Batch:
-        rng = np.random.Generator(np.random.PCG64(self._seed(pictures.HELD_OUT, "batch")))
-        return self._pieces([self._made(pictures.HELD_OUT, number) for number in range(self.params.held_out)], rng)
+        rng = np.random.Generator(np.random.PCG64(self.stream(HELD_OUT, "batch")))
+        return self._pieces(self.held_out_codes(), rng)
 
     @cached_property
     def _bicubic_errors(self) -> Tensor:
@@ -128,7 +123,7 @@ class SuperResolutionTraining(Training):
         side, patch, zoom = self.params.side, self.params.patch, self.params.side / self.params.patch
         views = []
         for code in codes:
-            points = orbits_of_one_address(code, [], int(rng.integers(2**31)))[0]
+            points = drawing.orbit(*table([code]), rng.integers(2**31, size=1), POINTS)[0]
             corner = np.round((points[int(rng.integers(len(points)))] + 1) * side / 2 - patch / 2)  # whole pixels
             center = (np.clip(corner, 0, side - patch) + patch / 2) * 2 / side - 1
             views.append(similar(code, zoom, -zoom * center))
@@ -141,19 +136,5 @@ class SuperResolutionTraining(Training):
     @staticmethod
     def _draw(views: list[Maps], side: int, points: int, parts: int, rng: np.random.Generator) -> Tensor:
         """Images (B,S,S) of so many points on the whole attractor, most of them out of sight."""
-        maps, p = table(views)
         counts, seeds = np.full(len(views), max(1, points)), rng.integers(2**62, size=len(views))
-        return torch.from_numpy(drawing.draw(maps, p, seeds, counts, side, parts))
-
-    @lru_cache(None)  # noqa: B019 — lives as long as the training
-    def _code(self, number: int) -> Maps:
-        return self._made(pictures.TRAINING, number)
-
-    def _made(self, stream: str, number: int) -> Maps:
-        return pictures.rows(self._ifs(stream, number))
-
-    def _ifs(self, stream: str, number: int) -> IFS:
-        return pictures.training_code(pictures.code_seed(self.seed, self.method.name, stream, number))
-
-    def _seed(self, *path: int | str) -> int:
-        return derive(self.seed, "pretraining", self.method.name, *path)
+        return torch.from_numpy(drawing.draw(*table(views), seeds, counts, side, parts))

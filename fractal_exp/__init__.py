@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from .runtime import threads
 
-if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & os.environ.keys():  # else the user has chosen
-    threads.keep_idle_threads_quiet()  # before torch is imported, where this package is the first to import it
+if not threads.QUIET.keys() & os.environ.keys():  # else the user has chosen
+    os.environ.update(threads.QUIET)  # acts where this package is imported before torch
 
 from .errors import InputError
 from .ifs import IFS, Colours, View

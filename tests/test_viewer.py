@@ -15,8 +15,8 @@ import torch
 from fractal_exp import IFS, Colours, InputError, View, codes
 from fractal_exp.cli import view as fractal_view
 from fractal_exp.ifs import attractor
-from fractal_exp.viewer import page
 from fractal_exp.viewer.linking import linked
+from fractal_exp.viewer.page import page
 
 ROOT = Path(__file__).parents[1]
 LARGEST = 200_000

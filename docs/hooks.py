@@ -49,7 +49,7 @@ def on_files(files: Any, *, config: Any) -> Any:
 def code_page(path: Path) -> str:
     """The HTML of a code's page, on the whole attractor, titled as the classic code of the file's name is."""
     from fractal_exp import IFS, codes
-    from fractal_exp.viewer import page
+    from fractal_exp.viewer.page import page
 
     code = IFS.load(path)
     title = codes.known(path.stem).meta.get("title") if path.stem in codes.names() else None

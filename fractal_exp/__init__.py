@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from .runtime import threads
 
-if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT"} & os.environ.keys():  # else the user has chosen
-    threads.keep_idle_threads_quiet()  # before torch is imported, where this package is the first to import it
+if not threads.QUIET.keys() & os.environ.keys():  # else the user has chosen
+    os.environ.update(threads.QUIET)  # acts where this package is imported before torch
 
 from .errors import InputError
-from .ifs import IFS, Colours, View
+from .ifs import IFS, Colours, View, formats
+from .rendering.svg import Svg
+from .viewer import show
 
 if TYPE_CHECKING:
     from .api import invert
@@ -25,6 +27,13 @@ if TYPE_CHECKING:
 
 __all__ = ["IFS", "Colours", "InputError", "Inversion", "View", "invert", "perceptual_distance", "render"]
 __version__ = "0.1.0"
+
+# A code is asked for its files, pictures and pages. Their folders stand on codes, so a code gets these methods here.
+formats.FORMATS[Svg.key] = Svg()
+for _name, _method in {"save": formats.save, "load": staticmethod(formats.load),
+                       "from_json": staticmethod(formats.from_json), "save_html": show.save_html,
+                       "widget": show.widget, "_repr_png_": show.picture, "_repr_html_": show.framed_page}.items():
+    setattr(IFS, _name, _method)
 
 # Modules that import numba or more are imported at their first use.
 _LATER = {

@@ -7,7 +7,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from ..tracking.store import process_start
+import psutil
+
+from ..tracking.store import is_alive
 
 POLL_SECONDS = 1.0
 ORPHANED = 143  # the exit status of a process that SIGTERM ended
@@ -32,8 +34,11 @@ def _alive(pid: int) -> Callable[[], bool]:
     """A function that tells whether the process lives on."""
     if os.getppid() == pid:
         return lambda: os.getppid() == pid  # a process whose parent dies is given another
-    start = process_start(pid)  # None if it is gone already; its number may be given away again
-    return lambda: start is not None and process_start(pid) == start
+    try:
+        process = psutil.Process(pid)
+    except psutil.NoSuchProcess:
+        return lambda: False
+    return lambda: process.is_running() and is_alive(pid)  # a zombie is running, for psutil
 
 
 def _watch(alive: Callable[[], bool]) -> None:

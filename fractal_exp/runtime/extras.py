@@ -10,7 +10,8 @@ from ..errors import InputError
 
 EXTRAS = {  # the libraries that are imported where they are used -> the extra that brings them
     "hydra": "study", "joblib": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study",
-    "omegaconf": "study", "pandas": "study", "pyarrow": "study", "skimage": "study", "yaml": "study",
+    "omegaconf": "study", "pandas": "study", "psutil": "study", "pyarrow": "study", "skimage": "study",
+    "tenacity": "study", "yaml": "study",
     "lpips": "perceptual", "torchvision": "perceptual",
     "imageio": "video", "imageio_ffmpeg": "video",
     "anywidget": "notebook",

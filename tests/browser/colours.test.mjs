@@ -89,7 +89,7 @@ test("points are counted where the density is wanted, and its end is a density t
 
 test("colours of a code are read and written bit for bit, and refused where they are wrong", () => {
   const text = writeJson(plainCode(HALVES, null, { name: "a" }, { rgb: COLOURS.rgb, blends: [1 / 3, 0.1, 1] }));
-  const back = readJson(text)[0].read();
+  const back = readJson(text);
   assert.deepEqual(back.colours, { rgb: COLOURS.rgb, blends: [1 / 3, 0.1, 1].map(Math.fround) });
   assert.equal(writeJson(back), text);
   assert.ok(!writeJson(plainCode(HALVES)).includes("colours"));
@@ -101,7 +101,7 @@ test("colours of a code are read and written bit for bit, and refused where they
     [{ ...COLOURS, blends: [0, 0, 0] }, /at least one blend/], [{ ...COLOURS, rgb: [[1, 1], [1, 1], [1, 1]] }, /shape/],
     [{ ...COLOURS, rgb: [["1", 0, 0], [0, 0, 0], [0, 0, 0]] }, /numbers only/],
   ]) {
-    assert.throws(() => readJson(JSON.stringify({ ...given, colours }))[0].read(), (error) => (
+    assert.throws(() => readJson(JSON.stringify({ ...given, colours })), (error) => (
       error instanceof Refused && why.test(error.message)), JSON.stringify(colours));
   }
 });

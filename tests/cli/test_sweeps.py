@@ -28,7 +28,7 @@ from fractal_exp.cli import sweep as command
 from fractal_exp.cli.jobs import job_name
 from fractal_exp.runtime.checkpoint import compare
 from fractal_exp.studies.published import TABLES
-from fractal_exp.tracking.store import process_start
+from fractal_exp.tracking.store import is_alive
 
 SWEEPS = ROOT / "sweeps"
 NAMES = sorted(path.stem for path in SWEEPS.glob("*.yaml"))
@@ -161,7 +161,7 @@ def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
     process.send_signal(signal.SIGKILL)
     process.wait()
     deadline = time.monotonic() + 60
-    while alive := [pid for pid in workers if process_start(pid) is not None]:
+    while alive := [pid for pid in workers if is_alive(pid)]:
         assert time.monotonic() < deadline, f"{alive} outlive their parent"
         time.sleep(0.05)
 

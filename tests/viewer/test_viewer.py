@@ -15,8 +15,8 @@ from places import ROOT
 from fractal_exp import IFS, Colours, InputError, View, codes
 from fractal_exp.cli import view as fractal_view
 from fractal_exp.ifs import attractor
-from fractal_exp.viewer import page
 from fractal_exp.viewer.linking import linked
+from fractal_exp.viewer.page import page
 
 LARGEST = 200_000
 HOSTILE = "</script><script>alert(1)</script><!-- \u2028 & ' \" $title"
@@ -115,27 +115,15 @@ def test_numbers_that_are_none_make_no_page(tmp_path):
     assert not (tmp_path / "nan.html").exists()
 
 
-def test_as_many_maps_as_are_allowed_fit_into_a_page():
+def test_as_many_maps_as_are_allowed_fit_into_a_page_with_their_colours():
     generator = torch.Generator().manual_seed(0)
+    colours = Colours(torch.rand(1000, 3, generator=generator), torch.rand(1000, generator=generator))
     code = IFS(torch.rand(1000, 2, 2, generator=generator) / 5, torch.rand(1000, 2, generator=generator),
-               torch.full((1000,), 0.001))
+               torch.full((1000,), 0.001), {"title": "<" * 500, "name": "<" * 500}, colours)
     full = page(code, still=bytes(20_000))
     assert len(full.encode()) <= LARGEST and "data:image/png" not in full  # the still has to go
     assert "data:image/png" in page(codes.known("fern"), still=bytes(20_000))
-    assert torch.equal(held(full).linear, code.linear)
-
-
-def test_colours_take_room_of_their_own():
-    """Colours make a map's numbers longer by half: fewer maps fit, and more are refused by name."""
-    def code(maps: int) -> IFS:
-        colours = Colours(torch.rand(maps, 3), torch.rand(maps))
-        return IFS(torch.rand(maps, 2, 2) / 5, torch.rand(maps, 2), torch.full((maps,), 1 / maps),
-                   colours=colours)
-
-    many = code(800)
-    assert torch.equal(held(page(many)).colours.rgb, many.colours.rgb)
-    with pytest.raises(InputError, match="at most 200000 are allowed; show fewer maps than 1000"):
-        page(code(1000))
+    assert torch.equal(held(full).linear, code.linear) and torch.equal(held(full).colours.rgb, colours.rgb)
 
 
 def test_a_notebook_shows_a_frame_or_nothing():

@@ -8,9 +8,9 @@ from html import escape
 
 import numpy as np
 
-from ..code import IFS, View
-from .base import CodeFormat, only_one, plain
-from .colours import place, ramp
+from ..ifs.code import IFS, View
+from ..ifs.formats.base import CodeFormat, only_one, plain
+from ..ifs.formats.colours import place, ramp
 
 PIXELS = 768     # per side of the shape's image
 MARGIN = 1.1     # factor on a window that is larger than the canvas
@@ -28,7 +28,7 @@ class Svg(CodeFormat):
     key, suffixes = "svg", (".svg",)
 
     def write(self, codes: Sequence[IFS]) -> bytes:
-        from ...rendering.sheets import silhouette  # imports numba, which reading does not need
+        from .sheets import silhouette  # imports numba, which reading does not need
 
         code = only_one(codes, self.key).check_contractive()
         box = _box_corners(code)
@@ -54,7 +54,7 @@ class Svg(CodeFormat):
 
 
 def _box_corners(code: IFS) -> np.ndarray:
-    from .. import attractor
+    from ..ifs import attractor
 
     x0, y0, x1, y1 = attractor.visible_box(code)
     return np.array([x0, y0]) + CORNERS * np.array([x1 - x0, y1 - y0])

@@ -1,7 +1,7 @@
 """The numbers on the pages of the method are those of the code.
 
-A page quotes a setting or a constant as `name = value`, or as `component.name = value` where several components have
-the name. A setting is a field of a parameter class. Any other name is a constant of a module, in capitals there, or a
+A page quotes a setting or a constant as `name=value`, or as `component.name=value` where several components have the
+name. A setting is a field of a parameter class. Any other name is a constant of a module, in capitals there, or a
 field of a class with a default.
 """
 
@@ -58,7 +58,9 @@ def value_of(text):
 
 
 def plain(value):
-    """A value of the code as numbers, words and tuples."""
+    """A value of the code as numbers, words and tuples. A descent is its steps, its rate and its limit."""
+    if hasattr(value, "steps") and hasattr(value, "rate"):
+        return value.steps, value.rate, value.largest
     if isinstance(value, (list, tuple)):
         return tuple(map(plain, value))
     if hasattr(type(value), "model_fields"):
@@ -111,12 +113,15 @@ def constants(name):
 
 
 def meanings(name):
-    """The values that a name may stand for: of settings, else of constants. A component before the name chooses among
-    several constants by the module or class that they are in."""
+    """The values that a name may stand for: of settings, else of constants. A component before the name is that of a
+    setting, a constant that has the name as a field, or a part of the module or class of a constant."""
     component, _, last = name.rpartition(".")
     found = [value for full, value in every_setting() if full == name or not component and full.endswith(f".{name}")]
     if found and component:
         return found
+    owners = [owner for _, owner in constants(component)] if component.isidentifier() else []
+    if held := [getattr(owner, last) for owner in owners if hasattr(owner, last)]:
+        return held
     known = list(constants(last))
     inside = [value for place, value in known if component.lower() in place.lower().split(".")]
     return found + (inside or [value for _, value in known])
@@ -151,6 +156,7 @@ def test_the_pages_quote_most_numbers_of_the_method():
     ("`ORBITS = 15`, `orbits = 16`", []),                                # the first is no name of a setting
     ("`orbits = 15`", ["orbits = 15, but it is 16"]),                    # a constant of a module
     ("`descent.largest = 0.995`", []),                                   # a default of a class
+    ("`thresholds.few_maps = 12`", []),                                  # a field of a constant
     ("`no_such_name = 1`", ["no_such_name = 1, but no setting or constant has this name"]),
     ("```python\nno_such_name = 1\n`no_such_name = 1`\n```\n", []),      # an example, not a claim
 ])

@@ -122,9 +122,8 @@ def meanings(name):
     owners = [owner for _, owner in constants(component)] if component.isidentifier() else []
     if held := [getattr(owner, last) for owner in owners if hasattr(owner, last)]:
         return held
-    known = list(constants(last))
-    inside = [value for place, value in known if component.lower() in place.lower().split(".")]
-    return found + (inside or [value for _, value in known])
+    return found + [value for place, value in constants(last)
+                    if not component or component in place.lower().split(".")]
 
 
 def mistakes(text):

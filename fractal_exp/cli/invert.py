@@ -45,7 +45,7 @@ examples
   fractal-invert scan.jpg --invert true --output scan        a black shape on white
   fractal-invert page.png --crop 40 60 340 380               the part from (40, 60) to (340, 380)
   fractal-invert leaf.png --colour                           and the colours of the maps
-  fractal-invert leaf.png --set search.moves=100 rounds=2    any parameter of collage search (docs/collage.md)"""
+  fractal-invert leaf.png --set search.moves=100 rounds=2    any parameter of collage search (docs/method.md)"""
 
 
 def main(arguments: list[str] | None = None) -> None:

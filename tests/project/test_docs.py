@@ -1,6 +1,6 @@
 """The documentation: links lead somewhere, the site builds and loads nothing from elsewhere, and its code runs."""
 
-import importlib.util
+import json
 import os
 import re
 import subprocess
@@ -13,16 +13,14 @@ from places import ROOT
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
+from docs import hooks
+from docs import tables as results
+
 DOCS = ROOT / "docs"
 EXTENDING = sorted((DOCS / "extending").glob("*.md"))
 LARGEST_PICTURES = 3_500_000
 LINK = re.compile(r'\]\((?!https?:|#)([^)#\s]+)|<img src="([^"]+)"')
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
-
-spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
-hooks = importlib.util.module_from_spec(spec)
-sys.modules["hooks"] = hooks
-spec.loader.exec_module(hooks)
 
 
 Amount = Annotated[float, Field(ge=0)]
@@ -113,6 +111,69 @@ def test_a_line_of_a_page_asks_for_the_tables_and_a_comment_does_not():
         f"before\n\n{hooks.parameter_tables(Params, 'method')}\n\n<!-- [parameters: nowhere.Nothing] -->\n")
 
 
+ASKED = [(page, line) for page in sorted(DOCS.glob("*.md")) for line in hooks.TABLE.findall(page.read_text())]
+
+
+@pytest.mark.parametrize(("page", "asked"), ASKED, ids=lambda each: each[0] if isinstance(each, tuple) else each.stem)
+def test_every_table_of_results_is_made_from_files_that_are_there(page, asked):
+    maker, names = asked
+    head, rule, *rows = results.table(maker, *names.split()).splitlines()
+    assert rows and {line.count(" | ") for line in (head, rule, *rows)} == {head.count(" | ")}
+
+
+def test_a_table_of_results_states_what_its_files_hold(tmp_path, monkeypatch):
+    monkeypatch.setattr(results, "RESULTS", tmp_path)
+    fits = [{"set": kind, "without": part, "target": k, "f1": 0.9 - 0.1 * (part != "nothing") * (kind == "grey"),
+             "recovered": part == "nothing" or k < 2} for kind in ("grey", "trees") for part in ("nothing", "roots")
+            for k in range(3)]
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "codes.jsonl").write_text("\n".join(map(json.dumps, fits)))
+    assert hooks.on_page_markdown("[table: ablation parts]").splitlines()[2:] == [
+        "| nothing | .900<br>3 of 3 | .900<br>3 of 3 |", "| `roots` | **−.100** [−.100, −.100]<br>−1 | +.000 [+.000, "
+        "+.000]<br>−1 |"]
+    (tmp_path / "times.jsonl").write_text(json.dumps({"figures": {"steps": [
+        {"step": "a step", "seconds": 0.0123, "twin_seconds": 2.5, "twin_ratio": 203.2}]}}))
+    assert results.table("speed", "times.jsonl").splitlines()[-1] == "| a step | 12.3 ms | 2.5 s | 203 |"
+
+
+def test_a_table_of_results_without_a_maker_or_a_file_is_refused():
+    with pytest.raises(ValueError, match="there is no table speeds; choose from suite, codes"):
+        results.table("speeds", "cpu_ops.jsonl")
+    with pytest.raises(ValueError, match="benchmarks/results has no cpu.jsonl, which the table speed names"):
+        results.table("speed", "cpu.jsonl")
+
+
+def test_every_file_of_results_that_a_page_names_is_there():
+    for page in (ROOT / "README.md", DOCS / "results.md"):
+        named = re.findall(r"benchmarks/results/[\w./-]*\w", page.read_text())
+        assert named and [name for name in named if not (ROOT / name).exists()] == [], page.name
+
+
+def test_the_readme_expects_five_numbers_which_are_those_of_the_files():
+    [section] = re.findall(r"## What to expect\n(.*?)\n## ", (ROOT / "README.md").read_text(), re.DOTALL)
+    stated = [line.split(" | ")[0].strip("| ") for line in section.splitlines() if line.startswith("| ")][1:]
+    views = {tuple(line.split(" | ")[:3]): line.split(" | ")[3] for line in
+             results.table("suite", "collage_2025_grey").splitlines()}
+    exact, _, _, seconds, *_ = results.table("codes", "collage_2025_grey").splitlines()[2].strip("| ").split(" | ")
+    [recovered] = re.findall(r"recovered \| (\d+) of (\d+)", results.table("textbook", "pictures_textbook_120s"))
+    shapes = results.table("shapes", "pictures_shapes").splitlines()[-1].split(" | ")[3]
+    assert stated == [views["| the code", "attractor", "own box"].split()[0], f"{exact.split()[0]}%", f"{seconds} s",
+                      f"{int(recovered[0]) / int(recovered[1]):.0%}", shapes]
+
+
+def test_each_part_that_can_be_left_out_says_what_is_missing_and_by_which_setting():
+    parts = [line.split(" | ") for line in results.table("parts").splitlines()[2:]]
+    assert len(parts) == len(list((ROOT / "conf" / "without").glob("*.yaml"))) - 1   # `nothing` leaves nothing out
+    assert all(about.endswith(".") and "=" in settings for _, about, settings in parts)
+
+
+def test_the_method_fits_into_a_box_and_five_thousand_words():
+    page = (DOCS / "method.md").read_text()
+    assert len(page.split()) <= 5000
+    box = page[:page.index("## ")].split("```")[1]
+    assert 35 <= len(box.splitlines()) <= 50 and max(map(len, box.splitlines())) <= 88
+
+
 def test_a_component_that_may_be_absent_has_its_table_too():
     class Whole(BaseModel):
         descent: Descent | None = None
@@ -180,7 +241,7 @@ def site(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_site_builds_strictly_and_shows_formulas_and_signatures(site):
-    assert "<math" in (site / "collage.html").read_text()
+    assert "<math" in (site / "method.html").read_text() and "[table:" not in (site / "results.html").read_text()
     assert "points_in_view" in (site / "api.html").read_text()
     assert not (site / "hooks.py").exists()
     linked = re.findall(r'href="(codes/\w+\.html)"', (site / "gallery.html").read_text())

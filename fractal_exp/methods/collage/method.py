@@ -27,7 +27,7 @@ ENDED = "the picture shows a few steps of a construction; the attractor of the c
 class Collage(Method):
     """Recover a code by the collage theorem (Barnsley 1985): find maps that tile the image with copies of it.
 
-    docs/collage.md explains the stages. seconds: a time limit, after which the rest of each stage is skipped; a run
+    docs/method.md explains the stages. seconds: a time limit, after which the rest of each stage is skipped; a run
     with a limit cannot be repeated bit for bit. seed: for all random numbers. previews: how many preview images are
     reported. device: where tensors live. options: the parameters of `CollageParams`; a component takes a mapping, as in
     `Collage(maps=4, moves={"root": 0})`. A checkpoint is saved after every stage and at an interruption.

@@ -1,6 +1,5 @@
 """The parameters of collage search: each is documented, reached by Hydra, checked, and every part can be left out."""
 
-import json
 import re
 from functools import cache
 from pathlib import Path
@@ -11,7 +10,6 @@ import yaml
 from collage_helpers import image_search, merged, small, tied
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
-from places import ROOT
 
 from fractal_exp import InputError, suite
 from fractal_exp.cli import configuration
@@ -193,12 +191,3 @@ def test_parameters_do_not_change_and_copies_keep_the_rest():
     assert params.births.count == 20 and isinstance(params, Params)
     with pytest.raises(ValueError, match="frozen"):
         params.moves.root = 1.0
-
-
-@pytest.mark.parametrize("part", sorted(set(PARTS) - {FULL}))
-def test_the_page_says_how_each_part_is_left_out(part):
-    page = (ROOT / "docs" / "collage.md").read_text()
-    [row] = [line for line in page.splitlines() if line.startswith(f"| `{part}` |")]
-    changes = leaves(yaml.safe_load((CONF / "without" / f"{part}.yaml").read_text())["method"])
-    for name, value in changes.items():
-        assert f"`{name}={json.dumps(value)}`" in row

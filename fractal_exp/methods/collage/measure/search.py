@@ -1,6 +1,6 @@
 """Large neighbourhood search over sets of maps: remove some, add new ones, move all, prune.
 
-The scheme is Shaw's (1998), with a continuous repair. One score judges all sets (eq. 5 of docs/collage.md).
+The scheme is Shaw's (1998), with a continuous repair. One score judges all sets (eq. 5 of docs/method.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The parameters of collage search, one class per component. docs/collage.md explains where the method uses each.
+"""The parameters of collage search, one class per component. docs/method.md explains where the method uses each.
 
 Where a docstring names no source, the value was found by trial on tuning suites (docs/lab_notes.md). Each part has a
 setting that switches it off: `enabled=false` or another switch, a count of 0, odds of 0.

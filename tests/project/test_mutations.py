@@ -8,7 +8,7 @@ from mutations.run import ROOT, Broken, Mutation, load, main
 
 def test_every_mutation_still_applies_and_names_tests_that_there_are():
     mutations = load()
-    assert len({mutation.name for mutation in mutations}) == len(mutations) >= 60
+    assert len({mutation.name for mutation in mutations}) == len(mutations) >= 30
     for mutation in mutations:
         applied = mutation.applied()
         if mutation.file.endswith(".py"):

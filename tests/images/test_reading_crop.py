@@ -9,7 +9,6 @@ from PIL import Image
 from fractal_exp import InputError, codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images import bands
-from fractal_exp.images.painted import Painted
 from fractal_exp.images.reading import read_colour, read_target
 from fractal_exp.inversion import Inversion, Likeness
 from fractal_exp.verdict import Verdict
@@ -44,12 +43,6 @@ def test_a_part_of_an_array_is_read_as_that_part_alone(page, options):
         assert found.crop == CROP
         assert found.notes[0] == "only the part of 280×270 px at (310, 40) is read, as asked"
     assert read_target(pixels, 96, **options).crop is None
-
-
-def test_the_place_of_the_shape_is_told_in_pixels_of_the_whole_picture(page):
-    found = read_target(np.asarray(page), 96, crop=CROP)
-    x, y = found.placement.to_pixels((0.0, 0.0))
-    assert any(f"of 280×270, centred at ({x:.1f}, {y:.1f})" in note for note in found.notes)
 
 
 def test_a_square_part_keeps_its_frame(page):
@@ -149,14 +142,3 @@ def test_an_overlay_lies_over_the_part_that_was_read(tmp_path):
     assert red[shape].mean() > 0.5
     found.save(tmp_path / "found")
     assert Inversion.load(tmp_path / "found").placement == read.placement
-
-
-def test_colours_come_from_the_part_alone():
-    """The neighbour's pixels lie in the square around the shape, but were not read."""
-    page = np.zeros((200, 200, 4), np.uint8)
-    page[60:140, 40:120] = (255, 0, 0, 255)
-    page[60:140, 124:150] = (0, 0, 255, 255)
-    seen = Painted.of(read_target(page, 64, crop=(30, 50, 122, 150)))
-    assert float(seen.seen[..., 0].max()) == 1 and float(seen.seen[..., 2].max()) == 0
-    both = Painted.of(read_target(page, 64))
-    assert float(both.seen[..., 2].max()) == 1

@@ -77,12 +77,6 @@ def kernels():
             array(dtype, 2), longs)
 
 
-@needs_numba_cuda
-def test_argument_types_of_kernels_are_complete():
-    """The next test compiles with these types, but takes minutes; a field that they lack shows here."""
-    assert {name for name, _, _ in kernels()} >= {"descend", "chaos_game", "multiply"}
-
-
 @pytest.mark.slow
 @needs_numba_cuda
 @pytest.mark.parametrize("capability", [(8, 0), (9, 0, "a"), (10, 0, "a")], ids=lambda cc: "".join(map(str, cc)))

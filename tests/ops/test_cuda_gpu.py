@@ -13,8 +13,8 @@ from fractal_exp.methods.chaotic.cuda_graph import WARM_UP
 from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic.method import Chaotic, FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
-from fractal_exp.methods.chaotic.optimizers import Alternating, Annealing, GradientDescent
-from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
+from fractal_exp.methods.chaotic.optimizers import Alternating, GradientDescent
+from fractal_exp.ops import chaos_game, cuda_launch, splat
 from fractal_exp.ops.collage import Descent, descend
 from fractal_exp.rendering.still import render_with_info
 
@@ -39,10 +39,6 @@ def test_chaos_game_agrees_with_the_twin(batch, maps, game):
 @pytest.mark.parametrize("given", [False, True])
 def test_chaos_game_draws_exactly_the_twins_numbers(maps, given):
     check_numbers(maps, given, trajectories=70, length=50)
-
-
-def test_two_million_points_of_the_chaos_game_agree_with_the_twin():
-    check_chaos_game((), 10, dict(trajectories=10_000, length=210, warmup=10, seed=1))
 
 
 @pytest.mark.parametrize("name", AWKWARD)
@@ -112,10 +108,6 @@ def both(code, game=PAPER, resolution=256):
 
 def gpu_code(*batch, maps=10):
     return tuple((t.detach() * 0.7).cuda().requires_grad_() for t in random_code(*batch, maps=maps))
-
-
-def test_auto_takes_the_kernels():
-    assert backends.choose("auto", torch.zeros(1, device="cuda")) == "cuda"
 
 
 def test_results_repeat_bit_for_bit_and_do_not_depend_on_the_batch():
@@ -241,13 +233,6 @@ def test_a_recorded_fit_is_the_plain_one(build):
     assert_close(results[0].linear, results[1].linear, "linear", factor=1e4)
 
 
-def test_without_the_kernels_a_fit_is_not_recorded():
-    fit = small_fit(GradientDescent(), "cuda", iterations=WARM_UP + 3)
-    fit.model.backend, told = "torch", []
-    fit.reconstruct(small_target(), on_step=told.append)
-    assert len(told) == WARM_UP + 3 and fit.optimizer._recorded is None
-
-
 def test_a_fit_is_recorded_on_its_gpu_whichever_is_the_current_one():
     losses = {}
     for device in (f"cuda:{i}" for i in range(torch.cuda.device_count())):
@@ -256,26 +241,6 @@ def test_a_fit_is_recorded_on_its_gpu_whichever_is_the_current_one():
         assert fit.optimizer._recorded[1].graph is not None
         losses[device] = [step.scalars["loss"] for step in told]
         assert losses[device] == pytest.approx(losses["cuda:0"], rel=1e-3)
-
-
-def test_candidates_rendered_together_lead_to_where_single_ones_do():
-    outcomes = []
-    for together in 1, 8:
-        fit = small_fit(Alternating(every=5, candidates=8, annealing=Annealing(sharpness=1000), together=together,
-                                    cuda_graph=False), "cuda")
-        problem, optimizer = FitProblem(fit.model, fit.objective, small_target().cuda()), fit.optimizer
-        optimizer.start({k: v.cuda() for k, v in SVD().initial(4, torch.Generator().manual_seed(0)).items()}, 0)
-        rates = [optimizer.step(problem, i, 1 - i / 80).accepted for i in range(40)]
-        outcomes.append([rate for rate in rates if rate is not None])
-    assert outcomes[0] == outcomes[1] and 0 < sum(outcomes[0]) < len(outcomes[0])
-
-
-def test_a_fit_begins_as_on_the_cpu():
-    told = {"cpu": [], "cuda": []}
-    for device, steps in told.items():
-        small_fit(GradientDescent(), device, iterations=5).reconstruct(small_target(), on_step=steps.append)
-    for a, b in zip(*told.values(), strict=True):
-        assert a.scalars == pytest.approx(b.scalars, rel=1e-3)
 
 
 def test_a_recorded_iteration_waits_for_nothing():

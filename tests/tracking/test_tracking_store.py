@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -15,7 +14,6 @@ import pytest
 from tracking_helpers import Between, artifacts, get
 
 from fractal_exp import InputError, tracking
-from fractal_exp.tracking import __main__ as command
 from fractal_exp.tracking import outbox, store
 from fractal_exp.tracking.run import MlflowTracker
 
@@ -47,7 +45,6 @@ sys.exit(sum(os.wait()[1] == 0 for _ in range(4)))
 """
 
 
-
 # Where it is
 
 def test_store_is_sqlite_in_wal_mode_at_an_absolute_path(uri):
@@ -67,18 +64,6 @@ def test_working_directory_and_global_state_of_mlflow_stay_clean(uri, start, tmp
     assert uri not in mlflow.get_tracking_uri()
     assert list(tmp_path.iterdir()) == []
     assert (store.database_path(uri).parent / "mlartifacts" / run.run_id / "artifacts" / "a.txt").read_text() == "a"
-
-
-def test_folder_that_cannot_be_written_is_an_input_error(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot keep runs in .*choose an output folder that can be written"):
-        tracking.prepare_store(tmp_path / "file" / "out")
-
-
-def test_a_file_that_is_no_database_is_an_input_error(tmp_path):
-    (tmp_path / "mlflow.db").write_text("no database" * 1000)
-    with pytest.raises(InputError, match="cannot keep runs in .*not a database"):
-        tracking.prepare_store(tmp_path)
 
 
 def test_a_store_of_another_mlflow_version_names_the_command(uri, tmp_path):
@@ -150,20 +135,6 @@ def test_what_a_lost_store_did_not_take_is_kept_and_delivered(uri, start, tmp_pa
         tracking.deliver(tmp_path)
 
 
-def test_one_refused_file_holds_up_nothing_else(uri, start, tmp_path, impatient, monkeypatch):
-    monkeypatch.setattr(outbox, "LAST_WAIT", 1.0)
-    run_id = start().run_id
-    run = MlflowTracker(Between(uri, {"log_image"}, lambda: True), run_id, tmp_path)
-    run.image("preview", np.ones((4, 4)), 0)
-    run.artifact("code.json", "{}")
-    run.log({"train/loss": 1.0})
-    run.finish()
-    assert tracking.read_artifact(uri, run_id, "code.json") == b"{}"
-    ended = get(uri, run_id)
-    assert ended.info.status == "FINISHED" and ended.data.metrics == {"train/loss": 1.0}
-    assert (tmp_path / f"undelivered-{run_id}" / "0-preview").exists()
-
-
 # Several processes
 
 @pytest.mark.slow
@@ -190,14 +161,6 @@ def test_four_processes_start_at_once_and_a_killed_one_is_marked(tmp_path):
     for run_id in ids.values():
         assert get(uri, run_id).info.status == "FINISHED"
         assert len(tracking.read_series(uri, run_id, "train/loss")) == 500
-
-
-def test_a_reused_process_number_is_not_taken_for_the_process(uri, start):
-    run = start()
-    store.connect(uri).set_tag(run.run_id, "process_start", "another boot 123")
-    assert tracking.mark_killed_runs(uri) == [run.run_id]
-    run.finish()
-    assert get(uri, run.run_id).info.status == "FINISHED"
 
 
 def test_a_run_that_another_process_goes_on_with_meanwhile_is_not_taken_for_killed(uri, start, tmp_path, monkeypatch):
@@ -241,20 +204,3 @@ def test_runs_frame(uri, tmp_path, monkeypatch):
         "run_id", "name", "status", "start_time", "end_time"]
     with pytest.raises(InputError, match="has no study 'other'; it has .*frame"):
         tracking.runs_frame(uri, "other")
-
-
-def test_dashboard_command(uri, tmp_path, monkeypatch, capsys):
-    folder = store.database_path(uri).parent
-    assert uri in tracking.dashboard_command(folder, port=1)
-    with pytest.raises(InputError, match=f"no runs under {tmp_path} yet"):
-        tracking.dashboard_command(tmp_path)
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        with pytest.raises(InputError, match="is taken"):
-            tracking.dashboard_command(folder, taken.getsockname()[1])
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", "https://tracking.example")
-    with pytest.raises(InputError, match="by the server https://tracking.example: open that address"):
-        tracking.dashboard_command(folder)
-    assert command.main(["dashboard", str(folder)]) == 2
-    assert capsys.readouterr().err.startswith("error: the runs are kept by the server")

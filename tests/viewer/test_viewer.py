@@ -74,14 +74,6 @@ def test_the_page_holds_the_code_to_the_last_digit_and_the_view_that_it_opens_on
     assert data["file"] == "maple-leaf"
 
 
-def test_a_code_in_its_own_coordinates_is_framed_as_its_normalised_one():
-    home = given(page(codes.known("fern")))["home"]
-    x0, y0, x1, y1 = attractor.visible_box(codes.known("fern"))
-    assert home["zoom"] == pytest.approx(1.5 / (y1 - y0)) and home["x"] == pytest.approx((x0 + x1) / 2)
-    point = IFS([[[0.5, 0], [0, 0.5]]], [[1.0, 2.0]])
-    assert given(page(point))["home"]["zoom"] == 1
-
-
 def test_a_name_stays_text():
     fern = codes.known("fern")
     text = page(IFS(fern.linear, fern.offset, fern.probabilities, {"title": HOSTILE, "other": HOSTILE, "name": 3}))
@@ -108,13 +100,6 @@ def test_what_makes_no_page_is_refused_and_nothing_is_written(code, name, messag
     assert list(tmp_path.iterdir()) == []
 
 
-def test_numbers_that_are_none_make_no_page(tmp_path):
-    (tmp_path / "nan.json").write_text('{"ifs_m": [[[NaN, 0], [0, 0.5]]], "ifs_t": [[0, 0]]}')
-    with pytest.raises(SystemExit):
-        fractal_view.main([str(tmp_path / "nan.json"), "-o", str(tmp_path / "nan.html")])
-    assert not (tmp_path / "nan.html").exists()
-
-
 def test_as_many_maps_as_are_allowed_fit_into_a_page():
     generator = torch.Generator().manual_seed(0)
     code = IFS(torch.rand(1000, 2, 2, generator=generator) / 5, torch.rand(1000, 2, generator=generator),
@@ -123,24 +108,6 @@ def test_as_many_maps_as_are_allowed_fit_into_a_page():
     assert len(full.encode()) <= LARGEST and "data:image/png" not in full  # the still has to go
     assert "data:image/png" in page(codes.known("fern"), still=bytes(20_000))
     assert torch.equal(held(full).linear, code.linear)
-
-
-def test_colours_take_room_of_their_own():
-    """Colours make a map's numbers longer by half: fewer maps fit, and more are refused by name."""
-    def code(maps: int) -> IFS:
-        colours = Colours(torch.rand(maps, 3), torch.rand(maps))
-        return IFS(torch.rand(maps, 2, 2) / 5, torch.rand(maps, 2), torch.full((maps,), 1 / maps),
-                   colours=colours)
-
-    many = code(800)
-    assert torch.equal(held(page(many)).colours.rgb, many.colours.rgb)
-    with pytest.raises(InputError, match="at most 200000 are allowed; show fewer maps than 1000"):
-        page(code(1000))
-
-
-def test_a_notebook_shows_a_frame_or_nothing():
-    assert codes.known("fern")._repr_html_().startswith("<iframe srcdoc=")
-    assert WILD._repr_html_() is None and MANY._repr_html_() is None
 
 
 def test_the_command_writes_the_page_of_a_code_on_the_canvas(tmp_path, capsys, monkeypatch):

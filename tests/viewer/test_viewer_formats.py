@@ -142,30 +142,6 @@ def test_a_million_maps_are_refused_in_the_page(suffix):
     assert f"a page shows a code of at most {MOST_MAPS} maps, got 1" in answer["refused"]
 
 
-@pytest.mark.parametrize(("file", "text"), [
-    ("a.json", '{"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0]]], "offset": [[0, 0]], '
-               '"meta": {"a": "' + r'\"\\' * 2_000_000 + '"}}'),
-    ("a.ifs", "; " + "x" * 10_000_000 + "\nlong" + "g" * 5_000_000 + " {.5 0 0 .5 0 0; " + "{" * 1_000_000 + "\n}"),
-    ("a.flame", f"<a b='{'&#49;' * 2_000_000}'><!--{'- ' * 1_000_000}--><flame name='{'é' * 3_000_000}'>{BODY}</flame>"
-                "</a>"),
-    ("a.flame", f"<flame>{BODY}{'<color/>' * 1_000_000}</flame>"),
-], ids=["escapes", "comments", "references", "elements"])
-def test_a_long_file_is_read_alike(file, text):
-    (answer,) = in_the_page([(file, text, 0)])
-    check_alike(file, text, 0, answer)
-    assert "rows" in answer
-
-
-def test_what_is_refused_is_named_as_the_package_names_it():
-    cases = [(".flame", each) for each in BROKEN_FLAMES] + [(".ifs", each) for each in BROKEN_FRACTINT]
-    own = ("every map must be contractive", "map 0 has", "must be finite", "is not XML", "got '1e")
-    cases = [(f"a{suffix}", text, 0) for suffix, (text, message) in cases if not any(part in message for part in own)]
-    assert len(cases) > 40
-    for file, answer in zip(cases, in_the_page(cases), strict=True):
-        start = in_python(*file).split("; ")[0][:60]
-        assert answer["refused"].startswith(start), (file, answer, start)
-
-
 def mutants(files, seed):
     """Files in which some letters are lost, or replaced by some that have a meaning."""
     meant = ["", *'<>/&;"\'={}[]:,.-+eE0159 \n\t!?#', "<!--", "-->", "]]>", "<a/>", "&amp;", "&#48;", "NaN", "\x00"]

@@ -9,9 +9,7 @@ from collage_helpers import BINARY, PARAMS, objective, problem, random, tied
 from fractal_exp import suite
 from fractal_exp.ifs.attractor import normalize
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
-from fractal_exp.methods.collage.moves import search as search_module
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.simplify.rounding import Rounding
@@ -95,25 +93,6 @@ def test_a_firm_polish_that_the_code_does_not_need_is_left_out(pulled):
     assert firmly_framed(given, wrong) is wrong
 
 
-def test_firm_polishes_end_once_the_code_is_nearly_right(pulled, monkeypatch):
-    image, right, maps = pulled
-    given, told = objective(image, BINARY), []
-    monkeypatch.setattr(gauss_newton, "polished", lambda within, *_, **__: told.append(1) or within.judge(right))
-    found = firmly_framed(given, given.judge(maps))
-    assert len(told) == 1 and torch.equal(found.maps, right)
-
-
-def test_a_firm_polish_keeps_the_code_of_least_framed_error(pulled):
-    image, _, maps = pulled
-    given = objective(image, BINARY)
-    wrong = given.judge(maps)
-    judged = []
-    given.framed_error = lambda shown: judged.append(shown) or (4.0, 1.0, 2.0, 5.0)[len(judged) - 1]
-    assert firmly_framed(given, wrong) is judged[1]
-    given.framed_error = lambda shown: 1.0 + (shown is not wrong)
-    assert firmly_framed(given, wrong) is wrong
-
-
 def test_a_firm_polish_that_the_image_refuses_or_that_comes_too_late_is_not_kept(pulled):
     image, _, maps = pulled
     given = objective(image, BINARY, frame={"firm_worse": 0.01})
@@ -123,86 +102,11 @@ def test_a_firm_polish_that_the_image_refuses_or_that_comes_too_late_is_not_kept
     assert firmly_framed(given, wrong, Deadline(0)) is wrong is not firmly_framed(given, wrong)
 
 
-def test_rounds_on_a_binary_image_are_compared_by_the_framed_score(pulled):
-    """Those on other images by the score, which says nothing here."""
-    image, right, wrong = pulled
-
-    def is_better(firm, *near):
-        stage = ImageMoves(problem(image, frame={"firm": firm}), 1)
-        stage.search = search(image)
-        stage.search.noise_ratio = lambda now: 1.1 if now.score in near else 10.0
-        exact, other = (replace(stage.search.judged(tied(maps)), score=score)
-                        for maps, score in ((right, 2.0), (wrong, 1.0)))
-        return stage._is_better(exact, other), stage._is_better(other, exact)
-
-    assert is_better(PARAMS.frame.firm) == (True, False) and is_better(()) == (False, True)
-    for near in (1.0, 2.0):
-        assert is_better(PARAMS.frame.firm, near) == (False, True), "what is nearly right need not fill the frame"
-
-
 def test_missing_maps_cost_as_much_in_the_framed_score_as_in_the_score(pulled):
     image, right, wrong = pulled
     given = ImageSearch(objective(image, BINARY, maps=len(right)), BINARY.measure(image), noise=1.0)
     few, full = (given.judged(tied(maps)) for maps in (right[:-1], wrong))
     assert given.framed_score(few) > PARAMS.moves.missing > given.framed_score(full)
-
-
-def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled):
-    image, _, maps = pulled
-    given = objective(image, BINARY)
-    wrong = given.judge(maps)
-    given.is_hopeless = lambda error: error != wrong.error
-    assert firmly_framed(given, wrong) is wrong
-
-
-@pytest.mark.parametrize(("ratios", "steps"), [
-    ((10.0, 10.0), ["firm"]), ((1.5, 2.5), ["firm", "clean", "firm"]), ((2.5, 1.5), ["firm", "clean", "firm"]),
-    ((1.1, 1.1), ["clean"])])
-def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, monkeypatch, ratios, steps):
-    image, right, _ = pulled
-    given, told, ratio = search(image), [], iter(ratios)
-    monkeypatch.setattr(given, "noise_ratio", lambda now: next(ratio))
-    monkeypatch.setattr(given, "_polished_last", lambda now: told.append("clean") or now)
-    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, found, *_: told.append("firm") or found)
-    given.finish(given.candidate(given.objective.judge(right)))
-    assert told == steps
-
-
-def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled, monkeypatch):
-    image, right, wrong = pulled
-    given, told = search(image), []
-    monkeypatch.setattr(given, "_polished_last", lambda now: told.append(given.noise_ratio(now)) or now)
-    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, *_: objective.judge(right))
-    given.finish(given.candidate(given.objective.judge(wrong)))
-    assert len(told) == 1 and told[0] < 2
-
-
-def test_another_round_of_a_binary_image_begins_from_nothing(pulled, monkeypatch):
-    """Even after a hopeless one. With greys, a round continues from the rounds before."""
-    image, right, wrong = pulled
-
-    def after(levels):
-        given = problem(image, levels=levels, rounds=2, search={"restarts": 3, "mixture": True})
-        stage, state = ImageMoves(given, 0), State(best=tied(wrong), pool=wrong)
-        stage.open(state)
-        state = replace(state, current=stage.begin(state))
-        monkeypatch.setattr(stage.search, "noise_ratio", lambda now: 10.0)
-        monkeypatch.setattr(stage.search.objective, "is_hopeless", lambda error: levels == "binary")
-        state, again = stage.close(state), Restart(given, 1)
-        again.open(replace(state, before=tied(right)))
-        return state, again, given
-
-    state, again, given = after("binary")
-    assert state.best is None and state.before is not None and state.pool is None
-    first = Restart(given, 0)
-    first.open(State())
-    assert given.restarts(1) == 3 and torch.equal(again.search.measure.bins, first.search.measure.bins)
-    found = replace(tied(wrong), score=5.0)
-    monkeypatch.setattr(again.search, "mixed", lambda pool: pytest.fail("its pool holds its own maps alone"))
-    assert again.close(replace(state, current=found)).best is found
-    state, again, given = after("density")
-    assert state.pool is not None and given.restarts(1) == 2
-    assert not torch.equal(again.search.measure.bins, first.search.measure.bins)
 
 
 def ends(image, seconds, **options):
@@ -265,35 +169,6 @@ def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(tria
     assert [(key.round, key.stage) for key in done][:2] == [(0, "image"), (1, "restart")]
     seconds[0] = 75
     assert ImageMoves(given, 0).latest_start.passed and not LastDigits(given, 2).latest_start.passed
-
-
-@pytest.mark.parametrize(("levels", "growth", "share", "another"), [
-    ("binary", True, 0.5, True), ("binary", True, 0.8, False), ("binary", False, 0.8, True),
-    ("density", True, 0.5, False)])
-def test_a_round_follows_a_hopeless_code_of_a_binary_image_if_growth_has_time_left(pulled, levels, growth, share,
-                                                                                   another):
-    (image, _, wrong), seconds = pulled, [0.0]
-    given = replace(problem(image, levels=levels, rounds=2, growth={"enabled": growth}),
-                    deadline=Deadline(1000, lambda: seconds[0]))
-    stage, state = ImageMoves(given, 0), State(best=tied(wrong))
-    stage.open(state)
-    state = replace(state, current=stage.begin(state))
-    stage.search.noise_ratio, stage.search.objective.is_hopeless = lambda now: 10.0, lambda error: True
-    seconds[0] = share * 1000
-    assert (stage.close(state).best is None) == another
-
-
-def test_moves_that_the_time_limit_ends_say_so(triangle):
-    seconds = [0.0]
-    for number, late, stopped in ((1, 970, "the time limit of 1000 s was reached"),
-                                  (0, 470, "the time of its round was up")):
-        given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(1000, lambda: seconds[0]))
-        stage, begun = ImageMoves(given, number), State(best=tied(affine.from_code(triangle[0]) * 0.9))
-        stage.open(begun)
-        begun = replace(begun, current=stage.begin(begun))
-        seconds[0] = late
-        assert stage.close(begun).stopped == stopped
-        seconds[0] = 0
 
 
 def test_a_firm_polish_follows_at_full_size(pulled):

@@ -5,13 +5,12 @@ import pytest
 import torch
 from PIL import Image, ImageDraw
 
-from fractal_exp import InputError, codes
+from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
 from fractal_exp.methods.collage.camera.tiles import tiled
 from fractal_exp.methods.collage.camera.tones import camera_of
-from fractal_exp.methods.collage.image import camera
 from fractal_exp.methods.collage.image.camera import angle_of, as_seen, estimated, nearest, sharpened
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
@@ -86,12 +85,6 @@ def test_a_pen_of_no_width_has_its_whole_derivative():
     assert pens[1] == pytest.approx(pens[0], rel=0.3)
 
 
-def test_a_length_stays_positive_and_a_number_changes_by_a_factor():
-    image = torch.zeros(SIDE, SIDE)
-    assert Drawn(CAMERA, image, (0.0, 0.01, 0.02)).adjusted({1: -0.5, 2: 0.01}).values == (0.0, 0.0, 0.03)
-    assert Dots(CAMERA, image, (0.2, 0.0)).adjusted({0: float(np.log(2))}).values == pytest.approx((0.4, 0.0))
-
-
 def test_a_thin_line_is_drawn_by_thin_tiles():
     image = koch_lines(3, 0.6)
     angles = {}
@@ -151,20 +144,6 @@ def test_a_known_value_excludes_the_kinds_that_do_not_have_it(known, kinds):
         levels = Drawn(params.camera, image, (0.0, 0.5 * PIXEL, 0.5 * PIXEL))
         assert estimated(image, levels, GASKET, params, 0)[0] in kinds
     assert bool(_tries(params)) == ("coverage" in kinds), "no construction is sought in dots"
-
-
-def test_a_pen_and_a_gain_are_not_known_at_once():
-    with pytest.raises(InputError, match=r"camera\.pen_px must be null if camera\.gain or camera\.gamma is given"):
-        PARAMS.updated(camera={"pen_px": 1.0, "gain": 0.3})
-
-
-def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(monkeypatch):
-    image = drawn_by(Dots(CAMERA, None, (0.16, 0.7 * PIXEL)), GASKET)
-    dots = ImageObjective(image, Dots(CAMERA, image, (0.16, 0.7 * PIXEL)), PARAMS)
-    start = dots.judge(affine.from_code(GASKET))
-    rough = ImageObjective(image, Drawn(CAMERA, image, (0.0, 2 * PIXEL, 0.0)), PARAMS)
-    monkeypatch.setattr(camera, "as_seen", lambda *rest: [(rough, rough.judge(start.maps))])
-    assert angle_of(sharpened(dots, start)) <= angle_of((dots, start))
 
 
 @pytest.mark.parametrize("usual", [0.0, 0.65, 1.0])

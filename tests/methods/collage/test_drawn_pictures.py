@@ -163,22 +163,6 @@ def test_the_search_by_renderings_has_the_masses_of_the_camera_that_was_found(ca
     assert torch.equal(search.masses, problem.masses) == (camera[0] == "coverage")
 
 
-def test_a_tone_curve_that_is_hardly_better_than_dots_is_not_taken():
-    code = attractor.normalize(codes.known("fern"))
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.0)).render(code, SIDE, 1) ** (1 / 1.25)
-    dots, curve = (nearest(image, kind(CAMERA, image), code, PARAMS, 0)[0][0] for kind in (Dots, ToneMapped))
-    assert CAMERA.dotted * dots < curve < dots
-    assert estimated(image, levels_of(image, "auto", CAMERA), code, PARAMS, 0)[0] == "dots"
-
-
-def test_a_code_beside_the_canvas_has_a_tone_curve_too():
-    """No point of this code lies on the canvas."""
-    code = GASKET.similar(1.0, (9.0, 9.0))
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.1, 0.0)).render(GASKET, SIDE, 1)
-    (values, rendering), = ToneMapped(CAMERA, image).candidates(code, SIDE, 0)
-    assert len(values) == 3 and not bool(rendering.any())
-
-
 def test_a_tone_curve_is_undone_by_the_measure_that_is_searched():
     """Which is that of dots, up to a factor."""
     image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.1, 0.5 * PIXEL)).render(GASKET, SIDE, 1)

@@ -11,7 +11,6 @@ from PIL import Image, ImageDraw
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.camera.tones import levels_of
-from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
 from fractal_exp.methods.collage.growth.growing import Grower
 from fractal_exp.methods.collage.growth.paving import paving
@@ -65,29 +64,12 @@ def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
     return pipeline.state, told
 
 
-def test_f1_within_a_pixel_forgives_a_pixel_and_no_more():
-    truth = torch.zeros(16, 16, dtype=torch.bool)
-    truth[4:8, 4:8] = True
-    shares = [Silhouette(truth).likeness(truth.roll(shift, 1).float()) for shift in range(7)]
-    assert shares == pytest.approx([1, 1, 0.75, 0.5, 0.25, 0, 0])
-    assert Silhouette(truth).likeness(torch.zeros(truth.shape)) == 0
-    assert Silhouette(truth & False).likeness(torch.zeros(truth.shape)) == 1
-
-
 @pytest.mark.parametrize("image", [BRANCH, LETTER], ids=["thin", "thick"])
 def test_a_paving_covers_the_shape_the_better_the_more_maps_it_has(image):
     some = grower(image)
     few, more, most = (some.plain(count) for count in (4, 16, 64))
     assert [len(each.maps) for each in (few, more, most)] == [4, 16, 64]
     assert few.likeness + 0.05 < more.likeness < most.likeness and most.likeness > 0.93
-
-
-def test_a_shape_of_fewer_pixels_than_maps_is_paved_too():
-    mask = torch.zeros(32, 32, dtype=torch.bool)
-    mask[10, 10] = mask[20, 12] = mask[20, 13] = True
-    found = paving(Silhouette(mask), 5, PARAMS.growth)
-    assert found.shape == (5, 6) and bool(found.isfinite().all())
-    assert float(affine.largest_singular(found).max()) < 1
 
 
 def test_a_knob_at_the_end_of_a_line_is_paved_by_maps_that_contract():
@@ -113,12 +95,6 @@ def test_grown_maps_are_better_than_a_paving_with_as_many(image):
     paved, found = some.plain(12), some.grown(12, some.grown(6))
     assert len(found.maps) == 12 and 1 - found.likeness < 0.6 * (1 - paved.likeness)
     assert found.likeness == some.likeness(found), "of what is drawn"
-
-
-def test_a_refinement_that_goes_wrong_leaves_the_paving(monkeypatch):
-    some = grower(BRANCH)
-    monkeypatch.setattr(growing, "covering", lambda maps, *_: maps * 0.5)
-    assert torch.equal(some.grown(8).maps, some.plain(8).maps)
 
 
 def test_so_many_maps_are_grown_as_asked_for_and_the_curve_is_kept():

@@ -1,20 +1,16 @@
 """Each part of the search on the measure, of the camera and of the last digits can be switched off."""
 
-from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import CAMERA, DENSITY, PARAMS, measure_search, objective, problem, random, small
+from collage_helpers import DENSITY, PARAMS, measure_search, objective, problem, random, small
 from drawn_helpers import drawing, tree
 
-from fractal_exp import suite
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.bins import attractor_points
 from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 from fractal_exp.methods.collage.image.camera import as_seen, estimated
-from fractal_exp.methods.collage.measure.births import _wanted, candidates, reoriented
+from fractal_exp.methods.collage.measure.births import candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population
-from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.simplify.symmetry import symmetries
 from fractal_exp.methods.collage.stages.construction import Recursion
 from fractal_exp.runtime.deadline import NO_DEADLINE
@@ -58,28 +54,6 @@ def test_random_maps_mirror_unless_that_is_off(reflections, triangle):
             Population(masses, 3, params.updated(population={"first": 48, "descent": {"steps": 0}})).maps]
     for maps in born:
         assert bool((determinants(maps) < 0).any()) == reflections
-
-
-def test_a_place_may_be_drawn_by_mass_alone(triangle):
-    measure = measure_search(DENSITY.measure(triangle[1])).measure
-    torch.testing.assert_close(_wanted(measure.bins, measure, 0.0), measure.bins, atol=1e-9, rtol=1e-4)
-    assert not torch.allclose(_wanted(measure.bins, measure, 1.0) / 2, measure.bins, atol=1e-9, rtol=1e-2)
-
-
-def test_trajectories_have_the_length_and_the_warm_up_that_the_camera_says(triangle):
-    maps, share = affine.from_code(triangle[0]), torch.full((3,), 1 / 3)
-    assert len(attractor_points(maps, share, 1000, 0, CAMERA.updated(trajectory=20, warmup=10))) == 1010
-    first = attractor_points(maps, share, 1000, 0, CAMERA.updated(trajectory=20, warmup=0))
-    assert len(first) == 1020 and not torch.equal(first[:10], attractor_points(maps, share, 10, 0, CAMERA)[:10])
-
-
-def test_no_number_is_rounded_where_that_is_off(triangle):
-    image = suite.target(replace(triangle[0], probabilities=None), 128)
-    start = objective(image).judge(affine.from_code(triangle[0]) * (1 + 1e-5))
-    for options, rounded in ({}, True), ({"matrices": False, "axis_lines": False}, False):
-        maps, fixed = Rounding(objective(image, canonical=options)).simplified(start)
-        assert bool(fixed) == rounded
-        assert rounded or maps is start
 
 
 def test_a_shape_without_symmetries_has_the_identity(triangle):

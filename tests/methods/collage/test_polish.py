@@ -13,8 +13,6 @@ from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
-from fractal_exp.methods.collage.measure.births import reoriented
-from fractal_exp.methods.collage.moves import reorient
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.simplify.pruning import Price, pruned_in_frame
 from fractal_exp.methods.collage.state import Candidate
@@ -40,18 +38,6 @@ def test_both_jacobians_lead_to_the_true_code(triangle, jacobian):
     found = polished(picture, start, 8, jacobian=jacobian)
     assert found.error < 0.3 * start.error
     assert jacobian(picture, start, [1], 0).square.shape == (6, 6)
-
-
-@pytest.mark.slow
-def test_renderings_lead_nearer_than_bins_where_images_end_at_the_edge_of_a_pixel(triangle):
-    code, image = triangle
-    before = after = 0.0
-    for seed in range(4):
-        picture = objective(image, seed=seed)
-        by_bins = polished(picture, picture.judge(displaced(code, 0.05)), 10)
-        before += by_bins.error
-        after += polished(picture, by_bins, 4, jacobian=FromRenderings, alone=True).error
-    assert after < 0.96 * before
 
 
 def test_the_frame_is_that_of_targets_and_of_nothing_else(fern, triangle):
@@ -89,22 +75,6 @@ def test_a_tip_nobody_sees_is_moved_into_the_frame(fern):
     found = polished(picture, start, 8, patience=2)
     before, after = (float(frame.misfit(d.maps, d.probabilities).abs().max()) for d in (start, found))
     assert before > 1 and after < 0.5 * before
-
-
-def test_a_line_is_reoriented_by_its_rendering(fern, monkeypatch):
-    code, image = fern
-    maps, stem = affine.from_code(code), int(code.linear.det().abs().argmin())
-    measure = binned(DENSITY.measure(image), 64, PARAMS.descent)
-    thin = [affine.thinness(each, measure) for each in maps]
-    assert thin[stem] < PARAMS.moves.thin < min(thin[:stem] + thin[stem + 1:])
-    wrong = maps.clone()
-    one = PARAMS.updated(moves={"candidates": 1, "kept": 1, "rendered": 1}).moves
-    wrong[stem] = reoriented(maps[stem], measure, one, torch.Generator().manual_seed(4))[0]
-    search = image_search(image)
-    shown = search.objective.judge(wrong)
-    monkeypatch.setattr(reorient, "small_maps", lambda shown, g, count=1: [stem])
-    found = reorient.neighbour(search, shown, torch.Generator().manual_seed(0))
-    assert found.error < shown.error
 
 
 def test_the_last_polish_leaves_a_true_code_where_it_is(fern):

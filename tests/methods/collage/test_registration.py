@@ -53,29 +53,9 @@ def test_branches_beside_the_lines_are_moved_onto_them(seed):
     assert best.misfit < PIXEL**2
 
 
-def test_the_best_depth_comes_first(monkeypatch):
-    fitted, depths = Registration._fitted, {}
-
-    def watched(self, first, depth):
-        found = fitted(self, first, depth)
-        depths[found.misfit] = depth
-        return found
-
-    monkeypatch.setattr(Registration, "_fitted", watched)
-    fits = registered(drawing(DEPTH), knocked(0.02))
-    assert [each.misfit for each in fits] == sorted(depths)
-    assert depths[fits[0].misfit] == DEPTH and set(depths.values()) >= set(range(1, 8))
-
-
-def test_strokes_are_drawn_no_deeper_than_told():
-    assert [len(registered(drawing(3), knocked(0.0), registered_strokes=most)) for most in (2, 7, 8)] == [1, 2, 3]
-
-
-def test_strokes_too_short_to_see_are_not_drawn():
-    maps = knocked(0.0)
-    maps[1:, :4] *= 0.3   # to 0.18
-    assert len(registered(drawing(3), maps)) == 3, "their lengths are 28 pixels, 5, 0.9 and 0.2"
-    assert len(registered(drawing(3), maps, twigs_px=(2.0, 24.0))) == 2
+def test_the_best_depth_comes_first():
+    misfits = [each.misfit for each in registered(drawing(DEPTH), knocked(0.02))]
+    assert misfits == sorted(misfits) and len(misfits) >= 7, "one for each depth"
 
 
 def test_the_trunk_moves_along():
@@ -125,12 +105,6 @@ def test_lines_far_away_do_not_count():
     image[8:12, 8:40] = 1.0
     near, all_of_it = (registered(image, knocked(0.02), registration_px=px)[0] for px in (4.0, 400.0))
     assert largest_shift(near.maps[:2]) < 5 < largest_shift(all_of_it.maps[:2])
-
-
-@pytest.mark.parametrize("camera", [{"registration_steps": 1}, {"registration_little": 0.5}])
-def test_how_long_it_takes_is_a_parameter(camera):
-    image, maps = drawing(DEPTH), knocked(0.04)
-    assert registered(image, maps, **camera)[0].misfit > 1.2 * registered(image, maps)[0].misfit
 
 
 def test_no_copy_has_a_larger_singular_value_than_told():

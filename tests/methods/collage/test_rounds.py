@@ -5,18 +5,13 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, measure_search, objective, problem, tied
+from collage_helpers import objective, problem, tied
 from collage_helpers import small as few
 
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.measure import births
-from fractal_exp.methods.collage.measure.search import MeasureSearch
-from fractal_exp.methods.collage.params.fields import DescentSteps
 from fractal_exp.methods.collage.stages.image import Detail, ImageMoves, Restart, last_stages, stages_of
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
-
-TURN = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of a square, say, about its middle
 
 
 def small(**options):
@@ -55,43 +50,6 @@ def test_the_stages_of_a_round_come_in_order(triangle):
     places = [stage.key.place for stage in stages]
     assert places == sorted(set(places))
     assert stages[-1].name == "last digits"
-
-
-@pytest.mark.slow
-def test_a_round_after_an_isometry_does_without(triangle):
-    code, image = triangle
-    given, right = problem(image, rounds=4), affine.from_code(code)
-
-    def limits(maps, **options):
-        before = tied(maps, 1.0)
-        for number in range(4):
-            for stage in stages_of(problem(image, rounds=4, **options), number):
-                stage.open(State(best=before, before=before if number else None))
-                yield getattr(stage.search, "smaller_limit", None)  # what is judged by renderings has no such limit
-
-    assert given.rounds == 4
-    assert list(limits(torch.cat([right, TURN]))) == 2 * [1, 1, 1, None, 0.9, 0.9, 0.9, None]
-    assert list(limits(right)) == 4 * [1, 1, 1, None]
-    assert list(limits(torch.cat([right, TURN]), stages={"avoid_isometries": False})) == 4 * [1, 1, 1, None]
-
-
-def test_a_search_without_isometries_finds_and_takes_none(triangle, monkeypatch):
-    """Given turns only: they start all sets, are born, and lie in the pool."""
-    _, image = triangle
-    monkeypatch.setattr(affine, "random_matrices",
-                        lambda count, *_, **__: TURN[:, :4].view(1, 2, 2).expand(count, 2, 2))
-    monkeypatch.setattr(births, "_blobs", lambda lacking, place, *_: TURN.expand(len(place), 6))
-    once = {"coarse": {"steps": 1}, "fine": {"steps": 1}}  # descent alone would lead away from them
-    most = {}
-    for smaller in (1.0, 0.9):
-        some = measure_search(DENSITY.measure(image), 32, smaller=smaller, births={"count": 6, "kept": 2, **once},
-                              search={"start": {"steps": 1}})
-        born, _ = some._births(some.slack[None], [some.params.births.large], torch.Generator().manual_seed(0))
-        moved, _, _ = some.descend_one(TURN, torch.tensor([0.5]), DescentSteps(steps=1, rate=0.01))
-        monkeypatch.setattr(MeasureSearch, "_mixture", lambda self, pool, *_: pool)
-        most[smaller] = [float(affine.smaller_singular(maps).max()) for maps in
-                         (some.start(), born, moved, some.mixed(torch.cat([moved * 0.5, TURN])))]
-    assert max(most[0.9]) < 0.9 + 1e-4 and min(most[1.0]) > 0.9
 
 
 def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):

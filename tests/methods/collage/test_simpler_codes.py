@@ -11,14 +11,12 @@ from fractal_exp.methods.collage.bins import attractor_points
 from fractal_exp.methods.collage.camera.pens import Dots, Drawn
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.simplify import needless, parents
 from fractal_exp.methods.collage.simplify.flat import on_their_line
-from fractal_exp.methods.collage.simplify.likeness import likeness_of, without_unseen
+from fractal_exp.methods.collage.simplify.likeness import without_unseen
 from fractal_exp.methods.collage.simplify.needless import without_needless
 from fractal_exp.methods.collage.simplify.parents import with_fewer_maps, with_parents, without_contained
 from fractal_exp.methods.collage.simplify.pruning import Price, without_doubles
 from fractal_exp.methods.collage.simplify.symmetry import simplest, symmetries
-from fractal_exp.methods.collage.stages import rounding as last_stages
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 
@@ -144,7 +142,7 @@ def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
     assert len(without_unseen(rough, rough.judge(shown.maps), 0).maps) == 3, "less than the noise of a picture"
 
 
-def test_maps_within_the_image_of_a_larger_one_give_it_their_weights(monkeypatch):
+def test_maps_within_the_image_of_a_larger_one_give_it_their_weights():
     judge, many = inked(), with_compositions()
     shown = judge.judge(many.maps, many.weights)
     found = without_contained(judge, shown, 2)
@@ -154,7 +152,6 @@ def test_maps_within_the_image_of_a_larger_one_give_it_their_weights(monkeypatch
     assert without_contained(judge, found, 2) is found
     tied = judge.judge(many.maps)
     assert without_contained(judge, tied, 2).weights is None
-    monkeypatch.setattr(parents, "with_parents", lambda *_: [])
     assert len(with_fewer_maps(judge, shown, Price(0.0, 0.1), 4).maps) == 4
     assert with_fewer_maps(inked(moves={"needless": None}), shown, Price(0.0, 0.1), 4) is shown
 
@@ -181,16 +178,6 @@ def test_a_map_that_is_hardly_seen_stays(camera):
     assert without_needless((judge, shown), 0)[1] is shown
     loose = inked(camera, CYCLOSORUS, moves={"needless": 0.002})
     assert len(without_needless((loose, shown), 0)[1].maps) == 3, "the stem"
-
-
-def test_single_maps_are_needless_too(monkeypatch):
-    monkeypatch.setattr(needless, "without_contained", lambda judge, shown, least: shown)
-    judge, many = inked(THICK_INK), with_compositions()
-    seen = judge, judge.judge(many.maps, many.weights)
-    least = len(without_unseen(*seen, 0).maps) - 1
-    objective, found = without_needless(seen, least)
-    assert len(found.maps) == least
-    assert found.error <= 1.5 * seen[1].error and likeness_of(found, objective) > 0.99
 
 
 def test_two_maps_that_a_symmetry_makes_one_are_one():
@@ -237,15 +224,6 @@ def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     assert torch.allclose(last_digits(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
-def test_what_the_polish_does_across_a_line_is_undone(monkeypatch):
-    bent = CANTOR + torch.tensor([0, 0.1, 0, 0.2, 0, 0])  # the same along the line
-    monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, judge.judge(bent)))
-    picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
-    stage = last_stage(picture, pen_px=1)
-    _, found = stage._on_line((stage.objective, stage.objective.judge(bent)))
-    assert torch.allclose(found.maps, CANTOR, atol=0.001)
-
-
 def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
     """Two maps, each of which turns half of the curve a little, up and down again."""
     rise = 0.0125
@@ -261,18 +239,3 @@ def test_parents_are_found_though_points_take_long_to_reach_a_line():
     picture = Drawn(CAMERA, None, PEN).render(affine.to_code(CANTOR), SIDE, 0)
     judge = ImageObjective(picture, Drawn(CAMERA, picture, PEN), PARAMS)
     assert any(len(each.maps) == 2 for each in with_parents(judge, judge.judge(parts)))
-
-
-@pytest.mark.parametrize("contained", [True, False])
-def test_the_last_stage_leaves_needless_maps_out(monkeypatch, contained):
-    """Contained ones before the polish with all cameras, any after it."""
-    monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, found))
-    tried = last_stages.without_needless
-    monkeypatch.setattr(last_stages, "without_needless", lambda seen, *args, **options: (
-        tried(seen, *args, **options) if options.get("contained", False) is contained else seen))
-    many, levels = with_compositions(), inked().levels
-    only = PARAMS.updated(moves={"parent_maps": 0, "pruning": False}, canonical={"matrices": False})
-    for params, expected in (only, 4), (only.updated(maps=8), 8):
-        stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
-        stage.objective = ImageObjective(levels.picture, Dots(CAMERA, levels.picture, THICK_INK), params)
-        assert len(stage._rounded(stage.objective.judge(many.maps, many.weights)).maps) == expected

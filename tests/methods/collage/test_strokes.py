@@ -12,8 +12,6 @@ from PIL import Image, ImageDraw
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage import method
-from fractal_exp.methods.collage.camera.pens import Dots
 from fractal_exp.methods.collage.camera.strokes import Strokes, as_lines
 from fractal_exp.methods.collage.camera.tones import camera_of, described, levels_of, seen_with, taken_with
 from fractal_exp.methods.collage.given import OPTIONS
@@ -94,18 +92,6 @@ def test_a_code_seen_as_strokes_ends_without_their_widths():
         stage.objective = judged(image, "coverage", (name, *values))
         found = stage._without_width(stage.objective.judge(wide))
         assert (float(affine.smaller_singular(found.maps)[0]) < 1e-6) == thin
-
-
-@pytest.mark.slow
-def test_dots_are_sharpened_as_dots():
-    fern = attractor.normalize(codes.known("fern"))
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.16, 0.5 * PIXEL)).render(fern, SIDE, 1)
-    maps = affine.from_code(fern)
-    maps[0, 4:] += 0.5 * PIXEL
-    objective = judged(image, "dots", ("dots", 0.08, 0.5 * PIXEL))
-    start = objective.judge(maps, fern.probabilities)
-    other, found = sharpened(objective, start)
-    assert camera_of(other.levels)[0] == "dots" and found.error < 0.7 * start.error
 
 
 def test_a_code_of_many_maps_and_exact_levels_stay_as_they_are():
@@ -220,23 +206,6 @@ def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     assert not DrawnMoves(stage.problem, 0).is_wanted(replace(state, best=best, current=None))
 
 
-@pytest.mark.parametrize("camera, ended", [(("coverage", 0.0, 0.01, 0.0), False), (("coverage", 0.1, 0.0, 0.0), True),
-                                           (("strokes", 4.0, 0.0, 0.01, 0.0), True), ((), False)])
-def test_a_note_tells_that_the_attractor_goes_on(monkeypatch, camera, ended):
-    class Found:
-        state = State()
-
-        def __init__(self, *_, **__):
-            pass
-
-        def run(self):
-            return Candidate(affine.from_code(tree()), None, 1.0, 1.0, camera)
-
-    monkeypatch.setattr(method, "Pipeline", Found)
-    notes = method.Collage().reconstruct(drawing(4)).notes
-    assert notes == ((method.ENDED,) if ended else ())
-
-
 def test_tiles_of_many_maps_explain_nothing():
     few, many = (Candidate(affine.from_code(tree()).repeat(n, 1)[:2 * n], None, 1.0, 1.0, ("coverage", 0.1, 0.0, 0.0))
                  for n in (1, 2))
@@ -256,36 +225,8 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
     assert not Recursion.may_help(replace_params(problem, maps=3)) and Recursion.may_help(problem)
 
 
-@pytest.mark.parametrize("kind, likeness, wanted", [("coverage", 0.98, True), ("dots", 0.98, False),
-                                                    ("dots", 0.94, True)])
-def test_scatter_plots_are_no_constructions(monkeypatch, kind, likeness, wanted):
-    stage = Recursion(SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS))
-    stage._objective = ImageObjective(drawing(4), levels_of(drawing(4), kind, CAMERA), PARAMS)
-    monkeypatch.setattr(Recursion, "_likeness", lambda *_: likeness)
-    assert stage.is_wanted(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))) is wanted
-
-
 def replace_params(problem, **options):
     return SearchProblem(problem.given, problem.levels, problem.params.updated(**options))
-
-
-def test_dots_and_pens_are_compared_by_their_angles():
-    """Dots have sixteen times as many subpixels as a pen, so their errors are as many times as large."""
-    image = drawing(4)
-    stage = Recursion(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
-    pen, dots = (judged(image, *each) for each in (("coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0)),
-                                                    ("dots", ("dots", 0.08, 0.5 * PIXEL))))
-    shown, other = pen.judge(affine.from_code(tree())), dots.judge(affine.from_code(tree()))
-    assert stage._error(pen, shown) == pytest.approx(shown.error)
-    assert stage._error(dots, other) == pytest.approx(other.error / 16)
-
-
-def test_no_tiles_are_sought_with_a_known_pen():
-    image = drawing(4)
-    tried = ({}, {"coverage", "strokes"}), ({"pen_px": 0.8}, {"strokes"}), ({"tiles_px": []}, {"strokes"})
-    for known, cameras in tried:
-        problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS.updated(camera=known))
-        assert {each.camera for each in Recursion(problem)._tries} == cameras
 
 
 def test_a_shrunk_picture_is_not_taken_for_a_construction_that_was_not_sought():

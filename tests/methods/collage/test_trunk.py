@@ -12,11 +12,8 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.camera.stroke_kernels import outline
 from fractal_exp.methods.collage.camera.strokes import flat_maps, parts_of
 from fractal_exp.methods.collage.camera.tones import levels_of
-from fractal_exp.methods.collage.measure.search import MeasureSearch
-from fractal_exp.methods.collage.stages import construction as recursion
-from fractal_exp.methods.collage.stages.construction import Recursion
+from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.state import Candidate, State
-from fractal_exp.methods.collage.trees import trunk
 from fractal_exp.methods.collage.trees.trunk import _segments, flat_maps_onto, with_trunk
 
 
@@ -154,70 +151,12 @@ def test_the_pen_outlines_segments():
     assert bool((torch.from_numpy(off)[~near] >= true[~near] - 1e-5).all()) and np.isinf(off).any()
 
 
-def seen_sizes(monkeypatch, camera):
-    """The sizes of the images on which a tree is polished as strokes, and how many cameras were left."""
-    image, sizes = drawing(5), []
-    tried = stage(image, camera={"coarse_side": 64, "likeliest": 1, "sharpened_steps": 1, **camera})
-    tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-    real = recursion.as_seen
-    monkeypatch.setattr(recursion, "as_seen", lambda seen, *rest: sizes.append(len(seen.image)) or real(seen, *rest))
-    found = tried._as_strokes(tried.objective.judge(affine.from_code(tree())[1:]))
-    return sizes, len(found)
-
-
-def test_strokes_are_polished_on_a_small_image_first(monkeypatch):
-    assert seen_sizes(monkeypatch, {"recursion_gain": 1.0}) == ([64, 64, SIDE, SIDE], 2)
-
-
-@pytest.mark.parametrize("tiles, sizes", [(False, [64, 64]), (True, [64, 64, SIDE, SIDE])])
-def test_a_code_without_promise_goes_no_further_unless_tiles_drew_it(monkeypatch, tiles, sizes):
-    monkeypatch.setattr(Recursion, "_has_tiles", lambda *_: tiles)   # they show the picture itself
-    assert seen_sizes(monkeypatch, {"recursion_gain": 0.0}) == (sizes, 2 * tiles)
-
-
-@pytest.mark.parametrize("likeness, ends", [(0.98, False), (0.99, True)])
-def test_strokes_that_draw_the_picture_less_well_do_not_end_the_search(monkeypatch, likeness, ends):
-    found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, ("strokes", 5.0, 0.0, PIXEL, 0.0))
-    monkeypatch.setattr(Recursion, "_likeness_of_drawing", lambda *_: likeness)
-    assert stage(drawing(5)).is_settled(State(best=found, current=found)) is ends
-
-
-def test_known_widths_are_scaled_with_the_image():
-    camera = stage(drawing(5), camera={"coarse_side": 64, "pen_px": 1.5, "blur_px": 0.0})._coarse.params.camera
-    assert (camera.pen_px, camera.blur_px) == (0.75, 0.0)
-
-
-def test_without_a_trunk_flat_maps_stay(monkeypatch):
-    monkeypatch.setattr(recursion, "with_trunk", lambda seen, found, most: asked.append(most))
-    for most, expected in ((4, [4, 1]), (1, [1]), (0, [0])):
-        asked, tried = [], stage(drawing(5), camera={"trunk_strokes": most})
-        tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-        assert tried._as_strokes(tried.objective.judge(affine.from_code(tree()))) == [] and asked == expected
-
-
-def test_the_first_search_for_strokes_comes_before_those_for_tiles():
-    kinds = [each.camera for each in stage(drawing(5))._tries]
-    assert kinds == ["strokes", "coverage", "coverage", "strokes", "strokes"]
-
-
-@pytest.mark.parametrize("most, copies, strokes", [(2, None, None), (3, 2, 1), (4, 3, 2), (9, 4, 4)])
-def test_a_trunk_does_not_exceed_the_maps_that_are_asked_for(most, copies, strokes, monkeypatch):
-    tried = stage(drawing(6), at_most=most)
-    first = tried._tries[0]
-    assert (first.camera == "strokes") == (copies is not None)
-    if copies is None:
-        return
-    asked = []
-    monkeypatch.setattr(recursion, "MeasureSearch", lambda masses, regime, params, *rest: asked.append(params.at_most)
-                        or MeasureSearch(masses, regime, params.updated(search={"moves": 0}), *rest))
-    tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-    tried._few_maps(first, 0)
-    assert asked == [copies]
-    branches = affine.from_code(tree())[1:]
-    segments = []
-    monkeypatch.setattr(trunk, "_segments", lambda mask, shape, most, camera, seed: segments.append(most) or [])
-    trunk.with_trunk(tried.objective, tried.objective.judge(branches), 4)
-    assert segments == [min(4, most - 2)]
+def test_a_trunk_does_not_exceed_the_maps_that_are_asked_for():
+    image, branches = drawing(6), affine.from_code(tree())[1:]
+    for most, maps in (3, 3), (9, 3), (2, None):
+        seen = ImageObjective(image, levels_of(image, "coverage", PARAMS.camera), PARAMS.updated(at_most=most))
+        found = with_trunk(seen, seen.judge(branches), 4)
+        assert (found and len(found.maps)) == maps
 
 
 @pytest.mark.parametrize("least", [0.5, 0.999])

@@ -12,11 +12,9 @@ from fractal_exp.methods.collage.camera.levels import may_be_density
 from fractal_exp.methods.collage.camera.pens import Dots, Drawn, ToneMapped
 from fractal_exp.methods.collage.camera.tones import levels_of, seen_with
 from fractal_exp.methods.collage.image.camera import estimated, nearest
-from fractal_exp.methods.collage.measure.saturation import correction
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.stages.construction import Recursion
-from fractal_exp.methods.collage.stages.image import Approach, DrawnMoves, stages_of
+from fractal_exp.methods.collage.stages.image import stages_of
 from fractal_exp.methods.collage.stages.measure import Detail, Restart, Uncurved
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
@@ -100,14 +98,6 @@ def test_behind_a_tone_curve_dots_have_no_advantage():
     assert estimated(image, seen_with(levels, ("tonemapped",)), FERN, PARAMS, 0)[0] == "tonemapped"
 
 
-def test_faint_pixels_of_a_density_belong_to_its_shape():
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), (0.01, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
-    likeness = [likeness_of_attractor(FERN, image, kind(camera, image, values))
-                for camera in (CAMERA, CAMERA.updated(grey_inside=1.0))
-                for kind, values in ((ToneMapped, (0.01, 2.2, 0.0)), (Dots, (0.01, 0.0)))]
-    assert min(likeness[:2]) > 0.95 > max(likeness[2:])
-
-
 def test_a_resumed_search_keeps_its_measure():
     best = Candidate(affine.from_code(FERN), None, 0.1, 1.0)
     after = {}
@@ -129,21 +119,6 @@ def test_the_masses_of_a_large_picture_are_those_of_its_density():
     curve = ToneMapped(CAMERA, CURVED)
     masses = given.masses_of(0, ("tonemapped",))
     torch.testing.assert_close(masses, curve.measure(CURVED) / 2, rtol=0.02, atol=1e-3)
-
-
-def test_a_tone_curve_makes_no_difference_to_the_correction_for_saturation():
-    factors = [correction(levels.measure(levels.render(FERN, SIDE, 5)), FERN, levels, PARAMS.saturation, 0)
-               for levels in (ToneMapped(CAMERA, CURVED), Dots(CAMERA, CURVED))]
-    torch.testing.assert_close(*factors, rtol=0.02, atol=0.02)
-
-
-@pytest.mark.parametrize("kind", [Approach, DrawnMoves])
-def test_the_camera_is_estimated_for_the_measure_of_the_search(kind, monkeypatch):
-    measures = []
-    monkeypatch.setattr(SearchProblem, "camera", lambda self, code, seed, measure=(): measures.append(measure) or ())
-    for measure in ((), ("tonemapped",)):
-        kind(problem()).open(State(best=Candidate(affine.from_code(FERN), None, 0.1, 1.0), measured_through=measure))
-    assert measures == [(), ("tonemapped",)]
 
 
 def test_no_strokes_are_sought_in_a_density():

@@ -31,19 +31,6 @@ def test_a_still_is_what_render_draws(tmp_path, capsys):
     assert str(out) in capsys.readouterr().out
 
 
-def test_a_large_still_is_drawn_in_tiles_to_every_edge(tmp_path, monkeypatch):
-    monkeypatch.setattr(rendering, "TILE", 4 * 40)
-    square = IFS(torch.eye(2).expand(4, 2, 2) / 2, torch.tensor([[-1.0, -1], [-1, 1], [1, -1], [1, 1]]) / 2)
-    square.save(tmp_path / "square.json")
-    for mode, options in {"occupancy": ["--supersample", "4"], "density": []}.items():
-        render_app.main([str(tmp_path / "square.json"), str(tmp_path / f"{mode}.png"), "--size", "150", "--points",
-                         "2e6", "--frame", "own", "--mode", mode, *options])
-        image = pixels(tmp_path / f"{mode}.png")
-        assert image.shape == (150, 150)
-        inner = image[1:-1, 1:-1] / image[1:-1, 1:-1].mean()  # the square fills the canvas: no seam is dark or bright
-        assert np.abs(inner.mean(0) - 1).max() < 0.05 and np.abs(inner.mean(1) - 1).max() < 0.05
-
-
 def test_a_center_may_be_given_in_any_notation(tmp_path):
     for name, x in (("a", "-1.5e-3"), ("b", "-.0015")):
         render_app.main(["fern", str(tmp_path / f"{name}.png"), "--size", "32", "--zoom", "50", "--center", x, "-2E-2"])

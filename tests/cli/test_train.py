@@ -19,9 +19,8 @@ from PIL import Image
 from train_helpers import TINY, train
 
 from fractal_exp import IFS, InputError
-from fractal_exp.cli import configuration, interruption
+from fractal_exp.cli import interruption
 from fractal_exp.cli import train as program
-from fractal_exp.cli.train import fit
 from fractal_exp.tracking import read_artifact, read_series, runs_frame
 
 
@@ -131,46 +130,6 @@ def test_an_interrupt_that_got_lost_is_raised_again(number):
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
-
-
-def test_an_error_after_an_interrupt_is_the_interrupt(monkeypatch):
-    def cleanup_fails(config):
-        try:
-            interruption._interrupt()
-        finally:
-            raise AttributeError("'NoneType' object has no attribute '_invalidate_flags_cache'")
-
-    def full_disk(config):
-        try:
-            interruption._interrupt()
-        except KeyboardInterrupt:
-            raise InputError("the checkpoint cannot be written") from None
-
-    monkeypatch.setattr(interruption, "_asked", False)
-    monkeypatch.setattr(configuration, "resolve", cleanup_fails)
-    with pytest.raises(KeyboardInterrupt):
-        fit(None)
-    monkeypatch.setattr(interruption, "_asked", False)
-    monkeypatch.setattr(configuration, "resolve", lambda config: {}["missing"])
-    with pytest.raises(KeyError):
-        fit(None)
-    monkeypatch.setattr(configuration, "resolve", full_disk)
-    with pytest.raises(InputError):
-        fit(None)
-
-
-def test_a_run_that_an_error_ends_after_an_interrupt_was_killed(picture, tmp_path, monkeypatch):
-    def cleanup_fails(*_, **__):
-        try:
-            interruption._interrupt()
-        finally:
-            raise AttributeError
-
-    monkeypatch.setattr(interruption, "_asked", False)
-    monkeypatch.setattr("fractal_exp.methods.chaotic.method.Chaotic.reconstruct", cleanup_fails)
-    with pytest.raises(KeyboardInterrupt):
-        train("target=image", f"target.path={picture}", f"output={tmp_path}")
-    assert list(runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")["status"]) == ["KILLED"]
 
 
 def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):

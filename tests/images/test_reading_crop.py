@@ -87,25 +87,6 @@ def test_a_crop_is_that_of_the_upright_picture(page, tmp_path, orientation):
     assert_same_place(read_target(tmp_path / "turned.png", 96, crop=crop), part, crop[:2], (width, height))
 
 
-@pytest.mark.parametrize("suffix", ["jpg", "png"])
-def test_a_huge_picture_is_shrunk_if_its_crop_is_huge(tmp_path, monkeypatch, suffix):
-    monkeypatch.setattr(bands, "LARGE_SIDE", 256)
-    monkeypatch.setattr(bands, "LARGE_SHORTER_SIDE", 256)
-    small = Image.new("L", (400, 200), 255)
-    small.paste(leaf("black").convert("L").resize((160, 160)), (225, 21))
-    large = small.resize((1600, 800), Image.Resampling.NEAREST)
-    large.save(tmp_path / f"large.{suffix}", **({"quality": 95} if suffix == "jpg" else {}))
-    part = read_target(np.asarray(small)[13:187, 211:393], 96)
-    found = read_target(tmp_path / f"large.{suffix}", 96, crop=(844, 52, 1572, 748))
-    assert "shrunk 2 times as it was read, from 728×696 px" in found.notes and found.source_size == (1600, 800)
-    np.testing.assert_allclose(found.crop_box, 4 * np.add(part.crop_box, [211, 13, 211, 13]), atol=2.5)
-    assert found.scale == pytest.approx(part.scale / 4, rel=0.01)
-    whole = read_target(tmp_path / f"large.{suffix}", 96)
-    np.testing.assert_allclose(found.crop_box, whole.crop_box, atol=5)
-    tip = read_target(tmp_path / f"large.{suffix}", 96, crop=(1100, 200, 1400, 500), clean=False, invert=True)
-    assert not any("shrunk" in note for note in tip.notes)
-
-
 @pytest.mark.parametrize("crop, message", [
     ((0, 0, 100), r"four whole numbers \(left, top, right, bottom\), in pixels of the picture, got \(0, 0, 100\)"),
     ((0, 0, 100.0, 100), "four whole numbers"), ((0, 0, True, 100), "four whole numbers"), ("0000", "got '0000'"),

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from commands import run_here
 from places import ROOT
 
 from fractal_exp import IFS, InputError
@@ -133,13 +134,12 @@ def test_images_are_refused_on_devices_that_cannot_draw(device, message):
 
 
 @pytest.mark.slow
-def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path, monkeypatch):
+def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path):
     """A lease is too short to find a slip of the script on it."""
     from benchmarks import gpu
 
-    monkeypatch.setattr(sys, "argv", ["gpu", "--rehearse", "--perceptual", "lpips_squeeze", "--json",
-                                      str(tmp_path / "gpu.json")])
-    gpu.main()  # which exits if a part failed
+    status, printed = run_here(gpu, "--rehearse", "--perceptual", "lpips_squeeze", "--json", str(tmp_path / "gpu.json"))
+    assert status == 0, printed
     report = json.loads((tmp_path / "gpu.json").read_text())
     assert [case["case"] for case in report["operations"]] == ["chaos game", "splat, paper", "splat, laptop"]
     assert all(case["plain_ms"] > case["floor_ms"] > 0 for case in report["operations"])
@@ -147,10 +147,8 @@ def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("method", ["chaotic", pytest.param("collage", marks=pytest.mark.slow)])
-def test_the_fits_on_a_gpu_rehearse_without_one(method, tmp_path, monkeypatch):
+def test_the_fits_on_a_gpu_rehearse_without_one(method, tmp_path):
     from benchmarks import gpu_fits
 
-    monkeypatch.setattr(sys, "argv", ["gpu_fits", "--rehearse", "--method", method, "--count", "1", "--iterations", "5",
-                                      "--output", str(tmp_path)])
-    gpu_fits.main()
+    run_here(gpu_fits, "--rehearse", "--method", method, "--count", "1", "--iterations", "5", "--output", str(tmp_path))
     assert IFS.load(tmp_path / "000.json").meta["method"] == method

@@ -12,8 +12,6 @@ from fractal_exp import InputError, perceptual_distance
 from fractal_exp.codes import known
 from fractal_exp.evaluation import evaluate, summarize
 from fractal_exp.evaluation.scoring import Perceptual
-from fractal_exp.methods.chaotic.losses import PerceptualTerm
-from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.perceptual.feature_distance import unit_distance
@@ -117,16 +115,6 @@ def level(*batch, channels=8, side=6):
 def test_features_that_do_not_go_together_are_refused(a, b, weights, message):
     with pytest.raises(InputError, match=message):
         unit_distance(a, b, weights)
-
-
-def test_the_term_keeps_the_features_of_its_target(monkeypatch):
-    a, b = images(2, 64, 64)
-    term = PerceptualTerm("fractal").prepare(b)
-    calls, features = [], term.distance.features
-    monkeypatch.setattr(term.distance, "features", lambda image: calls.append(1) or features(image))
-    rendering = Rendering(a, torch.zeros(1, 2), torch.zeros(1, 2), torch.zeros(1, 2))
-    torch.testing.assert_close(term(rendering), perceptual_distance(a, b))
-    assert len(calls) == 1 and term.name == "fractal"
 
 
 def test_it_has_a_column_of_its_own():

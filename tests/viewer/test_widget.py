@@ -84,16 +84,6 @@ def test_a_wrong_code_of_the_page_is_refused_and_the_right_one_sent_again(data, 
     assert sent[-1]["method"] == "update" and sent[-1]["state"] == {"code": FERN.to_json()}
 
 
-def test_a_code_that_the_page_has_is_not_sent_back_to_it(monkeypatch):
-    """It would come late, and undo what a hand has done in the meantime."""
-    widget, sent = CodeWidget(FERN), []
-    monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message["method"]))
-    widget.set_state({"code": json.loads(json.dumps(COLOURED.to_json()))})
-    assert "update" not in sent
-    widget.code = DRAGON
-    assert sent[-1] == "update"
-
-
 def test_without_the_extra_the_remedy_is_named(monkeypatch):
     monkeypatch.delitem(sys.modules, "fractal_exp.viewer.widget")
     monkeypatch.setattr(extras, "find_spec", lambda name: None)

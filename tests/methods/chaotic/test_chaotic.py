@@ -89,28 +89,6 @@ def test_several_starts_are_scouted_and_the_best_goes_on(target):
     assert told[12].scalars["loss"] == pytest.approx(min(best_of_each), rel=0.1)
 
 
-def test_every_start_has_parameters_of_its_own(target, monkeypatch):
-    begun, start = [], Alternating.start
-    monkeypatch.setattr(Alternating, "start", lambda self, raw, seed: (begun.append(raw), start(self, raw, seed))[1])
-    fit(Alternating(every=2, candidates=2), iterations=2, starts=3, scouting=2).reconstruct(target)
-    first, second, third = ([value.detach().clone() for value in raw.values()] for raw in begun[:3])
-    assert not any(torch.equal(a, b) for a, b in zip(first, second, strict=True))
-    assert not any(torch.equal(a, b) for a, b in zip(second, third, strict=True))
-
-
-def test_splats_shrink_in_equal_parts_of_the_run_and_the_best_state_is_of_the_last(target, monkeypatch):
-    drawn, told = [], []
-    splat = ForwardModel._splat
-    monkeypatch.setattr(ForwardModel, "_splat",
-                        lambda model, points: (drawn.append(model.sigma_px), splat(model, points))[1])
-    kept = []
-    monkeypatch.setattr(BestStates, "clear", lambda best: (kept.append(len(best.states)), best.__init__(8))[0])
-    fit(iterations=6, starts=2, scouting=2, radii=(4, 2, 1)).reconstruct(target, on_step=told.append)
-    in_parts = [drawn[0]] + [now for before, now in zip(drawn, drawn[1:], strict=False) if now != before]
-    assert in_parts == [10, 5, 2.5] and len(told) == 2 * 2 + 6
-    assert len(kept) == 2 and min(kept) > 0
-
-
 def test_a_fit_with_shrinking_splats_goes_on_bit_for_bit(target, tmp_path):
     whole = fit(iterations=9, radii=(3, 1), match_target=True).reconstruct(target).code
     for stop in (4, 5, 6):

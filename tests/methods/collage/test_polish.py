@@ -13,9 +13,7 @@ from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
-from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.simplify.pruning import Price, pruned_in_frame
-from fractal_exp.methods.collage.state import Candidate
 
 
 @pytest.fixture(scope="module")
@@ -84,22 +82,6 @@ def test_the_last_polish_leaves_a_true_code_where_it_is(fern):
     found = search.finish(search.candidate(search.objective.judge(true)))
     away = affine.distances(found.maps, true, binned(DENSITY.measure(image), 64, PARAMS.descent)).diagonal() * 64
     assert float(away.max()) < 0.1  # pixels of 128
-
-
-def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
-    code, image = fern
-    maps = affine.from_code(code)
-    search = image_search(image)
-    picture = search.objective
-    fewer = picture.without(picture.judge(maps, torch.tensor([0.1, 0.5, 0.2, 0.2])), [3])
-    now = search.candidate(fewer)
-    shown = search._shown
-    for number in range(6):
-        search._shown = shown
-        again = ImageSearch(picture, search.masses, noise=0.1)
-        live = search.step(now, number)
-        resumed = again.step(Candidate(now.maps, now.weights, now.error, now.score), number)
-        assert torch.equal(live.maps, resumed.maps) and torch.equal(live.probabilities, resumed.probabilities)
 
 
 def test_a_polished_code_loses_what_neither_picture_nor_frame_asks_for(triangle):

@@ -2,7 +2,6 @@
 
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from PIL import Image
 
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Method, Progress, stop_reason
+from fractal_exp.methods.base import CodeReconstruction, Method, Progress, stop_reason
 
 QUICK = {"resolution": 64, "rounds": 1,
          "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1},
@@ -142,19 +141,6 @@ def test_the_overlay_of_a_coloured_picture_keeps_its_colours(known):
     np.testing.assert_allclose(overlay, picture[..., :3], atol=1)
 
 
-def test_an_overlay_is_refused_before_it_is_drawn(known, path, tmp_path):
-    found = known(path)
-    with pytest.raises(InputError, match="opacity must be above 0 and at most 1, got 2"):
-        found.overlay(opacity=2)
-    with pytest.raises(InputError, match="colour must be"):
-        found.overlay(colour=(1, 2))
-    other = tmp_path / "other.png"
-    Image.fromarray(triangle_picture()[:100]).save(other)
-    object.__setattr__(found, "source", other)
-    with pytest.raises(InputError, match="now has 180×100 pixels, but had 180×120"):
-        found.overlay()
-
-
 def test_it_is_rendered_and_judged_like_a_code(known):
     found = known(triangle_picture())
     view = View((0.1, 0.2), 3.0)
@@ -211,20 +197,6 @@ def test_a_saved_inversion_is_loaded(known, path, tmp_path):
         torch.testing.assert_close(loaded.target.image, found.target.image, atol=1e-5, rtol=0)
     assert np.array_equal(np.asarray(loaded.overlay()), np.asarray(found.overlay()))
     assert "inversion" not in loaded.code.meta
-
-
-def test_the_codes_of_a_curve_are_saved_and_older_files_have_none(known, path, tmp_path):
-    found = known(path)
-    points = tuple(CurvePoint(4, 0.5, 48, codes.known(name)) for name in ("koch_curve", "fern"))
-    folder = replace(found, curve=points).save(tmp_path / "grown")
-    loaded = Inversion.load(folder).curve
-    assert [(each.maps, each.likeness, each.bytes) for each in loaded] == [(4, 0.5, 48), (4, 0.5, 48)]
-    assert all(torch.equal(a.code.linear, b.code.linear) for a, b in zip(loaded, points, strict=True))
-    whole = json.loads((folder / "inversion.json").read_text())
-    for each in whole["meta"]["inversion"]["curve"]:
-        del each["code"]
-    (folder / "inversion.json").write_text(json.dumps(whole))
-    assert Inversion.load(folder).curve == ()
 
 
 def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from commands import run_here
 from omegaconf import OmegaConf
 from PIL import Image
@@ -146,16 +145,6 @@ def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
 
 
-def test_a_fit_by_the_distance_fractal_is_scored_by_it_under_its_own_name(picture, tmp_path, capsys):
-    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}", "resolution=64", "tracking=none",
-                   "perceptual=fractal", "iterations=2")
-    assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "eval/fractal_distance",
-                           "time/fit_seconds"}
-    shown = f"SSIM {scores['eval/ssim']:.3f}  fractal_distance {scores['eval/fractal_distance']:.3f}  ("
-    assert shown in capsys.readouterr().out
-    assert "fractal_distance" in (tmp_path / "fits" / "fit" / "per_view.csv").read_text().splitlines()[0].split(",")
-
-
 def test_a_changed_picture_is_not_gone_on_with(picture, tmp_path):
     copy = tmp_path / "copy.png"
     copy.write_bytes(picture.read_bytes())
@@ -236,21 +225,6 @@ def test_no_weights_offline_names_the_remedies(picture, tmp_path, monkeypatch):
     monkeypatch.setenv("https_proxy", "http://127.0.0.1:9")
     with pytest.raises(InputError, match="perceptual_weights|perceptual=none"):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "perceptual=lpips_alex")
-
-
-def test_the_library_fits_in_one_call(picture):
-    from fractal_exp import invert
-
-    told = []
-    small = {"resolution": 32, "maps": 3, "iterations": 4, "starts": 1, "trajectories": 50, "length": 30}
-    code = invert(picture, method="chaotic", **small, on_step=told.append).code
-    assert len(code) == 3 and len(told) == 4
-    again = invert(np.asarray(Image.open(picture)), method="chaotic", **small).code
-    assert torch.equal(code.linear, again.linear)
-    with pytest.raises(InputError, match="there is no method 'magic'; choose one of collage, chaotic"):
-        invert(picture, method="magic")
-    with pytest.raises(InputError, match="has no option 'shade'; it takes"):
-        invert(picture, shade=3)
 
 
 def test_importing_the_package_is_light():

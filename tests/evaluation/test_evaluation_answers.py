@@ -115,9 +115,3 @@ def test_a_target_of_the_suite_is_the_fractal_of_its_index_seed_and_kind(kind):
     assert torch.equal(loaded.truth.linear, code.linear) and torch.equal(loaded.truth.offset, code.offset)
     assert torch.equal(loaded.image, target(code, 32, kind))
     assert "7" in source.label and "2" in source.label
-
-
-def test_the_truth_is_framed_whatever_frame_the_result_keeps():
-    truth = codes.known("sierpinski_triangle")  # in the unit square
-    scores = evaluate(attractor.normalize(truth), truth, resolution=64, points_in_view=100_000, align="none")
-    assert scores["f1"].iloc[0] > 0.9

@@ -12,16 +12,11 @@ from fractal_exp.evaluation import Perceptual, evaluate, summarize
 from fractal_exp.evaluation.scoring import TRIVIAL
 from fractal_exp.evaluation.summary import describe
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.rendering import cache
 from fractal_exp.suite import random_suite
 
 SMALL = {"resolution": 64, "points_in_view": 300_000, "supersample": 4}
 COLUMNS = ["view", "zoom", "center_x", "center_y", "empty", "f1", "iou", "psnr", "ssim", "lpips"]
-
-
-def drop_last(code: IFS) -> IFS:
-    return IFS(code.linear[:-1], code.offset[:-1])
 
 
 def test_a_code_against_itself_is_at_the_ceiling_but_not_above():
@@ -32,24 +27,12 @@ def test_a_code_against_itself_is_at_the_ceiling_but_not_above():
     assert table.lpips.isna().all() and table.attrs["perceptual_absent"]
 
 
-def test_a_wrong_code_is_below():
-    fern = codes.known("fern")
-    right, wrong = evaluate(fern, fern, **SMALL), evaluate(drop_last(fern), fern, **SMALL)
-    for metric in ("f1", "iou", "psnr", "ssim"):
-        assert wrong[metric].mean() < right[metric].mean() - 0.05, metric
-
-
 def test_alignment_by_the_attractors_box_or_not_at_all():
     fern = attractor.normalize(codes.known("fern"))
     moved = fern.similar(0.5, (0.3, -0.2))
     assert evaluate(moved, fern, **SMALL).f1.mean() > 0.97
     assert evaluate(moved, fern, **SMALL, align="none").f1.mean() < 0.6
     assert evaluate(fern, fern, **SMALL, align="none").f1.mean() > 0.97
-
-
-def test_a_reconstruction_with_a_code_is_aligned_like_the_code():
-    fern = codes.known("fern")
-    pd.testing.assert_frame_equal(evaluate(CodeReconstruction(fern), fern, **SMALL), evaluate(fern, fern, **SMALL))
 
 
 def test_trivial_rows():

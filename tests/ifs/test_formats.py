@@ -1,7 +1,5 @@
 """Formats of codes: chosen by suffix, several codes a file, round trips, conversion, drawings and points."""
 
-import base64
-import io
 import json
 import subprocess
 from dataclasses import replace
@@ -14,17 +12,15 @@ import torch
 from format_files import SLOW_TO_WRITE, million
 from PIL import Image
 
-from fractal_exp import IFS, Colours, InputError, View, codes, render
+from fractal_exp import IFS, Colours, InputError, codes, render
 from fractal_exp.cli import convert
 from fractal_exp.cli import render as render_app
 from fractal_exp.cli.commands import read_code
-from fractal_exp.evaluation.metrics import f1
 from fractal_exp.ifs import attractor, formats
 from fractal_exp.ifs.formats import ply
 from fractal_exp.suite import random_suite
 
 CHROMIUM = Path("/usr/bin/chromium")
-SVG = "{http://www.w3.org/2000/svg}"
 NASTY = "</text><script>alert('&\"')</script>\n\x00]]> \u202e é"
 READ = ["json", "lists", "rows", "fractint", "flame"]
 
@@ -159,23 +155,6 @@ def test_what_cannot_be_converted_is_said_in_a_line(tmp_path, monkeypatch, capsy
     with pytest.raises(InputError, match=message):
         raise InputError(error)
     assert not list(tmp_path.iterdir())
-
-
-def test_an_svg_draws_the_parallelograms_of_the_maps_over_the_shape(tmp_path):
-    code = codes.known("fern")
-    root = ElementTree.fromstring(code.save(tmp_path / "fern.svg").read_bytes())
-    x, y, side, _ = map(float, root.get("viewBox").split())
-    box, *images = [np.array([pair.split(",") for pair in polygon.get("points").split()], float) * [1, -1]
-                    for polygon in root.iter(f"{SVG}polygon")]
-    x0, y0, x1, y1 = attractor.visible_box(code)
-    np.testing.assert_allclose(box, [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], atol=1e-5)
-    for linear, offset, image in zip(code.linear.double().numpy(), code.offset.double().numpy(), images, strict=True):
-        np.testing.assert_allclose(image, box @ linear.T + offset, atol=1e-5)
-    assert len(list(root.iter(f"{SVG}title"))) == 1 + len(code)
-    picture = next(root.iter(f"{SVG}image")).get("href").removeprefix("data:image/png;base64,")
-    opacity = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))[..., 1] / 255
-    view = View((x + side / 2, -(y + side / 2)), 2 / side)
-    assert float(f1(torch.from_numpy(opacity)[None].float(), render(code, view, resolution=len(opacity))[None])) > 0.98
 
 
 @pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs {CHROMIUM}")

@@ -73,25 +73,6 @@ def test_black_on_white_and_its_inverse_are_the_same_target():
     assert "white shape on black" in white.notes and "black shape on white: inverted" in black.notes
 
 
-def test_polarity_holds_against_noise_and_thin_shapes():
-    rng = np.random.default_rng(1)
-    thin = rectangle(200, 200, 99, 40, 101, 160) * 0.9
-    noisy = (thin + rng.normal(0.04, 0.015, thin.shape)).clip(0, 1)
-    assert not read_target(noisy, 32).inverted and read_target(1 - noisy, 32).inverted
-    assert not any("doubt" in note for note in read_target(noisy, 32).notes)
-
-
-def test_threshold_makes_the_shape_solid():
-    picture = rectangle(100, 100, 20, 20, 80, 80) * 0.6 + 0.2
-    target = read_target(picture, 64, threshold=0.5)
-    assert target.image.max() == 1 and target.image.min() == 0 and "binary at the threshold 0.5" in target.notes
-    cleaned = read_target(picture, 64)
-    assert cleaned.image.max() == 1 and cleaned.image.min() == 0
-    assert "the background's level, 0.20, was taken away" in cleaned.notes
-    plain = read_target(picture, 64, clean=False)
-    assert float(plain.image.min()) == pytest.approx(0.2) and "not black but 0.20" in " ".join(plain.notes)
-
-
 @pytest.mark.parametrize("quality", [30, 75])
 def test_jpeg_artefacts_do_not_move_the_frame(tmp_path, quality):
     picture = disc(301, 420, 199.4, 142.7, 88.2)
@@ -118,17 +99,6 @@ def test_a_target_of_our_own_stays_as_it_is(tmp_path):
         read = read_target(source, 64)
         assert (read.image - image).abs().max() <= atol and read.crop_box == (0, 0, 64, 64)
     assert any("a target of this package" in note for note in read.notes)
-
-
-@pytest.mark.parametrize("picture", [
-    suite.target(codes.known("fern"), 64, "binary"),
-    (suite.target(codes.known("fern"), 64) * 255).round() / 255,
-    torch.nn.functional.avg_pool2d(suite.target(codes.known("fern"), 128, "binary")[None], 2)[0],
-    torch.nn.functional.pad(suite.target(codes.known("fern"), 64)[8:-8, 8:-8], (0, 16, 0, 16)),
-    torch.nn.functional.pad(suite.target(codes.known("fern"), 32), (32, 0, 16, 16)),
-], ids=["binary", "8 bits", "shrunk", "in a corner", "in the right half"])
-def test_other_pictures_of_a_targets_size_are_fitted(picture):
-    assert read_target(picture, 64, invert=False).crop_box != (0, 0, 64, 64)
 
 
 @pytest.mark.parametrize("dtype", ["bool", "uint8", "uint16", "float16", "float32", "float64", ">f4", ">u2"])

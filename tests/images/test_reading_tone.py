@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from drawings import fern_plot, koch, leaf
+from drawings import fern_plot, leaf
 from PIL import Image, ImageDraw
 
 from fractal_exp.images import bands
@@ -51,15 +51,6 @@ def test_coloured_lines_are_the_same_in_a_lossy_file(tmp_path, ink, name, option
     np.testing.assert_allclose(found.crop_box, lossless.crop_box, atol=1)
 
 
-@pytest.mark.parametrize("name, options", [
-    ("lines.webp", {"lossless": True}), ("lines.tif", {"compression": "tiff_lzw"})])
-def test_a_lossless_file_is_read_as_one(tmp_path, name, options):
-    picture = lines((200, 30, 45))
-    picture.save(tmp_path / name, **options)
-    assert torch.equal(read_target(tmp_path / name, 128).image, read_target(np.asarray(picture), 128).image)
-    assert not bands.open_picture(tmp_path / name, [], lambda band, name: band).lossy
-
-
 def test_the_dots_of_a_coloured_jpeg_are_not_blurred(tmp_path):
     """A JPEG stores colours at half the resolution, but not their luma."""
     plot = fern_plot(axes=False)
@@ -85,15 +76,6 @@ def test_a_density_keeps_its_levels(level):
     picture[50:150, 40:160] = rng.binomial(256, level, (100, 120)) / 256
     found = read_target(picture, 128)
     assert torch.equal(found.image, read_target(picture, 128, clean=False).image)
-
-
-def test_noise_of_the_background_is_black():
-    rng = np.random.default_rng(0)
-    noisy = (np.asarray(koch().convert("L")) / 255 * 0.8 + 0.1 + rng.normal(0, 0.02, (400, 600))).clip(0, 1)
-    found = read_target(noisy, 128)
-    assert any("are noise of the background: black" in note for note in found.notes)
-    assert float((found.image[:20] > 0).float().mean()) < 0.01
-    assert not any("not black but" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png"])

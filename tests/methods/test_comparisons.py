@@ -5,9 +5,7 @@ from pathlib import Path
 
 import fractal_exp.conf
 import pytest
-import torch
 from configured import plain
-from networks_helpers import saved
 from places import ROOT
 from rivals_helpers import TARGET
 
@@ -24,9 +22,6 @@ from fractal_exp.targets import Target
 
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
 PAGE = (ROOT / "docs" / "comparisons.md").read_text()
-OPTIONS = {"evolutionary": {"generations": 2, "population": 6}, "cuckoo": {"generations": 2, "population": 6},
-           "learning_fractals_32": {"iterations": 3, "sequences": 3},
-           "learning_fractals_256": {"iterations": 2, "sequences": 2}}
 each_method = pytest.mark.parametrize("name", FILES)
 
 
@@ -60,14 +55,6 @@ def test_so_is_that_of_a_method_with_a_network(name):
         built(f"method={name}", "seconds=0")
 
 
-def test_the_paper_scale_asks_for_a_network_of_its_own_size(tmp_path):
-    file = saved(tmp_path / "net", "neural_regression")
-    method = built("method=neural_regression", "scale=paper", f"weights.neural_regression={file}")
-    with pytest.raises(InputError, match="16, and 128 is asked for .side.; `fractal-train task=pretrain "
-                                         "method=neural_regression method.side=128` trains them"):
-        method.check(torch.rand(1024, 1024))
-
-
 @each_method
 def test_the_scale_of_the_paper_has_the_published_budget_and_the_library_that_of_the_laptop(name):
     paper, laptop, library = built(f"method={name}", "scale=paper"), built(f"method={name}"), load(name)()
@@ -85,12 +72,6 @@ def test_the_tables_and_the_page_know_it(name):
     assert [int(number) for number in re.findall(r"\b(\d+) (?:generations|iterations)", row)] == [paper, laptop]
 
 
-@each_method
-def test_it_inverts_a_picture_in_one_call(name):
-    found = invert(TARGET, method=name, frame="keep", resolution=64, seed=1, maps=3, **OPTIONS[name])
-    assert len(found.code) == 3 and found.method == name and "done" in found.stopped
-
-
 def test_what_was_spent_is_judged_with_the_scores_and_the_truth_where_it_is_asked_for():
     truth = codes.known("sierpinski_triangle")
     options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
@@ -101,15 +82,6 @@ def test_what_was_spent_is_judged_with_the_scores_and_the_truth_where_it_is_aske
     untold = judge(CodeReconstruction(truth), target, options, Perceptual.load(), 2.0)
     assert "time/evaluations" not in untold.scores and "trivial/truth_f1" not in untold.trivial
     assert spent.trivial["trivial/truth_f1"] == pytest.approx(untold.scores["eval/f1"], abs=.03)
-
-
-def test_a_code_off_the_frame_of_the_input_is_told_from_one_in_it_where_that_is_asked_for():
-    truth = codes.known("sierpinski_triangle")
-    off = truth.similar(.8, (.1, 0.))
-    options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
-               "device": "cpu"}
-    found = judge(CodeReconstruction(off), Target(TARGET, truth), options, Perceptual.load(), 2.0, in_frame=True)
-    assert found.scores["eval/f1"] > .9 > .6 > found.scores["eval/f1_frame"] > found.scores["eval/iou_frame"]
 
 
 def test_an_interrupted_search_has_the_code_of_its_last_stage():

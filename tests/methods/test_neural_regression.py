@@ -8,7 +8,7 @@ from rivals_helpers import TARGET
 
 from fractal_exp import InputError
 from fractal_exp.methods.base import CodeReconstruction
-from fractal_exp.methods.neural_regression.method import NeuralRegression, code_of
+from fractal_exp.methods.neural_regression.method import NeuralRegression
 from fractal_exp.methods.neural_regression.network import IDENTITY, RegressionNetwork
 from fractal_exp.perceptual_training.drawing import draw
 from fractal_exp.perceptual_training.perturbations import table
@@ -80,12 +80,6 @@ def test_the_fit_draws_the_code_that_the_network_gives(file):
     assert not torch.equal(found.code.linear, other.code.linear), "it looks at the image"
 
 
-def test_what_does_not_contract_is_shrunk():
-    numbers = torch.tensor([[2.0, 0, 0, 1, .1, 0], [.5, 0, 0, .5, 0, .2]])
-    code = code_of(numbers, .8)
-    assert code.singular_values().tolist() == [pytest.approx([.8, .4]), pytest.approx([.5, .5])]
-
-
 def test_what_the_fit_refuses(file, tmp_path):
     good = {"weights": file, "side": 16}
     cases = [
@@ -102,18 +96,6 @@ def test_what_the_fit_refuses(file, tmp_path):
         for refuse in (method.check, method.reconstruct):
             with pytest.raises(InputError, match=message):
                 refuse(TARGET)
-
-
-@pytest.mark.slow
-def test_the_network_in_the_package_reads_more_off_an_image_than_the_mean_code():
-    """On codes of a seed that it was not trained with."""
-    network, found = NeuralRegression().loaded()
-    assert found.recipe["seed"] == 0 and found.scores["held_out"] < found.scores["mean_code"]
-    training = RegressionTraining(**{key: found.recipe[key] for key in ("side", "channels", "hidden", "residual")},
-                                  seed=1, codes=600, held_out=300)
-    with torch.no_grad():
-        scores = training.judge(network, "cpu")
-    assert scores["held_out"] < .97 * scores["mean_code"]
 
 
 def test_a_target_below_the_networks_own_size_is_refused_before_the_weights_are_read():

@@ -111,25 +111,6 @@ def test_a_search_gets_better_tells_what_it_does_and_counts_what_it_draws(method
     assert len(found.code) == 3 and float(found.code.singular_values().max()) < 1
 
 
-def test_in_the_first_state_matrices_contract_or_are_the_identity_as_released():
-    state = EvolutionaryWalk(TARGET, EvolutionaryParams(**SMALL), 0).start()
-    sizes = torch.linalg.svdvals(state["genome"][..., :4].unflatten(-1, (2, 2)))
-    assert float(sizes.max()) <= .7071 and float(sizes.min()) < .3
-    signs = torch.linalg.det(state["genome"][..., :4].unflatten(-1, (2, 2))).sign()
-    assert -1 < float(signs.mean()) < 1, "rotations and reflections"
-    released = EvolutionaryWalk(TARGET, EvolutionaryParams(**SMALL, as_released=True), 0).start()
-    assert (released["genome"][..., :4] == torch.tensor([.707, 0, 0, .707])).all()
-
-
-def test_the_best_nest_does_not_fly():
-    walk = CuckooWalk(TARGET, CuckooParams(**SMALL, abandoned=0.0, flight=10.0), 0)
-    state = walk.start()
-    after = walk.step(state, 0)
-    best = int(state["cost"].argmin())
-    assert torch.equal(after["nests"][best], state["nests"][best])
-    assert (after["cost"] <= state["cost"]).all(), "a nest is given up for a better one alone"
-
-
 def test_as_released_nests_are_abandoned_for_better_or_worse():
     settings = {**SMALL, "flight": 0.0, "abandoned": 1.0}
     for released in (False, True):

@@ -7,11 +7,11 @@ import torch
 from networks_helpers import SUPER, saved
 from rivals_helpers import TARGET
 
-from fractal_exp import InputError, codes, evaluation, invert
+from fractal_exp import InputError, codes, evaluation
 from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual, score
 from fractal_exp.ifs.code import View
-from fractal_exp.methods.base import CodeReconstruction, Reconstruction
+from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.super_resolution.enlarged import Enlarged
 from fractal_exp.methods.super_resolution.method import SuperResolution
 from fractal_exp.methods.super_resolution.network import SwinIR
@@ -61,24 +61,6 @@ def test_a_view_is_the_part_that_it_shows():
     assert torch.allclose(part, image[8:24, 32:48], atol=1e-6)
     finer = Enlarged(image, 8.0).render(View((.25, .5), 4.0), resolution=32)
     assert torch.allclose(finer[::2, 1::2], image[8:24, 32:48], atol=1e-6)
-
-
-def test_views_from_closer_by_are_refused():
-    enlarged = Enlarged(TARGET, 8.0)
-    assert enlarged.render(View((0, 0), 8.0), resolution=4).shape == (4, 4)
-    with pytest.raises(InputError, match="at most 8x enlarged, and the view has zoom 8.01; only a code"):
-        enlarged.render(View((0, 0), 8.01), resolution=4)
-    with pytest.raises(InputError, match="resolution"):
-        enlarged.render(View(), resolution=0)
-
-
-def test_the_fit_has_no_code(file):
-    found = SuperResolution(weights=file).reconstruct(TARGET)
-    assert isinstance(found, Enlarged) and isinstance(found, Reconstruction)
-    assert not isinstance(found, CodeReconstruction) and found.largest_zoom == 8
-    with pytest.raises(InputError, match="the method 'super_resolution' finds no code: it draws the image larger; "
-                                         "fractal-train method=super_resolution"):
-        invert(TARGET, method="super_resolution")
 
 
 def test_pieces_to_learn_from_are_the_same_place_fine_and_coarse():

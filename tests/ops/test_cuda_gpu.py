@@ -16,7 +16,6 @@ from fractal_exp.methods.chaotic.model import SVD, ForwardModel
 from fractal_exp.methods.chaotic.optimizers import Alternating, GradientDescent
 from fractal_exp.ops import chaos_game, cuda_launch, splat
 from fractal_exp.ops.collage import Descent, descend
-from fractal_exp.rendering.still import render_with_info
 
 MISSING = ("torch finds no CUDA device here" if not torch.cuda.is_available() else
            "numba-cuda is not installed (pip install 'fractal-exp[cuda]')" if not cuda_launch.INSTALLED else
@@ -63,15 +62,6 @@ def fern(count):
     code = attractor.normalize(codes.known("fern"))
     return chaos_game(code.linear, code.offset, probabilities=code.sampling_probabilities(), trajectories=count // 200,
                       length=300, warmup=100, seed=0)
-
-
-def test_infinite_points_are_not_drawn_and_get_no_gradient():
-    lost = torch.tensor([[torch.inf, 0], [0, -torch.inf], [torch.nan, 0.1], [-3e38, 3e38]], device="cuda")
-    points = torch.cat([scatter(20).cuda(), lost]).requires_grad_()
-    image = splat(points, 16)
-    assert torch.equal(image, splat(points[:20], 16))
-    gradient, = torch.autograd.grad(image.sum(), points)
-    assert torch.isfinite(gradient).all() and (gradient[20:] == 0).all() and (gradient[:20] != 0).any()
 
 
 @pytest.mark.parametrize("maps", [1, 3, 9, 64, 300])
@@ -195,20 +185,6 @@ def test_histogram_has_the_distribution_of_the_cpus(view, monkeypatch):
     check_histogram(view, bins=8, thrown=20_000)
 
 
-@pytest.mark.parametrize("zoom", [1, 8, 64, 1e6])
-def test_a_view_is_the_cpus_to_its_own_noise(zoom):
-    code = attractor.normalize(codes.known("heighway_dragon"))
-    view = View() if zoom == 1 else View(attractor.random_point(code, 1), zoom)
-    size = {"resolution": 256, "points_in_view": 4_000_000}
-    images = [render_with_info(code, view, **size, seed=seed, device=device)[0] > 0
-              for seed, device in ((0, "cpu"), (1, "cpu"), (2, "cuda"))]
-
-    def f1(a, b):
-        return float(2 * (a & b).sum() / (a.sum() + b.sum()).clamp(min=1))
-
-    assert f1(images[0], images[2]) >= f1(images[0], images[1]) - 0.01
-
-
 def small_fit(optimizer, device, **options):
     model = ForwardModel(SVD(), resolution=64, maps=4, trajectories=200, length=60)
     objective = WeightedSum({"mse": 10, "ssim": 1, "regularizer": 0.01},
@@ -231,16 +207,6 @@ def test_a_recorded_fit_is_the_plain_one(build):
     torch.testing.assert_close(losses[0], losses[1], rtol=1e-3, atol=1e-4)
     assert losses[0, -10:].mean() < losses[0, 20:30].mean()
     assert_close(results[0].linear, results[1].linear, "linear", factor=1e4)
-
-
-def test_a_fit_is_recorded_on_its_gpu_whichever_is_the_current_one():
-    losses = {}
-    for device in (f"cuda:{i}" for i in range(torch.cuda.device_count())):
-        fit, told = small_fit(GradientDescent(), device, iterations=WARM_UP + 10), []
-        fit.reconstruct(small_target(), on_step=told.append)
-        assert fit.optimizer._recorded[1].graph is not None
-        losses[device] = [step.scalars["loss"] for step in told]
-        assert losses[device] == pytest.approx(losses["cuda:0"], rel=1e-3)
 
 
 def test_a_recorded_iteration_waits_for_nothing():

@@ -44,20 +44,6 @@ def test_every_format_holds_grey_and_coloured_frames(tmp_path, name, shape):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("pictures", "message"), [
-    ([torch.zeros(16, 16), torch.zeros(18, 18)], r"one shape, got \(16, 16\) and then \(18, 18\)"),
-    ([torch.zeros(16, 16), torch.zeros(16, 16, 3)], r"one shape, got \(16, 16\) and then \(16, 16, 3\)"),
-    ([torch.zeros(16, 18)], r"\(R,R\) or \(R,R,3\), got \(16, 18\)"),
-    ([torch.zeros(16, 16, 4)], r"\(R,R\) or \(R,R,3\)"),
-    ([], "at least one frame"),
-])
-def test_frames_of_several_shapes_are_refused(tmp_path, name, pictures, message):
-    with pytest.raises(InputError, match=message):
-        write_film(tmp_path / name, pictures)
-    assert not [file for file in tmp_path.iterdir() if file.suffix != ".png"]
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_the_forecast_tells_size_and_length(tmp_path, name):
     course, views = morph_path([codes.known("fern"), codes.known("tree")], 48)
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, codes, render
+from fractal_exp import IFS, InputError, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.ifs.colours import Colours
-from fractal_exp.rendering import morph as morphs
 from fractal_exp.rendering.morph import morph, morph_path
 from fractal_exp.suite import random_suite
 
@@ -104,14 +103,6 @@ def test_surplus_maps_grow_from_points_of_the_attractor(small, large):
     torch.testing.assert_close(there.sampling_probabilities()[order], back.sampling_probabilities()[backwards])
 
 
-def test_nothing_jumps_where_a_passage_ends():
-    a, b = known("sierpinski_triangle"), known("koch_snowflake")
-    for end, near in ((a, 1e-4), (b, 1 - 1e-4)):
-        drawn = [render(code, resolution=64, points_in_view=400_000, supersample=2)
-                 for code in (end, morph(a, b, near))]
-        assert float((drawn[0] - drawn[1]).abs().mean()) < 0.01
-
-
 @pytest.mark.parametrize("loop", [False, True])
 def test_every_frame_holds_its_attractor_and_the_camera_moves_smoothly(loop):
     stops = [codes.known("sierpinski_triangle"), codes.known("fern"), random_suite(4)[3]]
@@ -127,14 +118,6 @@ def test_every_frame_holds_its_attractor_and_the_camera_moves_smoothly(loop):
     around = [*range(120), 0] if loop else range(120)
     assert np.abs(np.diff(zooms[around])).max() < 0.06 and np.abs(np.diff(zooms[around], 2)).max() < 0.02
     assert np.abs(np.diff(centers[around], axis=0)).max() < 0.06
-
-
-def test_the_camera_holds_a_box_that_is_large_for_one_frame():
-    boxes = [np.array([-1.0, -1, 1, 1])] * 41
-    boxes[20] = np.array([-3.0, -2, 3, 2])
-    views = morphs._camera(boxes, 4, False)
-    assert views[20].box[2] == pytest.approx(4) and views[8].box[2] == views[32].box[2] == pytest.approx(4 / 3)
-    assert np.abs(np.diff(np.log([view.zoom for view in views]))).max() < 0.3
 
 
 @pytest.mark.parametrize(("work", "message"), [

@@ -193,24 +193,3 @@ def test_warming_up_gives_way_to_a_task(monkeypatch):
     assert len(steps) == 2, "it was in the middle"
     _compile(theirs)
     assert len(steps) == 2, "the task is still waiting"
-
-
-@pytest.mark.slow
-def test_a_studio_that_ends_while_it_searches_keeps_the_code_and_says_nothing(tmp_path, triangle, caplog):
-    pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
-    with served(tmp_path) as studio, studio.tab() as tab:
-        studio.send(triangle)
-        tab.until(lambda state: state["ready"] and free(state) and state["picture"])
-        tab.do("find", settings={"levels": "density"})
-        tab.until(lambda state: state["task"] == "find" and state["code"])
-    assert len(studio.kept) == 1 and not caplog.records
-
-
-def test_a_search_that_is_stopped_before_its_process_is_ready_ends_without_a_word():
-    words = queue.Queue()
-    worker = Worker(words.put, deaf)
-    worker.do(60)
-    worker.stop()
-    done = words.get(timeout=90)
-    worker.close()
-    assert done.why == "" and not done.interrupted and done.found is None

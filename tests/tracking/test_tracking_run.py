@@ -32,16 +32,6 @@ def test_buffered_metrics_arrive_with_their_steps_in_few_calls(uri, start, tmp_p
     assert get(uri, run_id).info.status == "FINISHED"
 
 
-def test_non_finite_values_are_left_out_and_counted(uri, start):
-    with start() as run:
-        run.log({"train/loss": float("nan"), "train/rate": 1.0}, 7)
-        run.log({"train/loss": float("inf")}, 8)
-        run.log({"train/loss": 2.0}, 9)
-    data = get(uri, run.run_id).data
-    assert data.metrics == {"train/loss": 2.0, "train/rate": 1.0}
-    assert data.tags["non_finite"] == "train/loss: 2, first nan at step 7"
-
-
 @pytest.mark.parametrize("name", ["loss (mean)", "a//b", "/a", "../a", "", "a/", "é(", "x" * 251])
 def test_names_that_mlflow_refuses_are_input_errors(start, name):
     with start() as run:

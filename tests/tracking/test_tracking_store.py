@@ -5,7 +5,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import threading
 import time
 
 import numpy as np
@@ -161,29 +160,6 @@ def test_four_processes_start_at_once_and_a_killed_one_is_marked(tmp_path):
     for run_id in ids.values():
         assert get(uri, run_id).info.status == "FINISHED"
         assert len(tracking.read_series(uri, run_id, "train/loss")) == 500
-
-
-def test_a_run_that_another_process_goes_on_with_meanwhile_is_not_taken_for_killed(uri, start, tmp_path, monkeypatch):
-    run = start()
-    store.connect(uri).set_tag(run.run_id, "process_start", "another boot 123")
-
-    def go_on() -> None:
-        tracking.start_run(uri, "study", "fit", folder=tmp_path, resume_run_id=run.run_id).finish("FAILED")
-
-    other = threading.Thread(target=go_on)
-    pages = store.pages
-
-    def found_then_gone_on_with(search, **query):
-        found = list(pages(search, **query))
-        if "filter_string" in query:  # the runs that are RUNNING
-            other.start()
-            other.join(timeout=2)  # long enough for it to end, were it not made to wait
-        return found
-
-    monkeypatch.setattr(store, "pages", found_then_gone_on_with)
-    tracking.mark_killed_runs(uri)
-    other.join()
-    assert get(uri, run.run_id).info.status == "FAILED"
 
 
 # Reading back

@@ -157,23 +157,6 @@ def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
     assert all(bool(tensor.isfinite().all()) for tensor in snapshot.tensors.values())
 
 
-@pytest.mark.parametrize("together", [2, 5, 32])
-@pytest.mark.parametrize("name", ["alternating", "annealing"])
-def test_fetching_numbers_together_changes_nothing(target, monkeypatch, name, together):
-    """As on a GPU, where a wait for every step's numbers would cost more than the step."""
-    def run():
-        told = []
-        options = {"iterations": 11, "starts": 2, "scouting": 6, "previews": 2}
-        code = fit(OPTIMIZERS[name](), **options).reconstruct(target, on_step=told.append).code
-        return code, [(p.step, p.fraction, p.scalars, p.preview is None) for p in told]
-
-    (alone, told_alone) = run()
-    monkeypatch.setattr(readback, "STEPS", {"cpu": together})
-    (code, told) = run()
-    assert torch.equal(code.linear, alone.linear) and torch.equal(code.offset, alone.offset)
-    assert told == told_alone
-
-
 def test_a_nan_among_steps_fetched_together_is_found_and_the_state_before_them_kept(target, tmp_path, monkeypatch):
     monkeypatch.setattr(readback, "STEPS", {"cpu": 4})
 

@@ -11,11 +11,9 @@ from fractal_exp.ifs.attractor import normalize
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
 from fractal_exp.methods.collage.moves.search import ImageSearch
-from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves, Restart
-from fractal_exp.methods.collage.stages.rounding import LastDigits
-from fractal_exp.methods.collage.state import Key, State
+from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.deadline import Deadline
 
 
@@ -123,10 +121,6 @@ def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
         assert ends(binary, 40, frame=options) == pytest.approx([0.35, 0.95, 0.95, 0.95])
 
 
-def test_time_is_left_for_the_last_stage_of_a_picture_that_others_drew(triangle):
-    assert ends(triangle[1], 40, levels="coverage") == pytest.approx([0.35, 0.8, 0.8, 0.8])
-
-
 def test_rounds_of_a_binary_image_have_equal_parts_of_the_time(triangle):
     grey, binary = triangle[1], (triangle[1] > 0.25).float()
     assert ends(binary, 80) == pytest.approx([0.175, 0.425, 0.675, 0.925])
@@ -143,32 +137,6 @@ def test_rounds_of_a_binary_image_have_equal_parts_of_the_time(triangle):
     large = replace(problem(torch.ones(512, 512), levels="binary", rounds=3), deadline=Deadline(239))
     assert large.full_rounds == 1 and replace(large, deadline=Deadline(240)).full_rounds == 2
     assert [replace(given, deadline=Deadline(80), params=PARAMS).restarts(number) for number in range(3)] == [5, 5, 3]
-
-
-def test_a_round_that_begins_late_still_makes_a_code(triangle):
-    seconds = [0.0]
-    given = replace(problem((triangle[1] > 0.25).float(), rounds=2, search={"restarts": 2}),
-                    deadline=Deadline(80, lambda: seconds[0]))
-    seconds[0] = 60
-    assert [Restart(given, 1, number).latest_start.passed for number in (0, 1)] == [False, True]
-    pipeline = Pipeline(given, State(done=Key(0, "image"), before=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
-                        on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key))
-    done = []
-    pipeline.run()
-    assert [key.stage for key in done][:2] == ["restart", "detail"]
-
-
-def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(triangle):
-    """Otherwise the search would end with this code."""
-    seconds = [0.0]
-    given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(80, lambda: seconds[0]))
-    done = []
-    seconds[0] = 41
-    Pipeline(given, State(done=Key(0, "detail"), best=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
-             on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
-    assert [(key.round, key.stage) for key in done][:2] == [(0, "image"), (1, "restart")]
-    seconds[0] = 75
-    assert ImageMoves(given, 0).latest_start.passed and not LastDigits(given, 2).latest_start.passed
 
 
 def test_a_firm_polish_follows_at_full_size(pulled):

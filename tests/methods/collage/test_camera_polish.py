@@ -76,15 +76,6 @@ def test_only_values_that_the_user_left_open_move():
     assert Drawn(CAMERA, image).open_values == []
 
 
-def test_a_pen_of_no_width_has_its_whole_derivative():
-    image = drawn_by(Drawn(CAMERA, None, PEN), GASKET)
-    thin = ImageObjective(image, Drawn(CAMERA, image, (0.0, 0.0, 0.5 * PIXEL)), PARAMS)
-    start = thin.judge(affine.from_code(GASKET))
-    columns = [kind(thin, start, range(len(start.maps)), 0, camera=True) for kind in (FromPoints, FromRenderings)]
-    pens = [float(each.square[-2, -2]) ** 0.5 for each in columns]
-    assert pens[1] == pytest.approx(pens[0], rel=0.3)
-
-
 def test_a_thin_line_is_drawn_by_thin_tiles():
     image = koch_lines(3, 0.6)
     angles = {}
@@ -144,10 +135,3 @@ def test_a_known_value_excludes_the_kinds_that_do_not_have_it(known, kinds):
         levels = Drawn(params.camera, image, (0.0, 0.5 * PIXEL, 0.5 * PIXEL))
         assert estimated(image, levels, GASKET, params, 0)[0] in kinds
     assert bool(_tries(params)) == ("coverage" in kinds), "no construction is sought in dots"
-
-
-@pytest.mark.parametrize("usual", [0.0, 0.65, 1.0])
-def test_a_tile_that_is_white_all_over_is_drawn_whole(usual):
-    image = torch.ones(SIDE, SIDE)
-    drawn = tiled(image, GASKET, 0.25, SIDE, 3, camera=CAMERA.updated(tile_usual=usual))
-    assert float(drawn.max()) == 1.0 and float(tiled(image * 0, GASKET, 0.25, SIDE, 3, camera=CAMERA).max()) == 0.0

@@ -126,11 +126,6 @@ def test_where_the_search_found_a_blob_maps_are_grown_instead():
     assert state.result.error < objective(BRANCH).judge(BLOB).error / 2
 
 
-def test_nothing_is_grown_where_growth_is_switched_off():
-    state, told = run(BRANCH, growth={"enabled": False})
-    assert told == [] and torch.equal(state.result.maps, BLOB)
-
-
 def test_where_the_search_found_the_code_nothing_is_grown(triangle):
     code, image = triangle
     right = tied(affine.from_code(code))
@@ -176,20 +171,6 @@ def test_grown_maps_get_a_camera_that_shows_them():
     nearest = estimated(picture, some.problem.levels, grown.code, some.params, 0)
     assert likeness(nearest) < 0.5, "too faint to be seen"
     assert likeness(shown.camera) > 0.95 and shown.camera[0] == "dots"
-
-
-def test_what_draws_a_binary_image_with_less_error_stays():
-    truth = attractor.normalize(random_suite(67)[4])
-    image = target(truth, 128, "binary")
-    some = stage(image)
-    some.open(State())
-    grown = replace(some.grower.plain(6), likeness=1.0)
-    right = affine.from_code(truth)
-    assert torch.equal(some.close(State(best=tied(right), curve=(grown,))).result.maps, right)
-    assert torch.equal(some.close(State(best=tied(BLOB), curve=(grown,))).result.maps, grown.maps)
-    asked = stage(image, likeness=0.99)
-    asked.open(State())
-    assert torch.equal(asked.close(State(best=tied(right), curve=(grown,))).result.maps, grown.maps)
 
 
 def test_however_late_it_is_there_is_a_paving_at_least():

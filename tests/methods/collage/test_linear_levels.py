@@ -7,7 +7,6 @@ from collage_helpers import params
 from scipy.ndimage import gaussian_filter
 
 from fractal_exp import invert
-from fractal_exp.errors import InputError
 from fractal_exp.ifs.code import IFS
 from fractal_exp.inversion import Likeness
 from fractal_exp.methods.collage import maps as affine
@@ -16,7 +15,6 @@ from fractal_exp.methods.collage.camera.linear import Linear
 from fractal_exp.methods.collage.image.jacobian import WEIGHT, FromCounts
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.population import Population
-from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CameraParams
 from fractal_exp.methods.collage.stages.crossing import Crossing
 from fractal_exp.methods.collage.stages.problem import SearchProblem
@@ -174,19 +172,3 @@ def test_populations_are_for_linear_images_of_a_given_number_of_maps(image):
 
     assert crossed(image, maps=3)
     assert not crossed(image) and not crossed(image, maps=9) and not crossed(image, maps=3, population={"most_maps": 0})
-
-
-@pytest.mark.parametrize(("camera", "message"), [
-    ({"blur_px": -1.0}, "camera.blur_px must be at least 0"),
-    ({"blur_px": float("inf")}, "camera.blur_px must be a finite number"),
-    ({"linear_points": 0.0}, "camera.linear_points must be at least 0.1"),
-])
-def test_a_camera_that_cannot_be_is_refused(camera, message):
-    with pytest.raises(InputError, match=message):
-        Collage(levels="linear", camera=camera)
-
-
-@pytest.mark.parametrize("counts", [np.full((64, 64), 3.0), -np.eye(64), np.full((64, 64), np.nan)])
-def test_what_is_no_density_is_refused(counts):
-    with pytest.raises(InputError, match="must be finite, at least 0 and not all equal"):
-        invert(counts, levels="linear", maps=3, frame="keep")

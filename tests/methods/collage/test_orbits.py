@@ -7,7 +7,6 @@ import torch
 from collage_helpers import CAMERA, PARAMS, objective
 
 from fractal_exp import ops
-from fractal_exp.errors import InputError
 from fractal_exp.methods.collage.camera.levels import Density
 from fractal_exp.methods.collage.moves.root import rooted
 from fractal_exp.methods.collage.moves.search import ImageSearch
@@ -35,14 +34,6 @@ def test_orbits_are_binned_as_their_points_are_to_a_bit(maps, size):
     assert torch.equal(found, expected)
     twin = orbit_bins(batch, probabilities, size, trajectories=20, length=430, warmup=30, seed=-7, backend="torch")
     assert torch.allclose(found, twin, atol=2e-5)
-
-
-def test_orbits_of_other_shapes_are_refused():
-    batch, probabilities = random_codes(2, 3)
-    with pytest.raises(InputError, match="probabilities"):
-        orbit_bins(batch, probabilities[:2], 32, trajectories=2, length=40, warmup=30, seed=0)
-    with pytest.raises(InputError, match="maps"):
-        orbit_bins(batch[0], probabilities, 32, trajectories=2, length=40, warmup=30, seed=0)
 
 
 class Counted(Density):

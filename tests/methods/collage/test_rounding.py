@@ -102,16 +102,6 @@ def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
     assert found.error < 0.1 * start.error
 
 
-def test_lines_are_none_of_maps_with_wide_images(triangle):
-    maps, picture = pictured(triangle[0])
-    spread = Spread.of(picture.judge(maps), picture, picture.params.canonical)
-    assert not list(spread.lines(maps[0]))
-    upright = torch.tensor([0, 0, 0.001, 0.4, 0.0005, 0.1])
-    lines = list(spread.lines(upright))
-    assert all(line.one[0] == line.one[1] == 0 and line.scale in (2, 3) for line in lines)
-    assert {round(float(line.one[4]) / EDGE) for line in lines if abs(float(line.one[4])) < 2 * EDGE} == {-1, 1}
-
-
 def test_no_line_or_rounding_is_proposed_that_does_not_contract():
     spread = torch.diag(torch.tensor([1e-4, 0.1], dtype=torch.float64))
     tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, PARAMS.canonical, 0.9995)
@@ -132,14 +122,6 @@ def test_fixed_entries_stay_while_others_are_polished(triangle):
     moved = found.maps != start.maps
     assert found.error < start.error
     assert not any(moved[i, j] for i, j in fixed) and int(moved.sum()) == 13
-
-
-def test_maps_that_are_fixed_whole_are_not_polished(triangle):
-    maps, picture = pictured(triangle[0])
-    start = picture.judge(off(maps, 0.3))
-    found = polished(picture, start, 2, fixed={(1, j) for j in range(6)})
-    assert found.error < start.error and torch.equal(found.maps[1], start.maps[1])
-    assert polished(picture, start, 2, fixed={(i, j) for i in range(3) for j in range(6)}) is start
 
 
 @pytest.mark.parametrize("kind", ["grey", "binary"])

@@ -18,7 +18,7 @@ from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
-from fractal_exp.methods.collage.stages.construction import Recursion, is_construction
+from fractal_exp.methods.collage.stages.construction import Recursion
 from fractal_exp.methods.collage.stages.image import DrawnMoves, stages_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
@@ -206,13 +206,6 @@ def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     assert not DrawnMoves(stage.problem, 0).is_wanted(replace(state, best=best, current=None))
 
 
-def test_tiles_of_many_maps_explain_nothing():
-    few, many = (Candidate(affine.from_code(tree()).repeat(n, 1)[:2 * n], None, 1.0, 1.0, ("coverage", 0.1, 0.0, 0.0))
-                 for n in (1, 2))
-    assert is_construction(few, CAMERA.tiled_maps) and not is_construction(many, CAMERA.tiled_maps)
-    assert not is_construction(replace(few, camera=("coverage", 0.0, 0.1, 0.0)), CAMERA.tiled_maps), "a pen"
-
-
 def test_a_code_that_draws_the_picture_is_not_searched_again():
     image = drawing(10)
     problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS)
@@ -227,12 +220,3 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
 
 def replace_params(problem, **options):
     return SearchProblem(problem.given, problem.levels, problem.params.updated(**options))
-
-
-def test_a_shrunk_picture_is_not_taken_for_a_construction_that_was_not_sought():
-    image = drawing(4)
-    problem = SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS.updated(
-        stages={"largest_side": 64, "full_side": 128}))
-    state = State(best=Candidate(affine.from_code(tree())[:2], None, 1.0, 1.0, ("coverage", 0.1, 0.0, 0.0)))
-    assert problem.is_reduced and not Recursion.may_help(problem)
-    assert DrawnMoves(problem).is_wanted(state)

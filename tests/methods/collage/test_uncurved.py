@@ -1,6 +1,5 @@
 """The search on a picture that may be a density behind a tone curve."""
 
-from dataclasses import replace
 
 import pytest
 import torch
@@ -18,7 +17,6 @@ from fractal_exp.methods.collage.stages.image import stages_of
 from fractal_exp.methods.collage.stages.measure import Detail, Restart, Uncurved
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
-from fractal_exp.runtime.deadline import Deadline
 
 SIDE, PARAMS = 128, CollageParams()
 CAMERA = PARAMS.camera
@@ -57,13 +55,6 @@ def test_only_the_first_round_of_such_a_picture_searches_it_as_a_density_too():
         assert Uncurved not in kinds(problem(**options)), options
 
 
-def test_a_restart_on_another_measure_does_not_begin_late():
-    seconds = [0.0]
-    given = replace(problem(), deadline=Deadline(100, lambda: seconds[0]))
-    seconds[0] = 50
-    assert [stage(given).latest_start.passed for stage in (Restart, Uncurved)] == [False, True]
-
-
 @pytest.mark.parametrize("is_better", [True, False])
 def test_the_search_stays_with_the_measure_whose_code_explains_the_picture_better(is_better):
     true, wrong = (Candidate(affine.from_code(code), None, 0.1, score)
@@ -75,18 +66,6 @@ def test_the_search_stays_with_the_measure_whose_code_explains_the_picture_bette
     assert after.scores == (true.score,), "scores on different measures cannot be compared"
     assert len(after.pool) == (8 if is_better else 4)
     assert State.of(after.snapshot(), "cpu").measured_through == after.measured_through
-
-
-def test_later_stages_search_what_the_state_says():
-    given, curve = problem(), ToneMapped(CAMERA, CURVED)
-    assert torch.equal(given.masses_of(0, ("tonemapped",)), curve.measure(CURVED))
-    assert torch.equal(given.masses_of(0), given.masses)
-    errors = []
-    for measured in ((), ("tonemapped",)):
-        stage = Restart(given, 0, 0)
-        stage.open(State(measured_through=measured))
-        errors.append(stage.begin(State()).error)
-    assert errors[0] != errors[1]
 
 
 def test_behind_a_tone_curve_dots_have_no_advantage():

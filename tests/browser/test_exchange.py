@@ -4,7 +4,7 @@ import json
 
 import pytest
 import torch
-from browser_helpers import COARSE, pages
+from browser_helpers import COARSE
 from editing_helpers import WINDOW, close, code_of, dialog, likeness, same, with_maps
 
 from fractal_exp import IFS, codes
@@ -25,9 +25,9 @@ HOSTILE = [
 
 
 @pytest.fixture(scope="module")
-def shared(fern, browser):
+def shared(fern, pages):
     """One such page for all tests that leave its code as it was: to open one takes seconds."""
-    with pages(browser) as open_page:
+    with pages.lent() as open_page:
         yield with_maps(open_page(WINDOW, **COARSE).go(f"file://{fern[1]}"))
 
 

@@ -12,30 +12,28 @@ import pytest
 
 
 def run_here(program: ModuleType, *words: str, server: str | None = None) -> tuple[int, str]:
-    """The status of a module of fractal_exp.cli with these words, and all that it prints, errors too. server: the
-    address of the one that keeps the runs."""
-    printed = io.StringIO()
+    """The status of a module with a `main` that is called with these words, and all that it prints, errors too.
+    server: the address of the one that keeps the runs."""
+    printed, status = io.StringIO(), 0
     with (pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed),
-          contextlib.redirect_stderr(printed), pytest.raises(SystemExit) as end):
+          contextlib.redirect_stderr(printed)):
         patch.setattr(sys, "argv", [program.__name__, *words])
         patch.setattr("fractal_exp.cli.interruption.listen", lambda: None)  # the signals are pytest's
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         if server is not None:
             patch.setenv("MLFLOW_TRACKING_URI", server)
-        program.main()
-    status = end.value.code or 0
+        try:
+            program.main()
+        except SystemExit as end:
+            status = end.code or 0
     assert isinstance(status, int), status
     return status, printed.getvalue()
 
 
-def said(program, arguments: list[str], monkeypatch, capsys) -> str:
-    """The line that a program ends with, which is all that it prints there."""
-    monkeypatch.setattr(sys, "argv", ["program", *arguments])
-    monkeypatch.setattr("fractal_exp.cli.interruption.listen", lambda: None)
-    with pytest.raises(SystemExit) as stop:
-        program.main()
-    error = capsys.readouterr().err
-    assert stop.value.code == 2 and error.count("\n") == 1, error
+def said(program: ModuleType, *words: str) -> str:
+    """The line of error that a command ends with, which is all that it prints."""
+    status, error = run_here(program, *words)
+    assert status == 2 and error.count("\n") == 1, error
     for word in ("Traceback", "struct", "ConfigStore", "HYDRA", "TrainConfig", "PerceptualConfig"):
         assert word not in error
     return error

@@ -27,14 +27,6 @@ def test_every_part_has_its_options_and_the_whole_has_none():
     assert ablation.options_without("roots") == {"moves": {"root": 0.0}}
 
 
-def test_some_classics_can_be_chosen():
-    assert ablation.problems(["suite", "classics"], 2, ["fern"]) == [("suite", 0), ("suite", 1), ("classics", "fern")]
-
-
-def test_no_fit_so_far_is_an_empty_table(tmp_path):
-    assert list(ablation.read(tmp_path).columns) == ["without", "set", "fractal"]
-
-
 def test_fits_under_another_limit_are_not_mixed_in(tmp_path):
     frame = pd.DataFrame([each | {"limit": 40, "resolution": 256} for each in fits("lines", {0: 0.9})])
     ablation.check_same(frame, 40, 256, tmp_path)

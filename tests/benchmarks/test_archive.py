@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from benchmarks import archive, judge, suite
-from fractal_exp.ifs import attractor
+from benchmarks import archive, suite
 from fractal_exp.suite import random_suite
 
 CODE = replace(random_suite(1, 7)[0], meta={})
@@ -30,20 +29,6 @@ def test_codes_come_back_to_the_last_bit(tmp_path):
     assert archive.missing(tmp_path, range(4)) == [0, 2]
 
 
-@pytest.mark.slow
-def test_a_run_is_judged_from_its_codes_alone(tmp_path, capsys):
-    archive.append(tmp_path, fit(code=attractor.normalize(CODE), stages=()))
-    archive.append(tmp_path, fit(fractal=1, code=attractor.normalize(CODE), stages=()))  # not its code
-    judge.run(tmp_path, 1)
-    table = judge.pd.read_csv(tmp_path / "per_view.csv")
-    results = table[table["method"] == judge.RESULT].groupby("fractal").first()
-    assert bool(results["exact"][0]) and not bool(results["exact"][1])
-    assert results["true_maps"][1] == len(random_suite(2, 7)[1])
-    text = (tmp_path / "report.txt").read_text()
-    assert "exact: 50% (1)" in text and "all black" in text and "released views" in text
-    assert text in capsys.readouterr().out
-
-
 def test_a_folder_holds_one_run(tmp_path, monkeypatch):
     archive.append(tmp_path, fit())
     monkeypatch.setattr("sys.argv", ["suite", "collage", "--kind", "binary", "--output", str(tmp_path)])
@@ -62,8 +47,3 @@ def test_a_line_that_a_kill_cut_short_is_left_out_and_the_next_begins_anew(tmp_p
     with pytest.warns(UserWarning, match="line 2 is incomplete"):
         assert [each.fractal for each in archive.read(tmp_path)] == [0, 2]
     assert path.read_text().count("\n") == 3
-
-
-def test_the_suite_of_seed_zero_is_not_kept_where_the_classics_are():
-    assert suite.default_folder("collage", 0, "grey") != suite.default_folder("collage", None, "grey")
-    assert suite.default_folder("collage", 2025, "grey").name == "collage_2025_grey"

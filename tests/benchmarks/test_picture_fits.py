@@ -4,12 +4,11 @@ import json
 from concurrent.futures import Future
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 
 from benchmarks.pictures import __main__ as command
-from benchmarks.pictures import fitting, report, tables
+from benchmarks.pictures import fitting, report
 from benchmarks.pictures.sets import SETS
 from fractal_exp import IFS
 from fractal_exp.images.reading import read_target
@@ -39,17 +38,6 @@ def test_a_fit_from_the_truth_refines_the_true_code_and_searches_nothing(tmp_pat
     assert found["recovered"] and found["maps"] == 3 and found["from_truth"]
     assert fitting.run("textbook", ["pythagoras-4-green"], setting, tmp_path, 1) == 0
     assert "no true code" in fitting.fit("textbook", "pythagoras-4-green", setting)["error"]
-
-
-def test_what_a_fit_from_the_truth_needs_leaves_the_other_fields_of_a_component():
-    merged = fitting._merged({"maps": 3, "camera": {"pen_px": 1.5, "strokes": True}}, {"rounds": 1, "camera": {
-        "strokes": False}})
-    assert merged == {"maps": 3, "rounds": 1, "camera": {"pen_px": 1.5, "strokes": False}}
-
-
-def test_a_fit_that_fails_is_a_line_that_says_so():
-    failed = fitting.fit("textbook", "gasket-4-black", fitting.Setting(1, "core", {"no_such_option": 1}))
-    assert "no_such_option" in failed["error"] and "maps" not in failed
 
 
 def test_what_is_there_is_not_fitted_again(tmp_path, monkeypatch):
@@ -103,29 +91,6 @@ def test_the_report_has_tables_and_sheets(tmp_path):
     assert [path.name for path in tmp_path.glob("*.png")] == ["sheet_00.png"]
     with pytest.raises(SystemExit, match="no fits"):
         report.write("textbook", tmp_path / "other")
-
-
-def test_shallow_pictures_do_not_count_overall():
-    rows = pd.DataFrame([line("koch_curve-3-blue", iou=0.1), line("koch_curve-6-orange", iou=0.99)])
-    overall = tables.textbook(rows)["Overall"].set_index("pictures")
-    assert overall.loc["depth 4 and more, and scatter plots", "n"] == 1
-    assert overall.loc["all", "IoU >= 0.95"] == "0.500" and overall.loc["the deepest of each", "IoU"] == "0.990"
-
-
-def test_shapes_below_their_paving_are_counted():
-    row = {"picture": "horse", "role": "tuning", "maps": 19, "f1_input": 0.6, "f1_paving": 0.8, "core_seconds": 1.0,
-           "wall_seconds": 1.0, "licence": "CC0"}
-    done = tables.shapes(pd.DataFrame([row, row | {"picture": "lily", "maps": 40, "f1_input": 0.9}]))
-    assert done["Overall"]["below paving"][0] == 1 and done["Overall"]["worst F1"][0] == "0.600"
-    assert list(done["By number of maps"]["number of maps"]) == ["17-32", "33-64"]
-    assert list(done["Shapes"]["shape"]) == ["horse", "lily"]
-
-
-def test_options_of_the_command_line():
-    options = command._options(["maps=4", "moves.root=0", "levels=density", "moves.reorient=1.5"])
-    assert options == {"maps": 4, "moves": {"root": 0, "reorient": 1.5}, "levels": "density"}
-    with pytest.raises(SystemExit, match="KEY=VALUE"):
-        command._options(["maps"])
 
 
 def test_the_command_draws_what_it_names(tmp_path):

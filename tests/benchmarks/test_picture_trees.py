@@ -33,15 +33,6 @@ def test_the_trunk_of_a_true_code_is_the_one_that_is_drawn(name):
     assert np.array(drawn) == pytest.approx(np.array(tree.trunk), abs=1e-4)
 
 
-def test_random_trees_are_of_many_kinds():
-    every = trees.random_trees().values()
-    assert len(every) == trees.RANDOM_TREES
-    for kind in ("depth", "ink", "thinning", "tool", "jpeg"):
-        assert len({getattr(each, kind) for each in every}) > 1
-    assert {len(each.copies) for each in every} == {2, 3}
-    assert all(len(each.copies)**each.depth <= trees.MOST_TWIGS for each in every)
-
-
 def _written(axiom, rules, steps, angle):
     """The ends (S,2) of the segments F that a turtle draws of an L-system, upwards from 0."""
     for _ in range(steps):

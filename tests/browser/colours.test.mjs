@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { Refused, plainCode, ready } from "../../fractal_exp/viewer/static/code.mjs";
 import {
-  PALETTES, PLAIN, STOPS, colourAt, foldedWord, foldsOf, fromLink, rgbOf, stopsOf, toLink, whiteOf,
+  PALETTES, PLAIN, STOPS, foldedWord, foldsOf, fromLink, rgbOf, toLink, whiteOf,
 } from "../../fractal_exp/viewer/static/colours.mjs";
 import { withAdded, withoutMap } from "../../fractal_exp/viewer/static/editing.mjs";
 import { canvasByHand, colouredByHand, throwByHand } from "../../fractal_exp/viewer/static/hand.mjs";
@@ -39,16 +39,6 @@ test("by map the last map decides, by address all do, and plain and density need
   assert.deepEqual([...foldsOf(code, { by: "address", palette: "fire" }).keep], [0.5, 0.5, 0.5]);
   for (const by of ["plain", "density", "nonsense"]) assert.equal(foldsOf(code, { by, palette: "sea" }), null);
   assert.equal(foldsOf(plainCode(HALVES), { by: "own" }), null);
-});
-
-test("palettes are colours of equally spaced places", () => {
-  for (const palette of Object.keys(PALETTES)) {
-    assert.equal(stopsOf(palette).length, 3 * STOPS);
-    assert.ok(stopsOf(palette).every((part) => part >= 0 && part <= 1), palette);
-  }
-  assert.ok(near(colourAt("sea", 1), rgbOf(PALETTES.sea.at(-1))));
-  const [, one, other] = PALETTES.sea.map((stop) => rgbOf(stop));
-  assert.ok(near(colourAt("sea", 0.3), one.map((part, c) => (part + other[c]) / 2)));
 });
 
 test("points thrown by hand have the mean colour of the chaos game in every pixel", () => {

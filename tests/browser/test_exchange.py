@@ -4,8 +4,8 @@ import json
 
 import pytest
 import torch
-from browser_helpers import COARSE, pages
-from editing_helpers import WINDOW, close, code_of, dialog, exported, likeness, same, with_maps
+from browser_helpers import COARSE
+from editing_helpers import WINDOW, close, code_of, dialog, likeness, same, with_maps
 
 from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
@@ -22,9 +22,9 @@ HOSTILE = [
 
 
 @pytest.fixture(scope="module")
-def shared(fern, browser):
+def shared(fern, pages):
     """One such page for all tests that leave its code as it was: to open one takes seconds."""
-    with pages(browser) as open_page:
+    with pages.lent() as open_page:
         yield with_maps(open_page(WINDOW, **COARSE).go(f"file://{fern[1]}"))
 
 
@@ -80,14 +80,6 @@ def test_a_code_and_its_drawing_are_saved(fern, shared, tmp_path, key):
         assert len(path.read_bytes()) > 10_000
     else:
         assert same(IFS.load(path), code) and torch.equal(IFS.load(path).probabilities, code.probabilities)
-
-
-def test_the_drawing_opens_in_a_browser_with_maps_over_the_shape(shared, open_page, tmp_path):
-    (tmp_path / "maps.svg").write_text(exported(shared, "svg"))
-    drawing = open_page(300)
-    drawing.page.goto(f"file://{tmp_path}/maps.svg")
-    assert drawing.page.locator("polygon").count() == 4 and drawing.page.locator("image").count() == 1
-    assert drawing.said == []
 
 
 def test_a_sandboxed_frame_offers_the_text_of_a_code(fern, open_page, tmp_path):

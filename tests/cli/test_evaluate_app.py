@@ -63,25 +63,6 @@ def test_a_folder_of_codes_becomes_tables_strips_and_a_report(folder, capsys):
     assert len(list((folder / "truths").glob("*.npz"))) == 14
 
 
-def test_the_distance_fractal_leaves_the_fractals_their_names(folder):
-    save_two(folder)
-    app.main(["mine", "--truth", "suite", "--out", "judged", *SMALL, "--perceptual", "fractal",
-              "--track", "judgements"])
-    per_view = pd.read_parquet(folder / "judged" / "per_view.parquet")
-    assert set(per_view.fractal) == {"fit-000", "fit-003"} and per_view.lpips.isna().all()
-    means = per_view.groupby("method").fractal_distance.mean()
-    assert 0 <= means["ceiling"] < means["result"] < means["all white"]
-    summary = pd.read_csv(folder / "judged" / "summary.csv")
-    [line] = summary[(summary.method == "result") & (summary.zoom_class == "all")
-                     & (summary.metric == "fractal_distance")].itertuples()
-    assert line.fractals == 2 and line.mean == pytest.approx(means["result"]) and line.low < line.mean < line.high
-    report = (folder / "judged" / "report.txt").read_text()
-    assert "fractal_distance" in report and "perceptual distance: fractal" in report
-    run = tracking.runs_frame(tracking.prepare_store(folder / "outputs"), "judgements").iloc[0]
-    assert run["metrics.eval/fractal_distance"] == pytest.approx(means["result"])
-    assert "metrics.eval/lpips" not in run and run["tags.perceptual"] == "fractal"
-
-
 def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     fern = attractor.normalize(replace(codes.known("fern"), probabilities=None))
     fit = folder / "outputs" / "fits" / "fern-chaotic"
@@ -106,17 +87,6 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     assert torch.equal(candidate.aim.truth.linear, codes.known("fern").linear)
     with pytest.raises(InputError, match="cannot read run"):
         gather(["run:0123"], None, folder / "outputs")
-
-
-def test_a_truth_is_a_code_or_a_folder(folder):
-    save_two(folder)
-    files = [str(folder / "mine" / "fit-000.json")]
-    assert torch.equal(gather(files, "fern", ".")[0].aim.truth.linear, codes.known("fern").linear)
-    assert torch.equal(gather(files, "suite:7", ".")[0].aim.truth.linear, random_suite(8)[7].linear)
-    assert torch.equal(gather(files, "suite:all:5", ".")[0].aim.truth.linear, random_suite(1, 5)[0].linear)
-    (folder / "true").mkdir()
-    codes.known("tree").save(folder / "true" / "fit-000.json")
-    assert torch.equal(gather(files, str(folder / "true"), ".")[0].aim.truth.linear, codes.known("tree").linear)
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

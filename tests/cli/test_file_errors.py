@@ -5,22 +5,18 @@ import multiprocessing
 import os
 import resource
 import signal
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
-import torch
 from hydra import compose, initialize_config_module
 from PIL import Image
 
-from fractal_exp import IFS, InputError, View
+from fractal_exp import InputError
 from fractal_exp.cli import commands, configuration, render, suite
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.cli.jobs import Outcome
 from fractal_exp.cli.train import fit
-from fractal_exp.codes import known
-from fractal_exp.rendering.cache import ImageCache
 from fractal_exp.runtime import files
 
 FORK = multiprocessing.get_context("fork")
@@ -151,37 +147,3 @@ def test_damaged_records_are_refused_by_name(tmp_path, text):
         with pytest.raises(InputError, match=f"{path.name} is ") as error:
             read()
         assert "\n" not in str(error.value)
-
-
-def test_a_damaged_image_of_the_cache_is_drawn_anew_and_said(tmp_path, caplog):
-    size = {"resolution": 32, "points_in_view": 2000, "supersample": 2, "seed": 0}
-    cache = ImageCache(tmp_path)
-    image = cache.render(known("sierpinski_triangle"), View(), **size)
-    (path,) = tmp_path.iterdir()
-    whole = path.read_bytes()
-    np.savez_compressed(tmp_path / "other.npz", lit=np.zeros((99, 99), np.uint16))
-    other = (tmp_path / "other.npz").read_bytes()
-    (tmp_path / "other.npz").unlink()
-    for damaged in (b"", whole[:60], whole[:-30], other):
-        path.write_bytes(damaged)
-        caplog.clear()
-        assert torch.equal(cache.render(known("sierpinski_triangle"), View(), **size), image)
-        assert "is damaged" in caplog.text
-        with np.load(path) as kept:
-            assert kept["lit"].shape == (32, 32)
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_code_is_saved_whole_or_not_at_all(tmp_path):
-    code = IFS([[[0.5, 0], [0, 0.5]]], [[0, 0]])
-    code.save(tmp_path / "code.json")
-    with pytest.raises(InputError, match="File too large"), a_disk_that_takes(20):
-        code.save(tmp_path / "code.json")
-    assert IFS.load(tmp_path / "code.json").linear.equal(code.linear) and os.listdir(tmp_path) == ["code.json"]
-
-
-def test_fits_that_start_together_open_one_folder(tmp_path):
-    with ThreadPoolExecutor(16) as pool:
-        opened = list(pool.map(lambda _: FitFolder.open(tmp_path, "fit"), range(3000)))
-    assert {folder.path for folder in opened} == {tmp_path / "fit"}
-    assert [path.name for path in (tmp_path / "fit").iterdir()] == ["views"]

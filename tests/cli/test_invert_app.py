@@ -151,14 +151,6 @@ def test_an_interruption_writes_the_best_code_so_far_and_says_so(folder, method,
     assert (folder / "gasket-fractal" / "code.json").exists() and "interrupted" in printed.out
 
 
-def test_an_interruption_before_the_first_code_writes_nothing(folder, method, capsys):
-    method(told=(), answer=None)
-    with pytest.raises(SystemExit) as left:
-        app.main(["gasket.png"])
-    assert left.value.code == 130 and "fractal-invert: interrupted" in capsys.readouterr().err
-    assert not (folder / "gasket-fractal").exists()
-
-
 def test_it_finds_a_code_itself(folder, capsys):
     leaf((0, 100, 0)).save("leaf.png")
     app.main(["leaf.png", "--resolution", "64", "--set", "rounds=1", "search.restarts=1", "search.moves=1",

@@ -9,7 +9,7 @@ from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import open_dict
 
-from fractal_exp.cli import configuration, jobs
+from fractal_exp.cli import configuration
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.cli.sweeps import RunningSweep
 from fractal_exp.tracking.outbox import BATCH, Outbox
@@ -47,11 +47,6 @@ def test_sweeps_that_score_or_fit_otherwise_have_folders_of_their_own(tmp_path):
     for change in ("threads=1", "checkpoint_every=3", "sweep.workers=2", "sweep.count=2"):
         assert folder(tmp_path, change) == first, change
     assert folder(tmp_path / "elsewhere").name == first.name
-
-
-def test_names_of_jobs_that_are_cut_differ():
-    names = {jobs.job_name([f"target.name={'a' * 200}{i}"], ["target.name"]) for i in range(3)}
-    assert len(names) == 3
 
 
 def test_a_resumed_fit_goes_on_with_the_run_of_the_same_store_alone(tmp_path):

@@ -21,15 +21,6 @@ def test_time_left_at_a_steady_speed_is_right():
     assert told[3] is None and abs(told[-1] - 51) < 1e-6
 
 
-def test_time_left_does_not_grow_while_a_stage_overruns():
-    left = TimeLeft()
-    for second in range(1, 61):
-        left(second, second / 100)
-    told = [left(second, 0.6) for second in range(61, 400)]
-    known = [value for value in told if value is not None]
-    assert known == sorted(known, reverse=True) and known[0] < 41 and told[-1] is None
-
-
 def test_time_left_follows_the_speed_of_late():
     left = TimeLeft()
     for second in range(1, 11):

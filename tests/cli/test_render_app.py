@@ -31,25 +31,6 @@ def test_a_still_is_what_render_draws(tmp_path, capsys):
     assert str(out) in capsys.readouterr().out
 
 
-def test_a_large_still_is_drawn_in_tiles_to_every_edge(tmp_path, monkeypatch):
-    monkeypatch.setattr(rendering, "TILE", 4 * 40)
-    square = IFS(torch.eye(2).expand(4, 2, 2) / 2, torch.tensor([[-1.0, -1], [-1, 1], [1, -1], [1, 1]]) / 2)
-    square.save(tmp_path / "square.json")
-    for mode, options in {"occupancy": ["--supersample", "4"], "density": []}.items():
-        render_app.main([str(tmp_path / "square.json"), str(tmp_path / f"{mode}.png"), "--size", "150", "--points",
-                         "2e6", "--frame", "own", "--mode", mode, *options])
-        image = pixels(tmp_path / f"{mode}.png")
-        assert image.shape == (150, 150)
-        inner = image[1:-1, 1:-1] / image[1:-1, 1:-1].mean()  # the square fills the canvas: no seam is dark or bright
-        assert np.abs(inner.mean(0) - 1).max() < 0.05 and np.abs(inner.mean(1) - 1).max() < 0.05
-
-
-def test_a_center_may_be_given_in_any_notation(tmp_path):
-    for name, x in (("a", "-1.5e-3"), ("b", "-.0015")):
-        render_app.main(["fern", str(tmp_path / f"{name}.png"), "--size", "32", "--zoom", "50", "--center", x, "-2E-2"])
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-
-
 def test_transparent_and_density_stills(tmp_path):
     render_app.main(["fern", str(tmp_path / "a.png"), "--size", "64", "--transparent"])
     image = pixels(tmp_path / "a.png")
@@ -80,17 +61,6 @@ def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
     for place, name in ((0, "sierpinski_triangle"), (8, "koch_curve"), (16, "fern")):
         known = render(attractor.normalize(codes.known(name)), resolution=63, points_in_view=100_000).numpy()
         assert 2 * (drawn[place] * known).sum() / (drawn[place]**2 + known**2).sum() > 0.8, name
-
-
-def test_a_sequence_does_not_mix_with_one_of_a_longer_film(tmp_path, capsys):
-    (tmp_path / "0004.png").touch()
-    arguments = ["fern", "tree", str(tmp_path / "%04d.png"), "--size", "16", "--points", "100", "--fps", "10",
-                 "--seconds"]
-    with pytest.raises(SystemExit):
-        render_app.main([*arguments, "0.3"])
-    assert "0004.png is there, of a longer film than this one of 3 frames" in capsys.readouterr().err
-    render_app.main([*arguments, "0.4"])
-    assert len(list(tmp_path.iterdir())) == 4
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -137,19 +107,6 @@ def test_a_suite_in_files(tmp_path):
     assert pixels(folder / "sheet.png").max() > 100
     suite_app.main([str(tmp_path / "binary"), "--count", "1", "--resolution", "32", "--binary"])
     assert set(np.unique(pixels(tmp_path / "binary" / "targets" / "000.png"))) == {0, 255}
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["--count", "0"], "at least 1 fractal"), (["--resolution", "0"], "from 1 to 16384"), (["--seed", "-1"], "seed"),
-])
-def test_a_suite_that_cannot_be_written(tmp_path, capsys, arguments, message):
-    with pytest.raises(SystemExit) as stop:
-        suite_app.main([str(tmp_path / "suite"), *arguments])
-    assert stop.value.code == 2 and message in capsys.readouterr().err and not list(tmp_path.iterdir())
-    (tmp_path / "file").touch()
-    with pytest.raises(SystemExit):
-        suite_app.main([str(tmp_path / "file")])
-    assert "cannot make the folder" in capsys.readouterr().err
 
 
 def test_an_empty_view_names_the_nearest_point(tmp_path, capsys):

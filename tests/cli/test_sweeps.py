@@ -184,10 +184,10 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_refused_in_one_line_before_any_work(name, tmp_path, monkeypatch, capsys):
+def test_bad_input_is_refused_in_one_line_before_any_work(name, tmp_path):
     words, message = BAD[name]
     output = [] if any(word.startswith("output=") for word in words) else [f"output={tmp_path / 'out'}"]
-    assert message in said(command, [*words, *output], monkeypatch, capsys)
+    assert message in said(command, *words, *output)
     assert not (tmp_path / "out").exists()
 
 

@@ -12,16 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from commands import run_here
 from omegaconf import OmegaConf
 from PIL import Image
 from train_helpers import TINY, train
 
 from fractal_exp import IFS, InputError
-from fractal_exp.cli import configuration, interruption
+from fractal_exp.cli import interruption
 from fractal_exp.cli import train as program
-from fractal_exp.cli.train import fit
 from fractal_exp.tracking import read_artifact, read_series, runs_frame
 
 
@@ -133,46 +131,6 @@ def test_an_interrupt_that_got_lost_is_raised_again(number):
             signal.signal(each, handler)
 
 
-def test_an_error_after_an_interrupt_is_the_interrupt(monkeypatch):
-    def cleanup_fails(config):
-        try:
-            interruption._interrupt()
-        finally:
-            raise AttributeError("'NoneType' object has no attribute '_invalidate_flags_cache'")
-
-    def full_disk(config):
-        try:
-            interruption._interrupt()
-        except KeyboardInterrupt:
-            raise InputError("the checkpoint cannot be written") from None
-
-    monkeypatch.setattr(interruption, "_asked", False)
-    monkeypatch.setattr(configuration, "resolve", cleanup_fails)
-    with pytest.raises(KeyboardInterrupt):
-        fit(None)
-    monkeypatch.setattr(interruption, "_asked", False)
-    monkeypatch.setattr(configuration, "resolve", lambda config: {}["missing"])
-    with pytest.raises(KeyError):
-        fit(None)
-    monkeypatch.setattr(configuration, "resolve", full_disk)
-    with pytest.raises(InputError):
-        fit(None)
-
-
-def test_a_run_that_an_error_ends_after_an_interrupt_was_killed(picture, tmp_path, monkeypatch):
-    def cleanup_fails(*_, **__):
-        try:
-            interruption._interrupt()
-        finally:
-            raise AttributeError
-
-    monkeypatch.setattr(interruption, "_asked", False)
-    monkeypatch.setattr("fractal_exp.methods.chaotic.method.Chaotic.reconstruct", cleanup_fails)
-    with pytest.raises(KeyboardInterrupt):
-        train("target=image", f"target.path={picture}", f"output={tmp_path}")
-    assert list(runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")["status"]) == ["KILLED"]
-
-
 def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
     process = command("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
                       "iterations=100000", "checkpoint_every=1000000", "method.previews=5000")
@@ -185,16 +143,6 @@ def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
     assert process.returncode == 130 and "resume=true goes on" in errors and "Traceback" not in errors, errors
     with pytest.raises(InputError, match="another configuration: iterations: 100000 there, 6 now"):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
-
-
-def test_a_fit_by_the_distance_fractal_is_scored_by_it_under_its_own_name(picture, tmp_path, capsys):
-    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}", "resolution=64", "tracking=none",
-                   "perceptual=fractal", "iterations=2")
-    assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "eval/fractal_distance",
-                           "time/fit_seconds"}
-    shown = f"SSIM {scores['eval/ssim']:.3f}  fractal_distance {scores['eval/fractal_distance']:.3f}  ("
-    assert shown in capsys.readouterr().out
-    assert "fractal_distance" in (tmp_path / "fits" / "fit" / "per_view.csv").read_text().splitlines()[0].split(",")
 
 
 def test_a_changed_picture_is_not_gone_on_with(picture, tmp_path):
@@ -277,21 +225,6 @@ def test_no_weights_offline_names_the_remedies(picture, tmp_path, monkeypatch):
     monkeypatch.setenv("https_proxy", "http://127.0.0.1:9")
     with pytest.raises(InputError, match="perceptual_weights|perceptual=none"):
         train("target=image", f"target.path={picture}", f"output={tmp_path}", "perceptual=lpips_alex")
-
-
-def test_the_library_fits_in_one_call(picture):
-    from fractal_exp import invert
-
-    told = []
-    small = {"resolution": 32, "maps": 3, "iterations": 4, "starts": 1, "trajectories": 50, "length": 30}
-    code = invert(picture, method="chaotic", **small, on_step=told.append).code
-    assert len(code) == 3 and len(told) == 4
-    again = invert(np.asarray(Image.open(picture)), method="chaotic", **small).code
-    assert torch.equal(code.linear, again.linear)
-    with pytest.raises(InputError, match="there is no method 'magic'; choose one of collage, chaotic"):
-        invert(picture, method="magic")
-    with pytest.raises(InputError, match="has no option 'shade'; it takes"):
-        invert(picture, shade=3)
 
 
 def test_importing_the_package_is_light():

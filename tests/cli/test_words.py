@@ -1,7 +1,6 @@
 """What a wrong word on the command line is answered with, and what picture= and seconds= come to."""
 
 import argparse
-import errno
 import sys
 
 import numpy as np
@@ -56,8 +55,8 @@ SHOWN = ["--cfg", "job"]
     (["picture=a.png", "target.path=b.png"], "both name a target"),
     (["picture="], "picture= needs a file"),
 ])
-def test_a_wrong_word_is_answered_in_one_line(arguments, message, monkeypatch, capsys):
-    assert message in said(train, [*arguments, *SHOWN], monkeypatch, capsys)
+def test_a_wrong_word_is_answered_in_one_line(arguments, message):
+    assert message in said(train, *arguments, *SHOWN)
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -69,9 +68,9 @@ def test_a_wrong_word_is_answered_in_one_line(arguments, message, monkeypatch, c
     (["-m", *SHOWN], "Only one of"),
     (["target=image"], "no value was given for target.path; add picture=FILE"),
 ])
-def test_so_it_is_where_several_fits_are_asked_for(arguments, message, monkeypatch, capsys, tmp_path):
+def test_so_it_is_where_several_fits_are_asked_for(arguments, message, tmp_path):
     where = [f"output={tmp_path}"] if SHOWN[0] not in arguments else []
-    assert message in said(train, [*arguments, *where], monkeypatch, capsys)
+    assert message in said(train, *arguments, *where)
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -82,8 +81,8 @@ def test_so_it_is_where_several_fits_are_asked_for(arguments, message, monkeypat
     (["seeds", "seed=1,abc"], "seed must be a whole number, got 'abc'"),
     (["seeds", "picture=a.png", "target=known"], "both name a target"),
 ])
-def test_a_sweep_is_refused_before_it_is_opened(arguments, message, monkeypatch, capsys, tmp_path):
-    assert message in said(sweep, [*arguments, f"output={tmp_path / 'out'}"], monkeypatch, capsys)
+def test_a_sweep_is_refused_before_it_is_opened(arguments, message, tmp_path):
+    assert message in said(sweep, *arguments, f"output={tmp_path / 'out'}")
     assert not (tmp_path / "out" / "mlflow.db").exists()
 
 
@@ -147,11 +146,9 @@ def test_a_study_of_the_suite_takes_a_picture_instead(tmp_path):
     assert {each.parent.name for each in (tmp_path / "out").rglob("code.json")} == {"seed=0", "seed=1"}
 
 
-def test_the_help_lists_settings_that_exist(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["fractal-train", "--help"])
-    with pytest.raises(SystemExit):
-        train.main()
-    text = capsys.readouterr().out
+def test_the_help_lists_settings_that_exist():
+    status, text = run_here(train, "--help")
+    assert status == 0
     block = text.split("Settings", 1)[1].split("\n\n", 1)[0].splitlines()[1:]
     listed = [word for line in block for word in line.split("  ")[1].split(", ")]
     assert {"picture", "seconds", "seed", "method", "target.name", "model.maps", "method.maps", "resolution", "output",
@@ -208,27 +205,10 @@ def test_a_code_with_gradients_is_drawn_by_its_values():
     assert torch.equal(image, again) and not again.requires_grad
 
 
-@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device", "/x"),
-                                   BrokenPipeError(errno.EPIPE, "Broken pipe"), OSError("a library's own words")])
-def test_what_the_system_refuses_of_a_file_is_one_line(error, monkeypatch, capsys):
-    def fail(config):
-        raise error
-
-    monkeypatch.setattr(train, "fit", fail)
-    if error.filename:
-        assert "error: /x: No space left on device; free some space" in said(train, [], monkeypatch, capsys)
-        return
-    monkeypatch.setattr(sys, "argv", ["program"])
-    monkeypatch.setattr("fractal_exp.cli.interruption.listen", lambda: None)
-    with pytest.raises(SystemExit) as stop:
-        train.main()
-    assert stop.value.code == 1 and "Traceback" in capsys.readouterr().err
-
-
-def test_a_mistake_in_the_yaml_of_a_user_is_located(monkeypatch, capsys, tmp_path):
+def test_a_mistake_in_the_yaml_of_a_user_is_located(tmp_path):
     (tmp_path / "target").mkdir()
     (tmp_path / "target" / "mine.yaml").write_text("name: fern\nkind: [grey\n")
-    error = said(train, ["--config-dir", str(tmp_path), "target=mine", *SHOWN], monkeypatch, capsys)
+    error = said(train, "--config-dir", str(tmp_path), "target=mine", *SHOWN)
     assert "mine.yaml" in error and "line 2" in error and "expected ',' or ']'" in error
 
 

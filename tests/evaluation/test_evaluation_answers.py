@@ -3,23 +3,19 @@ image depends on, and which view is shown."""
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
-from fractal_exp import IFS, View, codes
+from fractal_exp import View, codes
 from fractal_exp.cli import configuration
 from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual, evaluate
 from fractal_exp.evaluation.code_error import code_error
-from fractal_exp.evaluation.summary import summarize
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import CodeReconstruction
-from fractal_exp.rendering import cache
 from fractal_exp.rendering.cache import ImageCache
-from fractal_exp.rendering.still import RenderInfo
 from fractal_exp.suite import random_suite, target
 from fractal_exp.targets import SuiteFractal, Target
 
@@ -88,25 +84,6 @@ def test_a_cached_image_depends_on(what, tmp_path):
     torch.testing.assert_close(kept.render(code, View(), **SIZE), first)
 
 
-def test_images_drawn_by_a_gpu_are_kept_apart(tmp_path, monkeypatch):
-    def draw(code, view, *, device, resolution, **_):
-        return torch.full((resolution, resolution), float(device == "cuda")), RenderInfo(1, 1, 1.0)
-
-    monkeypatch.setattr(cache, "render_with_info", draw)
-    for _ in range(2):
-        for device, level in (("cpu", 0.0), ("cuda", 1.0)):
-            image = ImageCache(tmp_path, device).render(codes.known("fern"), View(), **SIZE)
-            assert image.unique().tolist() == [level]
-
-
-def test_the_interval_of_one_mean_does_not_shrink_with_more_views_of_the_same_fractals():
-    import pandas as pd
-
-    rows = [{"fractal": fractal, "view": "whole", "zoom": 1.0, "f1": fractal / 10} for fractal in range(8)]
-    few, many = (summarize(pd.DataFrame(rows * views)).iloc[0] for views in (1, 20))
-    assert (many["low"], many["high"]) == (few["low"], few["high"])
-
-
 @pytest.fixture(scope="module")
 def options():
     """What `fractal-train` evaluates with, at a size that takes moments."""
@@ -138,21 +115,3 @@ def test_a_target_of_the_suite_is_the_fractal_of_its_index_seed_and_kind(kind):
     assert torch.equal(loaded.truth.linear, code.linear) and torch.equal(loaded.truth.offset, code.offset)
     assert torch.equal(loaded.image, target(code, 32, kind))
     assert "7" in source.label and "2" in source.label
-
-
-def test_a_target_takes_sixteen_squared_parts_of_a_pixel():
-    levels = np.unique(np.asarray(target(random_suite(1)[0], 32)) * 16**2)
-    np.testing.assert_allclose(levels, levels.round(), atol=1e-3)
-    assert (levels.round() % 4 != 0).any(), "finer than eight by eight"
-
-
-def test_a_perfect_code_is_not_judged_on_its_own_points():
-    square = IFS(torch.eye(2).expand(4, 2, 2) / 2, torch.tensor([[-1.0, -1], [-1, 1], [1, -1], [1, 1]]) / 4)
-    table = evaluate(square, square, resolution=32, points_in_view=2000, supersample=2)
-    assert table.psnr.max() < 40
-
-
-def test_the_truth_is_framed_whatever_frame_the_result_keeps():
-    truth = codes.known("sierpinski_triangle")  # in the unit square
-    scores = evaluate(attractor.normalize(truth), truth, resolution=64, points_in_view=100_000, align="none")
-    assert scores["f1"].iloc[0] > 0.9

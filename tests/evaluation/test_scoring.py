@@ -8,20 +8,15 @@ import pytest
 import torch
 
 from fractal_exp import IFS, InputError, codes
-from fractal_exp.evaluation import Perceptual, evaluate, score, summarize
+from fractal_exp.evaluation import Perceptual, evaluate, summarize
 from fractal_exp.evaluation.scoring import TRIVIAL
 from fractal_exp.evaluation.summary import describe
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.rendering import cache
 from fractal_exp.suite import random_suite
 
 SMALL = {"resolution": 64, "points_in_view": 300_000, "supersample": 4}
 COLUMNS = ["view", "zoom", "center_x", "center_y", "empty", "f1", "iou", "psnr", "ssim", "lpips"]
-
-
-def drop_last(code: IFS) -> IFS:
-    return IFS(code.linear[:-1], code.offset[:-1])
 
 
 def test_a_code_against_itself_is_at_the_ceiling_but_not_above():
@@ -32,29 +27,12 @@ def test_a_code_against_itself_is_at_the_ceiling_but_not_above():
     assert table.lpips.isna().all() and table.attrs["perceptual_absent"]
 
 
-def test_a_wrong_code_is_below():
-    fern = codes.known("fern")
-    right, wrong = evaluate(fern, fern, **SMALL), evaluate(drop_last(fern), fern, **SMALL)
-    for metric in ("f1", "iou", "psnr", "ssim"):
-        assert wrong[metric].mean() < right[metric].mean() - 0.05, metric
-
-
-def test_tables_repeat():
-    a, b = random_suite(2)
-    pd.testing.assert_frame_equal(evaluate(a, b, **SMALL), evaluate(a, b, **SMALL))
-
-
 def test_alignment_by_the_attractors_box_or_not_at_all():
     fern = attractor.normalize(codes.known("fern"))
     moved = fern.similar(0.5, (0.3, -0.2))
     assert evaluate(moved, fern, **SMALL).f1.mean() > 0.97
     assert evaluate(moved, fern, **SMALL, align="none").f1.mean() < 0.6
     assert evaluate(fern, fern, **SMALL, align="none").f1.mean() > 0.97
-
-
-def test_a_reconstruction_with_a_code_is_aligned_like_the_code():
-    fern = codes.known("fern")
-    pd.testing.assert_frame_equal(evaluate(CodeReconstruction(fern), fern, **SMALL), evaluate(fern, fern, **SMALL))
 
 
 def test_trivial_rows():
@@ -167,19 +145,6 @@ def test_summaries_average_over_views_and_bootstrap_over_fractals():
     pd.testing.assert_frame_equal(summarize(table), summarize(table))
 
 
-def test_the_ceiling_fraction_counts_fractals():
-    table = tables(4)
-    table.loc[table.fractal == 0, "f1"] = [0.99, 0.97, 0.96, 0.97]
-    table.loc[table.fractal != 0, "f1"] = 0.5
-    assert summarize(table).attrs["ceiling_fraction"] == 0.25
-    assert summarize(table[table.fractal == 0].drop(columns="fractal")).attrs["ceiling_fraction"] == 1
-
-
-def test_one_fractal_has_no_interval():
-    row = summarize(tables(1)).iloc[0]
-    assert math.isnan(row["low"]) and math.isnan(row["high"]) and row["fractals"] == 1
-
-
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"align": "left"}, "bbox, none"), ({"views": "all"}, "attractor, released, uniform"),
     ({"views": "paper"}, "now called views=uniform"), ({"resolution": 0}, "resolution"),
@@ -188,26 +153,6 @@ def test_one_fractal_has_no_interval():
 def test_what_cannot_be_evaluated(arguments, message):
     with pytest.raises(InputError, match=message):
         evaluate(codes.known("fern"), codes.known("fern"), **(SMALL | arguments))
-
-
-def test_a_code_that_is_not_contractive():
-    with pytest.raises(InputError, match="contractive"):
-        evaluate(IFS(1.1 * torch.eye(2)[None], torch.zeros(1, 2)), codes.known("fern"), **SMALL)
-
-
-def test_a_collapsed_code_is_judged_like_any_other():
-    point = IFS(torch.zeros(1, 2, 2), torch.tensor([[0.2, 0.3]]))
-    assert evaluate(point, codes.known("fern"), **SMALL).f1.mean() < 0.5
-
-
-def test_a_table_that_is_none():
-    with pytest.raises(InputError, match="table of views"):
-        summarize(pd.DataFrame({"f1": []}))
-
-
-def test_scored_images_are_those_compared():
-    scored = score(codes.known("fern"), codes.known("fern"), **SMALL)
-    assert scored.images.shape == scored.truth.shape == (7, 64, 64) and not torch.equal(scored.images, scored.truth)
 
 
 class Half:
@@ -228,26 +173,3 @@ def test_pairs_of_empty_views_are_marked_and_left_out():
     assert not white["empty"].any() and white.f1.mean() == pytest.approx(3 / 7)
     distance = evaluate(half, half, **size, perceptual=Perceptual("fractal", Mean())).fractal_distance
     assert distance.isna().equals(table["empty"])
-
-
-def test_summaries_count_empty_views_and_leave_them_out():
-    table = evaluate(Half(), Half(), **SMALL, views="released", seed=3)
-    white = evaluate(TRIVIAL["all white"], Half(), **SMALL, views="released", seed=3)
-    both = pd.concat([table.assign(fractal="a"), white.assign(fractal="b")])
-    summary = summarize(both)
-    rows = summary.set_index(["zoom_class", "metric"])
-    assert summary.attrs["empty_views"] == 4 and rows.loc[("all", "f1"), "empty"] == 4
-    assert rows.loc[("all", "f1"), "views"] == 10 and rows.loc[("all", "f1"), "mean"] == pytest.approx(6 / 10)
-    assert rows.loc[("4-8x", "f1"), ["empty", "views", "fractals"]].tolist() == [2, 2, 1]
-    assert rows.loc[("2-4x", "psnr"), "mean"] == 0, "black against white"
-    assert rows.loc[("whole", "f1"), ["empty", "views"]].tolist() == [0, 2]
-    assert np.isfinite(rows.loc[("all", "f1"), "low"]), "fractals that have some views have an interval"
-    assert summary.attrs["ceiling_fraction"] == 0.5
-    assert summarize(table).attrs["ceiling_fraction"] == 1
-
-
-def test_an_older_table_without_the_column_and_a_mixed_one_are_summarised_too():
-    old = tables(2)
-    mixed = pd.concat([old, evaluate(Half(), Half(), **SMALL, views="released", seed=3).assign(fractal=2)])
-    assert summarize(old).attrs["empty_views"] == 0 and summarize(mixed).attrs["empty_views"] == 4
-    assert summarize(mixed).iloc[0]["views"] == 8 + 3

@@ -5,7 +5,7 @@ import pytest
 
 from fractal_exp import View, codes, ops
 from fractal_exp.errors import InputError
-from fractal_exp.evaluation.views import ZOOM_CLASSES, evaluation_views, views_seed, zoom_class
+from fractal_exp.evaluation.views import evaluation_views, zoom_class
 from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite
 
@@ -45,17 +45,6 @@ def test_views_are_pinned():
     assert evaluation_views(None, "uniform", seed=1)["4-8x-b"].zoom != view.zoom
 
 
-def test_the_seed_depends_on_the_fractal_alone():
-    a, b = random_suite(2)
-    assert views_seed(a) == views_seed(attractor.normalize(a)) != views_seed(b)
-
-
-def test_zoom_classes():
-    assert [zoom_class(zoom) for zoom in (0.5, 1, 1.0001, 2, 2.5, 4, 7, 8, 100)] == [
-        "whole", "whole", "1-2x", "1-2x", "2-4x", "2-4x", "4-8x", "4-8x", "4-8x"]
-    assert ZOOM_CLASSES == ("whole", "1-2x", "2-4x", "4-8x")
-
-
 def test_what_is_not_a_kind_of_views():
     code = random_suite(1)[0]
     with pytest.raises(InputError, match="attractor, released, uniform"):
@@ -68,16 +57,6 @@ def test_what_is_not_a_kind_of_views():
         evaluation_views(None, "uniform")
     with pytest.raises(InputError, match="take views=released or views=uniform"):
         evaluation_views(None, "attractor", seed=1)
-
-
-def test_all_kinds_share_the_zooms_of_a_seed_and_a_code_in_any_frame_has_the_same_views():
-    code = random_suite(1)[0]
-    zooms = [[view.zoom for view in evaluation_views(code, kind).values()] for kind in KINDS]
-    assert zooms[0] == zooms[1] == zooms[2]
-    moved = code.similar(3.0, (5.0, 1.0))
-    for a, b in zip(evaluation_views(code).values(), evaluation_views(moved).values(), strict=True):
-        assert a.center == pytest.approx(b.center, abs=1e-5)
-    assert evaluation_views(code) == evaluation_views(code) != evaluation_views(code, seed=1)
 
 
 def test_attractor_views_are_centred_by_the_invariant_measure():

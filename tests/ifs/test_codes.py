@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import torch
 from scipy.ndimage import binary_erosion
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -157,29 +156,6 @@ def test_symmetry(name):
     distance, _ = tree.query(np.column_stack([moved.real, moved.imag]))
     side = max(np.ptp(points.real), np.ptp(points.imag))
     assert distance.max() < 0.02 * side
-
-
-def test_fern_has_barnsleys_numbers():
-    fern = known("fern")
-    torch.testing.assert_close(fern.probabilities, torch.tensor([.01, .85, .07, .07]))
-    tip = torch.linalg.solve(torch.eye(2) - fern.linear[1], fern.offset[1])
-    torch.testing.assert_close(tip, torch.tensor([2.6556, 9.9585]), atol=1e-3, rtol=0)
-    np.testing.assert_allclose(box_of(fern), (-2.1820, 0, 2.6558, 9.9983), atol=2e-3)
-
-
-def test_rauzy_ratio_is_the_tribonacci_root():
-    root = complex(*known("rauzy").linear[0, :, 0].double().tolist())
-    assert abs(root**3 - root**2 - root - 1) < 1e-6 and abs(root) < 1
-
-
-def test_curves_join_end_to_end():
-    """The maps of a curve take (0, 1) to consecutive segments that lead from 0 to 1."""
-    for name in ("koch_curve", "terdragon", "levy_c_curve"):
-        code = known(name)
-        ends = torch.stack([code.offset, code.offset + code.linear[:, :, 0]], 1)
-        torch.testing.assert_close(ends[0, 0], torch.zeros(2))
-        torch.testing.assert_close(ends[1:, 0], ends[:-1, 1])
-        torch.testing.assert_close(ends[-1, 1], torch.tensor([1.0, 0.0]))
 
 
 def test_unknown_name_lists_the_close_ones_and_all():

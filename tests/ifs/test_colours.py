@@ -6,8 +6,6 @@ import pytest
 import torch
 
 from fractal_exp import IFS, Colours, InputError, codes
-from fractal_exp.evaluation.code_error import maps_that_matter
-from fractal_exp.ifs import attractor
 
 RGB = [[0.9, 0.1, 0.2], [0.0, 0.5, 1.0], [0.3, 0.3, 0.3]]
 BLENDS = [0.5, 1.0, 0.0]
@@ -62,12 +60,3 @@ def test_a_file_with_wrong_colours_is_refused(tmp_path, given, message):
     path.write_text(json.dumps(coloured().to_json() | {"colours": given}))
     with pytest.raises(InputError, match=message):
         IFS.load(path)
-
-
-def test_colours_stay_with_their_maps():
-    code = coloured()
-    assert code.to("cpu").colours.rgb.tolist() == code.colours.rgb.tolist()
-    assert attractor.normalize(code).colours is not None
-    turned = code.colours.of_maps([2, 0])
-    assert turned.rgb.tolist() == code.colours.rgb[[2, 0]].tolist() and turned.blends.tolist() == [0.0, 0.5]
-    assert maps_that_matter(code, 32, 20_000) == [True, True, True]

@@ -105,42 +105,9 @@ def errors_of(palette, rgb, blend, steps=4000):
     return np.abs(errors[steps // 10:])
 
 
-def test_a_palette_is_exact_for_colours_on_a_line():
-    for rgb in (((1, 0, 0), (0, 0, 1), (0.5, 0, 0.5)), ((0.2, 0.8, 0.4), (0.2, 0.2, 0.4), (0.2, 0.5, 0.4))):
-        palette = Palette.of(own_colours(0.2, rgb))
-        assert errors_of(palette, rgb, 0.2).max() < 0.01
-        assert np.abs(palette.rgb[np.minimum(256 * palette.places, 255).astype(int)] / 255 - rgb).max() < 0.02
-
-
 def test_a_palette_tells_colours_apart_that_lie_on_no_line():
     rgb = ((0.9, 0.2, 0.1), (0.1, 0.7, 0.2), (0.2, 0.3, 0.9))
     assert errors_of(Palette.of(own_colours(0.6, rgb)), rgb, 0.6).mean() < 0.015
-
-
-@pytest.mark.parametrize("count", [1, 2, 1200])
-def test_a_palette_of_few_or_many_maps(tmp_path, count):
-    rng = np.random.default_rng(1)
-    code = IFS(np.tile(0.4 * np.eye(2), (count, 1, 1)), rng.uniform(-0.5, 0.5, (count, 2)),
-               colours=Colours(rng.uniform(0, 1, (count, 3)), rng.uniform(0.1, 1, count)))
-    palette = Palette.of(code)
-    assert palette.places.shape == palette.speeds.shape == (count,) and palette.rgb.shape == (256, 3)
-    assert 0 <= palette.places.min() and palette.places.max() <= 1 and np.isfinite(palette.places).all()
-    assert len(IFS.load(code.save(tmp_path / "a.flame"))) == count
-
-
-def test_near_colours_are_neighbours_on_the_palette():
-    code = own_colours(1.0, ((0.9, 0.1, 0.1), (0.1, 0.1, 0.9), (0.85, 0.15, 0.1)))
-    places = Palette.of(code).places
-    assert abs(places[0] - places[2]) < 0.1 < abs(places[0] - places[1])
-
-
-@pytest.mark.parametrize("suffix", [".flame", ".ply"])
-def test_colours_that_no_point_gets_are_not_written(tmp_path, suffix):
-    code = replace(own_colours(0.5), probabilities=torch.tensor([0.5, 0.5, 0]),
-                   colours=Colours(torch.ones(3, 3), torch.tensor([0.0, 0, 0.5])))
-    with pytest.raises(InputError, match="has the probability 0, so no point gets a colour; give another map a blend"):
-        code.save(tmp_path / f"a{suffix}")
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_of_the_field(tmp_path):
@@ -195,11 +162,6 @@ def test_a_hostile_or_broken_file_is_refused_with_the_remedy(tmp_path, text, mes
     with pytest.raises(InputError, match=message) as error:
         IFS.load(path)
     assert str(error.value).startswith(str(path)) and str(error.value).isprintable() and len(str(error.value)) < 1000
-
-
-def test_a_broken_flame_does_not_close_the_others(tmp_path):
-    (tmp_path / "a.flame").write_text(f'<x><flame name="bad"/>{flame(xform(), name="good")}</x>')
-    assert len(IFS.load(tmp_path / "a.flame", "good")) == 1
 
 
 def test_an_encoding_that_is_declared_is_not_believed(tmp_path):

@@ -1,10 +1,7 @@
 """Formats of codes: chosen by suffix, several codes a file, round trips, conversion, drawings and points."""
 
-import base64
-import io
 import json
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,17 +12,15 @@ import torch
 from format_files import SLOW_TO_WRITE, million
 from PIL import Image
 
-from fractal_exp import IFS, Colours, InputError, View, codes, render
+from fractal_exp import IFS, Colours, InputError, codes, render
 from fractal_exp.cli import convert
 from fractal_exp.cli import render as render_app
 from fractal_exp.cli.commands import read_code
-from fractal_exp.evaluation.metrics import f1
 from fractal_exp.ifs import attractor, formats
 from fractal_exp.ifs.formats import ply
 from fractal_exp.suite import random_suite
 
 CHROMIUM = Path("/usr/bin/chromium")
-SVG = "{http://www.w3.org/2000/svg}"
 NASTY = "</text><script>alert('&\"')</script>\n\x00]]> \u202e é"
 READ = ["json", "lists", "rows", "fractint", "flame"]
 
@@ -50,15 +45,6 @@ def test_every_bit_of_the_maps_comes_back(tmp_path, key, code):
         assert back.probabilities is None
 
 
-def test_the_suffix_chooses_the_format_whatever_its_case(tmp_path):
-    code = codes.known("tree")
-    for name, begins in (("A.JSON", b"{"), ("a.ifs", b"tree {"), ("A.Flame", b"<?xml"), ("a.flam3", b"<?xml"),
-                         ("a.svg", b"<?xml"), ("a.ply", b"ply\n"), ("bare", b"{")):
-        assert code.save(tmp_path / name).read_bytes().startswith(begins), name
-        if name[0] != "a" or name.endswith((".ifs", ".flam3")):
-            assert same(IFS.load(tmp_path / name), code)
-
-
 @pytest.mark.parametrize(("name", "format", "message"), [
     ("a.flamy", None, r"no format of codes ends in '.flamy'; did you mean '.flame'.*there are .json, .ifs"),
     ("a.png", None, "ends in '.png'"), ("a.json", "rowz", "no format is called 'rowz'; did you mean 'rows'"),
@@ -67,30 +53,6 @@ def test_an_unknown_format_is_refused_before_anything_is_written(tmp_path, name,
     with pytest.raises(InputError, match=message):
         codes.known("tree").save(tmp_path / name, format=format)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("suffix", [".svg", ".ply"])
-def test_a_drawing_is_not_read(tmp_path, suffix):
-    path = codes.known("tree").save(tmp_path / f"tree{suffix}")
-    with pytest.raises(InputError, match=f"tree{suffix}: .* files are written, not read; keep the code's JSON file"):
-        IFS.load(path)
-
-
-@pytest.mark.parametrize("suffix", [".json", ".ifs", ".flame"])
-@pytest.mark.parametrize("data", [b"", b" \r\n ", b"\xef\xbb\xbf"])
-def test_an_empty_file_is_refused(tmp_path, suffix, data):
-    path = tmp_path / f"code{suffix}"
-    path.write_bytes(data)
-    with pytest.raises(InputError, match="is empty|is not JSON"):
-        IFS.load(path)
-
-
-@pytest.mark.parametrize("suffix", [".ifs", ".flame"])
-def test_what_is_not_utf_8_is_refused(tmp_path, suffix):
-    good = codes.known("tree").save(tmp_path / f"code{suffix}").read_bytes()
-    (tmp_path / f"code{suffix}").write_bytes(good.replace(b"tree", b"tr\xe9e", 1))
-    with pytest.raises(InputError, match=r"is not UTF-8 text \(byte \d+ is 0xe9\); save it as UTF-8"):
-        IFS.load(tmp_path / f"code{suffix}")
 
 
 @pytest.mark.parametrize("suffix", [".json", *SLOW_TO_WRITE])
@@ -126,21 +88,6 @@ def test_one_of_several_codes_is_asked_for_by_name_or_number(tmp_path, suffix):
     if suffix == ".flame":
         with pytest.raises(InputError, match="2 codes are called 'fern'; choose by number: #1, #3"):
             IFS.load(path, "fern")
-
-
-def test_a_colon_in_the_name_of_a_file_or_of_a_code_is_no_trouble(tmp_path):
-    path = replace(codes.known("tree"), meta={"name": "a:b"}).save(tmp_path / "x:y.flame")
-    assert same(read_code(str(path)), codes.known("tree")) and same(read_code(f"{path}:a:b"), codes.known("tree"))
-    with pytest.raises(InputError, match="cannot read the code .*none.ifs: No such file"):
-        read_code(f"{tmp_path / 'none.ifs'}:fern")
-
-
-def test_what_does_not_contract_is_not_written_where_it_could_not_be_read(tmp_path):
-    code = IFS(torch.eye(2)[None], [[0.0, 0.0]])
-    for suffix in (".ifs", ".flame", ".svg", ".ply"):
-        with pytest.raises(InputError, match="map 0 has singular value 1; shrink"):
-            code.save(tmp_path / f"code{suffix}")
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("suffix", [".ifs", ".flame", ".svg", ".ply"])
@@ -181,14 +128,6 @@ def test_a_format_of_somebody_else_is_known_everywhere(tmp_path, monkeypatch):
         formats.register(Six())
 
 
-def test_reading_brings_no_compiler(tmp_path):
-    for name in ("a.json", "a.ifs", "a.flame"):
-        codes.known("tree").save(tmp_path / name)
-    program = ("import sys; from fractal_exp import IFS; [IFS.load(p) for p in sys.argv[1:]]; "
-               "assert not {'numba', 'scipy', 'PIL'} & set(sys.modules)")
-    subprocess.run([sys.executable, "-c", program, *map(str, tmp_path.iterdir())], check=True)
-
-
 def test_fractal_convert_takes_codes_from_format_to_format(tmp_path, capsys):
     convert.main(["fern", "tree", str(tmp_path / "all.ifs")])
     assert "all.ifs (fractint, 4 maps, 4 maps)" in capsys.readouterr().out
@@ -216,28 +155,6 @@ def test_what_cannot_be_converted_is_said_in_a_line(tmp_path, monkeypatch, capsy
     with pytest.raises(InputError, match=message):
         raise InputError(error)
     assert not list(tmp_path.iterdir())
-
-
-def test_an_svg_draws_the_parallelograms_of_the_maps_over_the_shape(tmp_path):
-    code = codes.known("fern")
-    root = ElementTree.fromstring(code.save(tmp_path / "fern.svg").read_bytes())
-    x, y, side, _ = map(float, root.get("viewBox").split())
-    box, *images = [np.array([pair.split(",") for pair in polygon.get("points").split()], float) * [1, -1]
-                    for polygon in root.iter(f"{SVG}polygon")]
-    x0, y0, x1, y1 = attractor.visible_box(code)
-    np.testing.assert_allclose(box, [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], atol=1e-5)
-    for linear, offset, image in zip(code.linear.double().numpy(), code.offset.double().numpy(), images, strict=True):
-        np.testing.assert_allclose(image, box @ linear.T + offset, atol=1e-5)
-    assert len(list(root.iter(f"{SVG}title"))) == 1 + len(code)
-    picture = next(root.iter(f"{SVG}image")).get("href").removeprefix("data:image/png;base64,")
-    opacity = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))[..., 1] / 255
-    view = View((x + side / 2, -(y + side / 2)), 2 / side)
-    assert float(f1(torch.from_numpy(opacity)[None].float(), render(code, view, resolution=len(opacity))[None])) > 0.98
-
-
-def test_the_window_of_an_svg_is_the_canvas_if_all_fits(tmp_path):
-    code = attractor.normalize(codes.known("sierpinski_carpet"))
-    assert 'viewBox="-1 -1 2 2"' in code.save(tmp_path / "carpet.svg").read_text()
 
 
 @pytest.mark.skipif(not CHROMIUM.exists(), reason=f"needs {CHROMIUM}")

@@ -96,24 +96,6 @@ def test_bands_give_what_the_whole_picture_gives(tmp_path, monkeypatch, channels
             np.testing.assert_allclose(read.image, expected, atol=1e-6, rtol=0)
 
 
-def test_inverted_pictures_and_kept_frames(monkeypatch):
-    monkeypatch.setattr(picture_bands, "BAND_PIXELS", 997)
-    pixels = 255 - photograph((160, 160), 1)
-    for options in ({}, {"frame": "keep"}, {"frame": "keep", "threshold": 0.3}):
-        read = read_target(pixels, 100, **options, clean=False)
-        np.testing.assert_allclose(read.image, reference(pixels, 100, **options), atol=1e-6, rtol=0)
-
-
-@pytest.mark.parametrize("channels", [None, 3])
-def test_bands_do_not_show_in_a_cleaned_picture(monkeypatch, channels):
-    pixels = photograph((233, 411), 2, channels)
-    pixels[10:12, 20:380] = pixels[10:220, 20:22] = 255  # axes, which are left out
-    whole = read_target(pixels, 64)
-    monkeypatch.setattr(picture_bands, "BAND_PIXELS", 997)
-    np.testing.assert_allclose(read_target(pixels, 64).image, whole.image, atol=1e-6, rtol=0)
-    assert any("axes" in note for note in whole.notes)
-
-
 MEASURE = """
 import resource, sys
 from fractal_exp.errors import InputError

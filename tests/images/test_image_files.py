@@ -23,7 +23,6 @@ def leaf():
 
 
 LEAF = np.rint(leaf() * 255).astype(np.uint8)
-SQUARE = leaf()[:40, :40]
 
 
 def save_variants(folder):
@@ -59,40 +58,6 @@ def test_every_kind_of_file_gives_the_same_target(tmp_path):
     assert "the shape is in the alpha channel alone: opaque is white" in read.notes
 
 
-def test_sixteen_bits_are_kept(tmp_path):
-    """Levels closer than an 8-bit step stay apart."""
-    levels = np.zeros((64, 64), np.uint16)
-    levels[16:48, 16:32], levels[16:48, 32:48] = 60000, 60100
-    Image.fromarray(levels).save(tmp_path / "fine.png")
-    image = read_target(tmp_path / "fine.png", 64, frame="keep").image
-    assert float(image[32, 40] - image[32, 20]) == pytest.approx(100 / 65535, rel=1e-3)
-
-
-def test_one_bit_and_cmyk(tmp_path):
-    levels = np.rint((leaf() > 0.4) * 255).astype(np.uint8)
-    expected = read_target(levels, 40).image
-    Image.fromarray(levels).convert("1").save(tmp_path / "bit.png")
-    Image.fromarray(levels).convert("RGB").convert("CMYK").save(tmp_path / "print.tif")
-    for name in ("bit.png", "print.tif"):
-        torch.testing.assert_close(read_target(tmp_path / name, 40).image, expected, atol=1e-2, rtol=0, msg=name)
-
-
-def test_exif_orientation_is_followed(tmp_path):
-    exif = Image.Exif()
-    exif[0x0112] = 6  # to be turned clockwise by 90°
-    Image.fromarray(np.rot90(LEAF).copy()).save(tmp_path / "turned.png", exif=exif)
-    read = read_target(tmp_path / "turned.png", 40)
-    torch.testing.assert_close(read.image, read_target(LEAF, 40).image)
-    assert read.source_size == (80, 60) and "turned upright by its EXIF orientation" in read.notes
-
-
-def test_first_of_several_frames_is_taken_and_said(tmp_path):
-    first = Image.fromarray(LEAF)
-    first.save(tmp_path / "two.tif", save_all=True, append_images=[Image.new("L", first.size)])
-    read = read_target(tmp_path / "two.tif", 40)
-    assert read.image.max() > 0.9 and "the file holds 2 pictures: the first was taken" in read.notes
-
-
 def test_unusable_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="cannot read the picture .*nowhere.png: No such file .*; check the path"):
         read_target(tmp_path / "nowhere.png", 32)
@@ -117,16 +82,6 @@ def test_truncated_files_are_refused(tmp_path, suffix):
     assert "\n" not in str(caught.value)
 
 
-def test_broken_png_checksum_is_refused(tmp_path):
-    path = tmp_path / "broken.png"
-    Image.fromarray(LEAF).save(path)
-    data = bytearray(path.read_bytes())
-    data[20] ^= 255  # in the header chunk
-    path.write_bytes(data)
-    with pytest.raises(InputError, match="broken.png"):
-        read_target(path, 32)
-
-
 def test_decompression_bomb_is_refused(tmp_path, monkeypatch):
     Image.fromarray(LEAF).save(tmp_path / "bomb.png")
     for limit in (4000, 1000):  # where Pillow warns, and where it refuses
@@ -137,12 +92,6 @@ def test_decompression_bomb_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10)
     read_target(tmp_path / "bomb.png", 32)
     assert Image.MAX_IMAGE_PIXELS == 10, "Pillow's own bound is as before"
-
-
-def test_wide_integers_are_refused(tmp_path):
-    Image.fromarray(np.full((40, 40), 70000, np.int32)).save(tmp_path / "wide.tif")
-    with pytest.raises(InputError, match="integers from 70000 to 70000; save it with 8 or 16 bits"):
-        read_target(tmp_path / "wide.tif", 32)
 
 
 def test_written_images_read_back_exactly(tmp_path):
@@ -158,22 +107,6 @@ def test_written_images_read_back_exactly(tmp_path):
     colour = np.random.default_rng(0).integers(0, 256, (20, 30, 3), dtype=np.uint8)
     np.testing.assert_array_equal(np.asarray(Image.open(write_image(tmp_path / "colour.PNG", colour))), colour)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["colour.PNG", "fine.png", "grey.png"]
-
-
-def test_unwritable_images_are_refused(tmp_path):
-    with pytest.raises(InputError, match="written as PNG, got 'x.jpg'"):
-        write_image(tmp_path / "x.jpg", SQUARE)
-    with pytest.raises(InputError, match="No such file or directory; choose a folder that exists"):
-        write_image(tmp_path / "none" / "x.png", SQUARE)
-    (tmp_path / "folder.png").mkdir()
-    with pytest.raises(InputError, match="cannot write .*folder.png"):
-        write_image(tmp_path / "folder.png", SQUARE)
-    with pytest.raises(InputError, match="NaN"):
-        write_image(tmp_path / "x.png", SQUARE * np.nan)
-    for image, bits in ((np.zeros((4, 4, 3)), 16), (np.zeros((4, 4, 4)), 8), (SQUARE, 12)):
-        with pytest.raises(InputError, match=f"got bits={bits}"):
-            write_image(tmp_path / "x.png", image, bits=bits)
-    assert [p.name for p in tmp_path.iterdir()] == ["folder.png"]
 
 
 def test_formats_that_call_other_programs_are_not_read(tmp_path, monkeypatch):

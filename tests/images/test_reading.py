@@ -58,32 +58,6 @@ def test_rectangle_lands_to_the_subpixel(box, resolution):
     assert (x0 + x1) / 2 == pytest.approx((box[0] + box[2]) / 2) and x1 - x0 == pytest.approx(y1 - y0)
 
 
-@pytest.mark.parametrize("radius", [23.7, 61.3])
-def test_disc_lands_to_the_subpixel(radius):
-    target = read_target(disc(147, 211, 91.37, 70.81, radius), 32)
-    side = 2 * radius / 0.75
-    window = (91.37 - side / 2, 70.81 - side / 2, 91.37 + side / 2, 70.81 + side / 2)
-    np.testing.assert_allclose(target.crop_box, window, atol=0.05)
-    np.testing.assert_allclose(edges(target.image), (-0.75, 0.75, -0.75, 0.75), atol=0.01)
-    assert float(target.image.mean()) == pytest.approx(math.pi * 0.75**2 / 4, rel=5e-3)
-    centers = torch.linspace(-31 / 32, 31 / 32, 32)
-    for axis in (0, 1):
-        assert float((target.image.sum(axis) * centers).sum() / target.image.sum()) == pytest.approx(0, abs=5e-4)
-
-
-def test_mass_does_not_depend_on_resolution():
-    picture = np.random.default_rng(0).uniform(0, 1, (300, 260)) * disc(300, 260, 120, 160, 90, fine=2)
-    masses = [float(read_target(picture, r, invert=False).image.mean()) for r in (16, 33, 64, 101)]
-    np.testing.assert_allclose(masses, masses[0], rtol=1e-5)
-
-
-def test_padding_sets_the_longer_side():
-    picture = rectangle(100, 100, 20, 30, 80, 60)
-    for padding in (0, 0.5):
-        x0, x1, y0, y1 = edges(read_target(picture, 50, padding=padding).image)
-        np.testing.assert_allclose([x0, x1, y0, y1], np.array([-1, 1, -0.5, 0.5]) * (1 - padding), atol=1e-3)
-
-
 def test_up_stays_up():
     picture = rectangle(100, 100, 20, 20, 80, 80)
     picture[20:50, 20:50] = 0
@@ -99,56 +73,6 @@ def test_black_on_white_and_its_inverse_are_the_same_target():
     assert "white shape on black" in white.notes and "black shape on white: inverted" in black.notes
 
 
-def test_polarity_holds_against_noise_and_thin_shapes():
-    rng = np.random.default_rng(1)
-    thin = rectangle(200, 200, 99, 40, 101, 160) * 0.9
-    noisy = (thin + rng.normal(0.04, 0.015, thin.shape)).clip(0, 1)
-    assert not read_target(noisy, 32).inverted and read_target(1 - noisy, 32).inverted
-    assert not any("doubt" in note for note in read_target(noisy, 32).notes)
-
-
-def test_polarity_is_relative_to_the_background():
-    square = rectangle(60, 60, 20, 20, 40, 40)
-    assert read_target(0.4 - 0.35 * square, 32).inverted and not read_target(0.6 + 0.35 * square, 32).inverted
-
-
-def test_noise_of_the_background_does_not_widen_the_shape():
-    noise = np.random.default_rng(2).normal(0.2, 0.03, (300, 300))
-    target = read_target((noise + 0.7 * rectangle(300, 300, 100, 120, 220, 180)).clip(0, 1), 32)
-    np.testing.assert_allclose(target.crop_box, (80, 70, 240, 230), atol=1)
-
-
-def test_polarity_can_be_told():
-    ring = 1 - rectangle(64, 64, 20, 20, 44, 44)  # taken for a black square on white
-    assert read_target(ring, 64).inverted
-    told = read_target(ring, 64, invert=False)
-    assert not told.inverted and "white shape on black, as asked" in told.notes
-    assert told.image[8, 8] == 1 and told.image[32, 32] == 0 and told.image[2, 2] == 0
-
-
-def test_doubtful_border_is_said():
-    half = rectangle(64, 64, 0, 0, 40, 64)
-    notes = " ".join(read_target(half, 32).notes)
-    assert "the border leaves doubt; invert=false takes it the other way" in notes
-
-
-def test_threshold_makes_the_shape_solid():
-    picture = rectangle(100, 100, 20, 20, 80, 80) * 0.6 + 0.2
-    target = read_target(picture, 64, threshold=0.5)
-    assert target.image.max() == 1 and target.image.min() == 0 and "binary at the threshold 0.5" in target.notes
-    cleaned = read_target(picture, 64)
-    assert cleaned.image.max() == 1 and cleaned.image.min() == 0
-    assert "the background's level, 0.20, was taken away" in cleaned.notes
-    plain = read_target(picture, 64, clean=False)
-    assert float(plain.image.min()) == pytest.approx(0.2) and "not black but 0.20" in " ".join(plain.notes)
-
-
-def test_background_continues_beyond_the_picture():
-    image = read_target(rectangle(40, 40, 0, 0, 40, 20) * 0.7 + 0.2, 80, invert=False, clean=False).image
-    assert float(image[0, 0]) == pytest.approx(0.2, abs=1e-6)
-    assert float(image[-1, -1]) == pytest.approx(0.2, abs=1e-6)
-
-
 @pytest.mark.parametrize("quality", [30, 75])
 def test_jpeg_artefacts_do_not_move_the_frame(tmp_path, quality):
     picture = disc(301, 420, 199.4, 142.7, 88.2)
@@ -156,16 +80,6 @@ def test_jpeg_artefacts_do_not_move_the_frame(tmp_path, quality):
     clean, read = read_target(picture, 96), read_target(tmp_path / "disc.jpg", 96)
     np.testing.assert_allclose(read.crop_box, clean.crop_box, atol=1.0)
     assert (read.image - clean.image).abs().mean() < 0.01
-
-
-def test_enlarging_is_smooth_centred_and_said():
-    picture = np.zeros((20, 20))
-    picture[6:14, 6:14] = 1
-    target = read_target(picture, 256)
-    assert any(note.startswith("enlarged 24 times by linear interpolation") for note in target.notes)
-    torch.testing.assert_close(target.image, target.image.flip(0).flip(1), atol=1e-6, rtol=0)
-    assert (target.image[128, 1:] - target.image[128, :-1]).abs().max() < 0.06
-    np.testing.assert_allclose(edges(target.image), (-0.75, 0.75, -0.75, 0.75), atol=0.01)
 
 
 def test_keep_frame_leaves_a_framed_target_alone():
@@ -187,24 +101,6 @@ def test_a_target_of_our_own_stays_as_it_is(tmp_path):
     assert any("a target of this package" in note for note in read.notes)
 
 
-@pytest.mark.parametrize("padding", [0.2, 0.3])
-def test_a_target_of_our_own_gets_the_padding_that_is_asked_for(padding):
-    image = read_target(suite.target(codes.known("fern"), 64), 64, padding=padding).image
-    lit = (image > 0.1 * image.max()).nonzero()
-    assert float((lit.max(0).values - lit.min(0).values).max() + 1) / 64 == pytest.approx(1 - padding, abs=0.04)
-
-
-@pytest.mark.parametrize("picture", [
-    suite.target(codes.known("fern"), 64, "binary"),
-    (suite.target(codes.known("fern"), 64) * 255).round() / 255,
-    torch.nn.functional.avg_pool2d(suite.target(codes.known("fern"), 128, "binary")[None], 2)[0],
-    torch.nn.functional.pad(suite.target(codes.known("fern"), 64)[8:-8, 8:-8], (0, 16, 0, 16)),
-    torch.nn.functional.pad(suite.target(codes.known("fern"), 32), (32, 0, 16, 16)),
-], ids=["binary", "8 bits", "shrunk", "in a corner", "in the right half"])
-def test_other_pictures_of_a_targets_size_are_fitted(picture):
-    assert read_target(picture, 64, invert=False).crop_box != (0, 0, 64, 64)
-
-
 @pytest.mark.parametrize("dtype", ["bool", "uint8", "uint16", "float16", "float32", "float64", ">f4", ">u2"])
 def test_types_of_arrays_and_tensors_agree(dtype):
     white = {"b": 1, "u": 65535 if "2" in dtype or "16" in dtype else 255, "f": 1}[np.dtype(dtype).kind]
@@ -213,20 +109,6 @@ def test_types_of_arrays_and_tensors_agree(dtype):
     torch.testing.assert_close(read_target(picture.astype(dtype), 40).image, expected)
     if dtype[0] != ">":
         torch.testing.assert_close(read_target(torch.from_numpy(picture.astype(dtype)), 40).image, expected)
-
-
-def test_bfloat16_tensor_with_gradient():
-    tensor = torch.from_numpy(leaf()).bfloat16().requires_grad_()
-    image = read_target(tensor, 40).image
-    assert image.dtype == torch.float32 and not image.requires_grad
-
-
-def test_luminance_is_linear_in_the_channels():
-    shape = rectangle(40, 40, 10, 10, 30, 30)
-    for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
-        colour = np.zeros((40, 40, 3))
-        colour[..., channel] = shape
-        assert float(read_target(colour, 40, invert=False, clean=False).image.max()) == pytest.approx(weight, rel=1e-5)
 
 
 def test_transparent_picture_is_laid_on_what_it_stands_out_from():
@@ -291,17 +173,3 @@ def test_unusable_images_are_refused(case):
 def test_unusable_options_are_refused(options, message):
     with pytest.raises(InputError, match=message):
         read_target(SQUARE, **{"resolution": 32, **options})
-
-
-def test_keep_refuses_an_oblong_picture():
-    with pytest.raises(InputError, match='frame="keep" needs a square picture, the image is 80×60'):
-        read_target(leaf(), 32, frame="keep")
-
-
-@pytest.mark.parametrize("threshold, message", [
-    (0.8, "leaves nothing of the image: its highest level, white on black, is 0.700; lower it"),
-    (0.1, "lights every pixel of the image: its lowest level, white on black, is 0.200; raise it"),
-])
-def test_threshold_without_effect_is_refused(threshold, message):
-    with pytest.raises(InputError, match=message):
-        read_target(SQUARE * 0.5 + 0.2, 32, threshold=threshold, clean=False)

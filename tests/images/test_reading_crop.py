@@ -9,7 +9,6 @@ from PIL import Image
 from fractal_exp import InputError, codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images import bands
-from fractal_exp.images.painted import Painted
 from fractal_exp.images.reading import read_colour, read_target
 from fractal_exp.inversion import Inversion
 from fractal_exp.likeness import Likeness, camera_for
@@ -45,12 +44,6 @@ def test_a_part_of_an_array_is_read_as_that_part_alone(page, options):
         assert found.crop == CROP
         assert found.notes[0] == "only the part of 280×270 px at (310, 40) is read, as asked"
     assert read_target(pixels, 96, **options).crop is None
-
-
-def test_the_place_of_the_shape_is_told_in_pixels_of_the_whole_picture(page):
-    found = read_target(np.asarray(page), 96, crop=CROP)
-    x, y = found.placement.to_pixels((0.0, 0.0))
-    assert any(f"of 280×270, centred at ({x:.1f}, {y:.1f})" in note for note in found.notes)
 
 
 def test_a_square_part_keeps_its_frame(page):
@@ -95,25 +88,6 @@ def test_a_crop_is_that_of_the_upright_picture(page, tmp_path, orientation):
     assert_same_place(read_target(tmp_path / "turned.png", 96, crop=crop), part, crop[:2], (width, height))
 
 
-@pytest.mark.parametrize("suffix", ["jpg", "png"])
-def test_a_huge_picture_is_shrunk_if_its_crop_is_huge(tmp_path, monkeypatch, suffix):
-    monkeypatch.setattr(bands, "LARGE_SIDE", 256)
-    monkeypatch.setattr(bands, "LARGE_SHORTER_SIDE", 256)
-    small = Image.new("L", (400, 200), 255)
-    small.paste(leaf("black").convert("L").resize((160, 160)), (225, 21))
-    large = small.resize((1600, 800), Image.Resampling.NEAREST)
-    large.save(tmp_path / f"large.{suffix}", **({"quality": 95} if suffix == "jpg" else {}))
-    part = read_target(np.asarray(small)[13:187, 211:393], 96)
-    found = read_target(tmp_path / f"large.{suffix}", 96, crop=(844, 52, 1572, 748))
-    assert "shrunk 2 times as it was read, from 728×696 px" in found.notes and found.source_size == (1600, 800)
-    np.testing.assert_allclose(found.crop_box, 4 * np.add(part.crop_box, [211, 13, 211, 13]), atol=2.5)
-    assert found.scale == pytest.approx(part.scale / 4, rel=0.01)
-    whole = read_target(tmp_path / f"large.{suffix}", 96)
-    np.testing.assert_allclose(found.crop_box, whole.crop_box, atol=5)
-    tip = read_target(tmp_path / f"large.{suffix}", 96, crop=(1100, 200, 1400, 500), clean=False, invert=True)
-    assert not any("shrunk" in note for note in tip.notes)
-
-
 @pytest.mark.parametrize("crop, message", [
     ((0, 0, 100), r"four whole numbers \(left, top, right, bottom\), in pixels of the picture, got \(0, 0, 100\)"),
     ((0, 0, 100.0, 100), "four whole numbers"), ((0, 0, True, 100), "four whole numbers"), ("0000", "got '0000'"),
@@ -151,14 +125,3 @@ def test_an_overlay_lies_over_the_part_that_was_read(tmp_path):
     assert red[shape].mean() > 0.5
     found.save(tmp_path / "found")
     assert Inversion.load(tmp_path / "found").placement == read.placement
-
-
-def test_colours_come_from_the_part_alone():
-    """The neighbour's pixels lie in the square around the shape, but were not read."""
-    page = np.zeros((200, 200, 4), np.uint8)
-    page[60:140, 40:120] = (255, 0, 0, 255)
-    page[60:140, 124:150] = (0, 0, 255, 255)
-    seen = Painted.of(read_target(page, 64, crop=(30, 50, 122, 150)))
-    assert float(seen.seen[..., 0].max()) == 1 and float(seen.seen[..., 2].max()) == 0
-    both = Painted.of(read_target(page, 64))
-    assert float(both.seen[..., 2].max()) == 1

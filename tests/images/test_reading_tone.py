@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 import torch
-from drawings import fern_plot, koch, leaf
+from drawings import fern_plot, leaf
 from PIL import Image, ImageDraw
 
-from fractal_exp import suite
 from fractal_exp.images import bands
 from fractal_exp.images.reading import read_target
 
@@ -19,14 +18,6 @@ def test_a_leaf_of_any_flat_colour_is_white_on_black(colour, paper):
     found = read_target(np.asarray(leaf(colour, paper)), 96)
     torch.testing.assert_close(found.image, expected, atol=0.02, rtol=0)
     assert found.inverted == (paper not in ("black", (0, 0, 255)))
-
-
-def test_the_colours_are_told():
-    notes = read_target(np.asarray(leaf((0, 100, 0))), 96).notes
-    assert any(note.startswith("coloured: levels run from the background's colour, #ffffff, to the pen's, #006")
-               for note in notes)
-    notes = read_target(np.asarray(leaf((90, 90, 90))), 96).notes
-    assert "one flat colour: its level, 0.65, was raised to white" in notes
 
 
 @pytest.mark.parametrize("quality", [40, 70])
@@ -60,22 +51,6 @@ def test_coloured_lines_are_the_same_in_a_lossy_file(tmp_path, ink, name, option
     np.testing.assert_allclose(found.crop_box, lossless.crop_box, atol=1)
 
 
-@pytest.mark.parametrize("name, options", [
-    ("lines.webp", {"lossless": True}), ("lines.tif", {"compression": "tiff_lzw"})])
-def test_a_lossless_file_is_read_as_one(tmp_path, name, options):
-    picture = lines((200, 30, 45))
-    picture.save(tmp_path / name, **options)
-    assert torch.equal(read_target(tmp_path / name, 128).image, read_target(np.asarray(picture), 128).image)
-    assert not bands.open_picture(tmp_path / name, [], lambda band, name: band).lossy
-
-
-@pytest.mark.parametrize("lossless", [False, True])
-def test_the_frames_of_an_animated_webp_say_whether_it_is_lossy(tmp_path, lossless):
-    frames = [lines((200, 30, 45)), lines((0, 128, 0))]
-    frames[0].save(tmp_path / "lines.webp", save_all=True, append_images=frames[1:], lossless=lossless)
-    assert bands.open_picture(tmp_path / "lines.webp", [], lambda band, name: band).lossy is not lossless
-
-
 def test_the_dots_of_a_coloured_jpeg_are_not_blurred(tmp_path):
     """A JPEG stores colours at half the resolution, but not their luma."""
     plot = fern_plot(axes=False)
@@ -83,26 +58,6 @@ def test_the_dots_of_a_coloured_jpeg_are_not_blurred(tmp_path):
     lossless, found = read_target(plot, 128).image, read_target(tmp_path / "fern.jpg", 128).image
     brighter = (found * lossless).sum() / found.square().sum()
     assert float((brighter * found - lossless).square().mean().sqrt()) < 0.0105, "by colour it is .0125"
-
-
-def test_a_phone_s_jpeg_with_a_second_picture_is_one(tmp_path):
-    picture = leaf((0, 100, 0))
-    picture.save(tmp_path / "leaf.jpg", quality=70)
-    picture.save(tmp_path / "phone.jpg", format="MPO", save_all=True, append_images=[picture.resize((32, 32))],
-                 quality=70)
-    plain, phone = (read_target(tmp_path / name, 96) for name in ("leaf.jpg", "phone.jpg"))
-    assert Image.open(tmp_path / "phone.jpg").format == "MPO"
-    assert torch.equal(phone.image, plain.image) and phone.notes[1:] == plain.notes
-
-
-def test_the_box_of_a_grey_jpeg_holds_faint_parts(tmp_path):
-    picture = Image.new("L", (300, 300), 0)
-    ImageDraw.Draw(picture).ellipse([100, 40, 200, 140], fill=255)
-    ImageDraw.Draw(picture).rectangle([145, 140, 155, 260], fill=45)
-    picture.save(tmp_path / "stem.png")
-    picture.save(tmp_path / "stem.jpg", quality=90)
-    lossless, found = (read_target(tmp_path / f"stem.{suffix}", 128) for suffix in ("png", "jpg"))
-    np.testing.assert_allclose(found.crop_box, lossless.crop_box, atol=3)
 
 
 def test_a_pen_that_differs_in_colour_alone_is_read_by_colour(tmp_path):
@@ -113,28 +68,6 @@ def test_a_pen_that_differs_in_colour_alone_is_read_by_colour(tmp_path):
     assert float(found.image[32, 32]) > 0.9 and float(found.image[2:5].max()) == 0
 
 
-def test_the_pen_of_a_scatter_plot_is_level_one():
-    found = read_target(fern_plot(axes=False), 400)
-    assert float(found.image.max()) > 0.95 and float(found.image.median()) == 0
-    lit = found.image[found.image > 0.05]
-    assert float(lit.std()) > 0.15, "where points are few, pixels stay grey"
-
-
-def test_two_colours_make_one_shape():
-    pixels = np.asarray(leaf((101, 67, 33))).copy()
-    green = (pixels[:150] < 250).any(-1)
-    pixels[:150][green] = (34, 139, 34)
-    found = read_target(pixels, 96).image
-    expected = read_target(np.asarray(leaf("black")), 96).image
-    assert float(((found > 0.5) != (expected > 0.5)).float().mean()) < 0.01
-
-
-def test_the_other_polarity_of_a_coloured_picture_can_be_asked_for():
-    pixels = np.asarray(leaf((0, 100, 0)))
-    found = read_target(pixels, 96, invert=False)
-    assert not found.inverted and float(found.image[15, 15]) > 0.9 and float(found.image[48, 48]) < 0.6
-
-
 @pytest.mark.parametrize("level", [0.3, 0.6])
 def test_a_density_keeps_its_levels(level):
     """Shares of 16² subpixels about a level scatter as points of a chaos game do."""
@@ -143,42 +76,6 @@ def test_a_density_keeps_its_levels(level):
     picture[50:150, 40:160] = rng.binomial(256, level, (100, 120)) / 256
     found = read_target(picture, 128)
     assert torch.equal(found.image, read_target(picture, 128, clean=False).image)
-
-
-def test_faint_points_of_a_clean_picture_stay():
-    drawn = suite.target(suite.random_suite(3, 2025)[2], 128)
-    drawn[20, 20] = 1 / 256
-    assert read_target(drawn, 170).image[drawn.shape[0] // 8:].min() >= 0
-    assert torch.equal(read_target(drawn, 96).image, read_target(drawn, 96, clean=False).image)
-
-
-def test_noise_of_the_background_is_black():
-    rng = np.random.default_rng(0)
-    noisy = (np.asarray(koch().convert("L")) / 255 * 0.8 + 0.1 + rng.normal(0, 0.02, (400, 600))).clip(0, 1)
-    found = read_target(noisy, 128)
-    assert any("are noise of the background: black" in note for note in found.notes)
-    assert float((found.image[:20] > 0).float().mean()) < 0.01
-    assert not any("not black but" in note for note in found.notes)
-
-
-def test_paper_grain_and_gif_and_webp(tmp_path):
-    """Files of few colours, and of lossy ones."""
-    expected = read_target(np.asarray(koch()), 128).image
-    koch().convert("P").save(tmp_path / "curve.gif")
-    koch().save(tmp_path / "curve.webp", quality=70)
-    torch.testing.assert_close(read_target(tmp_path / "curve.gif", 128).image, expected, atol=1e-6, rtol=0)
-    assert float((read_target(tmp_path / "curve.webp", 128).image - expected).abs().mean()) < 0.01
-
-
-def test_an_animation_gives_its_first_frame(tmp_path):
-    first, second = koch(), koch(2)
-    for suffix in ("gif", "webp", "png"):
-        path = tmp_path / f"film.{suffix}"
-        first.save(path, save_all=True, append_images=[second], duration=100,
-                   **({"lossless": True} if suffix == "webp" else {}))
-        found = read_target(path, 128)
-        assert "the file holds 2 pictures: the first was taken" in found.notes
-        torch.testing.assert_close(found.image, read_target(np.asarray(first), 128).image, atol=1e-4, rtol=0)
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png"])

@@ -21,11 +21,6 @@ def test_retina_vessels_are_a_clean_tree():
     assert count <= 4 and sizes.max() > 0.9 * lit.sum()
 
 
-def test_retina_vessels_refuse_a_bad_resolution():
-    with pytest.raises(InputError, match="resolution must be a whole number"):
-        retina_vessels(8)
-
-
 def test_the_snowflake_has_six_arms_alike():
     image = snowflake(128)
     assert image.shape == (128, 128) and 0.03 < float(image.mean()) < 0.5

@@ -11,7 +11,6 @@ from rivals_helpers import TARGET
 from fractal_exp import InputError, invert
 from fractal_exp.cli import configuration
 from fractal_exp.methods.amortized.method import Amortized, chosen
-from fractal_exp.methods.amortized.network import SetNetwork
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.training.amortized import match
 
@@ -34,11 +33,6 @@ def test_the_match_has_the_least_sum_of_squared_errors():
         assert ours == pytest.approx(min(every))
 
 
-def test_a_network_that_diverges_has_a_loss_that_is_not_finite():
-    training, truth = TRAININGS["amortized"](), torch.randn(1, 10, 6)
-    assert not torch.isfinite(training.set_loss((torch.full((1, 10, 6), torch.nan), torch.zeros(1, 10)), truth)).any()
-
-
 def test_the_loss_is_that_of_the_matched_maps_and_of_whether_they_are_there():
     training = TRAININGS["amortized"](presence=1.0)
     truth = torch.full((1, 10, 6), torch.nan)
@@ -58,27 +52,6 @@ def test_the_loss_teaches_the_matched_maps_alone():
     truth[0, :4] = torch.randn(4, 6, generator=torch.Generator().manual_seed(3))
     training.set_loss((maps, torch.zeros(1, 10)), truth).sum().backward()
     assert int(maps.grad[0].abs().sum(1).gt(0).sum()) == 4 and bool(maps.grad.isfinite().all())
-
-
-def test_a_set_that_is_the_same_for_all_pictures_gains_nothing():
-    training = TRAININGS["amortized"]()
-    network = training.network()
-    with torch.no_grad():
-        for name, value in network.named_parameters():
-            if name.startswith("blocks."):
-                value.zero_()  # the picture is not looked at
-    scores = training.judge(network.eval(), "cpu")
-    assert scores["held_out"] == pytest.approx(scores["other_pictures"])
-
-
-def test_the_network_knows_where_it_looks():
-    network = SetNetwork(4, (8, 8), 2, 8).eval()
-    images = torch.zeros(2, 16, 16)
-    images[0, 2:5, 2:5] = images[1, 10:13, 10:13] = 1
-    maps, logits = network(images)
-    assert maps.shape == (2, 4, 6) and logits.shape == (2, 4)
-    assert float((maps[0] - maps[1]).abs().max()) > 1e-3
-    assert float((maps[0, 0] - maps[0, 1]).abs().max()) > 1e-3, "every question has its own answer"
 
 
 def test_likely_maps_are_chosen_and_so_many_at_least():

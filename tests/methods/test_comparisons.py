@@ -5,28 +5,23 @@ from pathlib import Path
 
 import fractal_exp.conf
 import pytest
-import torch
 from configured import plain
-from networks_helpers import saved
 from places import ROOT
 from rivals_helpers import TARGET
 
 from fractal_exp import InputError, codes, invert
 from fractal_exp.cli import configuration
-from fractal_exp.cli.judging import judge, judge_course
+from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual
-from fractal_exp.methods import METHODS, WITHOUT_CODE, load
+from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.configs import FILES, NETWORKS, hydra_config
-from fractal_exp.methods.stepwise import Stepwise, resized
+from fractal_exp.methods.stepwise import Stepwise
 from fractal_exp.studies.published import TABLES
 from fractal_exp.targets import Target
 
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
 PAGE = (ROOT / "docs" / "comparisons.md").read_text()
-OPTIONS = {"evolutionary": {"generations": 2, "population": 6}, "cuckoo": {"generations": 2, "population": 6},
-           "learning_fractals_32": {"iterations": 3, "sequences": 3},
-           "learning_fractals_256": {"iterations": 2, "sequences": 2}}
 each_method = pytest.mark.parametrize("name", FILES)
 
 
@@ -60,19 +55,6 @@ def test_so_is_that_of_a_method_with_a_network(name):
         built(f"method={name}", "seconds=0")
 
 
-def test_the_paper_scale_asks_for_a_network_of_its_own_size(tmp_path):
-    file = saved(tmp_path / "net", "neural_regression")
-    method = built("method=neural_regression", "scale=paper", f"weights.neural_regression={file}")
-    with pytest.raises(InputError, match="16, and 128 is asked for .side.; `fractal-train task=pretrain "
-                                         "method=neural_regression method.side=128` trains them"):
-        method.check(torch.rand(1024, 1024))
-
-
-def test_a_file_of_another_name_is_not_made():
-    with pytest.raises(InputError, match="did you mean 'cuckoo'"):
-        hydra_config("cucko")
-
-
 @each_method
 def test_the_scale_of_the_paper_has_the_published_budget_and_the_library_that_of_the_laptop(name):
     paper, laptop, library = built(f"method={name}", "scale=paper"), built(f"method={name}"), load(name)()
@@ -90,33 +72,6 @@ def test_the_tables_and_the_page_know_it(name):
     assert [int(number) for number in re.findall(r"\b(\d+) (?:generations|iterations)", row)] == [paper, laptop]
 
 
-def test_no_published_row_is_missing():
-    assert set(TABLES["comparisons"].rows) <= {*METHODS, *WITHOUT_CODE} and not set(METHODS) & set(WITHOUT_CODE)
-
-
-@each_method
-def test_it_inverts_a_picture_in_one_call(name):
-    found = invert(TARGET, method=name, frame="keep", resolution=64, seed=1, maps=3, **OPTIONS[name])
-    assert len(found.code) == 3 and found.method == name and "done" in found.stopped
-
-
-@each_method
-def test_a_misspelt_option_is_known(name):
-    with pytest.raises(InputError, match="did you mean 'maps'"):
-        invert(TARGET, method=name, map=3)
-    with pytest.raises(InputError, match="did you mean 'seconds'"):
-        invert(TARGET, method=name, second=3)
-    with pytest.raises(InputError, match=f"did you mean '{name}'"):
-        invert(TARGET, method=name[:-1])
-
-
-def test_an_image_is_brought_to_the_methods_canvas():
-    image = torch.arange(16.).view(4, 4)
-    assert resized(image, None) is image and resized(image, 4) is image
-    assert resized(image, 2).tolist() == [[2.5, 4.5], [10.5, 12.5]]
-    assert torch.equal(resized(image, 8), image.repeat_interleave(2, 0).repeat_interleave(2, 1))
-
-
 def test_what_was_spent_is_judged_with_the_scores_and_the_truth_where_it_is_asked_for():
     truth = codes.known("sierpinski_triangle")
     options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
@@ -129,15 +84,6 @@ def test_what_was_spent_is_judged_with_the_scores_and_the_truth_where_it_is_aske
     assert spent.trivial["trivial/truth_f1"] == pytest.approx(untold.scores["eval/f1"], abs=.03)
 
 
-def test_a_code_off_the_frame_of_the_input_is_told_from_one_in_it_where_that_is_asked_for():
-    truth = codes.known("sierpinski_triangle")
-    off = truth.similar(.8, (.1, 0.))
-    options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
-               "device": "cpu"}
-    found = judge(CodeReconstruction(off), Target(TARGET, truth), options, Perceptual.load(), 2.0, in_frame=True)
-    assert found.scores["eval/f1"] > .9 > .6 > found.scores["eval/f1_frame"] > found.scores["eval/iou_frame"]
-
-
 def test_an_interrupted_search_has_the_code_of_its_last_stage():
     def interrupt(progress):
         if progress.step == 6:
@@ -148,19 +94,3 @@ def test_an_interrupted_search_has_the_code_of_its_last_stage():
     assert found.stopped == "interrupted" and len(found.code) == 3
     whole = invert(TARGET, method="cuckoo", frame="keep", maps=3, population=6, generations=5)
     assert [stage.name for stage in whole.history] == [f"first {k} generations" for k in (1, 2, 4, 5)]
-
-
-def test_the_codes_on_the_way_are_judged_on_the_whole_view():
-    truth = codes.known("sierpinski_triangle")
-    options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
-               "device": "cpu"}
-    other = codes.known("fern")
-    found = judge_course([(1.0, other), (3.0, truth)], truth, options)
-    assert [point["seconds"] for point in found] == [1, 3]
-    assert found[0]["f1"] < .8 < .9 < found[1]["f1"] < 1, "the truth is drawn with other points"
-
-
-def test_a_resolution_that_is_too_small_is_refused_by_name():
-    for name in FILES:
-        with pytest.raises(InputError, match="resolution must be at least 16, got 8"):
-            load(name)(resolution=8)

@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 import torch
-from networks_helpers import REGRESSION, TRAININGS, saved
+from networks_helpers import REGRESSION, saved
 from rivals_helpers import TARGET
 
-from fractal_exp import InputError, invert
-from fractal_exp.methods import load
+from fractal_exp import InputError
 from fractal_exp.methods.base import CodeReconstruction
-from fractal_exp.methods.neural_regression.method import NeuralRegression, code_of
+from fractal_exp.methods.neural_regression.method import NeuralRegression
 from fractal_exp.methods.neural_regression.network import IDENTITY, RegressionNetwork
-from fractal_exp.runtime import weights
 from fractal_exp.training.codes import table
 from fractal_exp.training.drawing import draw
 from fractal_exp.training.epochs import turned
@@ -68,33 +66,6 @@ def test_a_turned_code_has_a_turned_picture():
     assert seen == set(range(8)), "all eight ways are drawn"
 
 
-def test_as_released_the_rate_falls_at_every_step_and_the_last_state_is_kept():
-    ours, released = (TRAININGS["neural_regression"](as_released=each, residual=1.0) for each in (False, True))
-    assert ours.every == 3 and ours.steps == 9 and ours.batch(0)[0].shape == (4, 16, 16)
-    assert [ours.rate(step) for step in (0, 2, 3, 6)] == pytest.approx([1e-3, 1e-3, 9e-4, 8.1e-4])
-    assert released.every == 12 and released.steps == 36 and released.batch(0)[0].shape == (1, 16, 16)
-    assert released.rate(100) == pytest.approx(1e-3 * .9**100) and released.rate(100) < 3e-8
-    assert ours.keeps_best and not released.keeps_best and released.patience is None
-    assert released.recipe()["residual"] == 0.01 and ours.recipe()["residual"] == 1.0
-    assert len(released.network().layers) == len(ours.network().layers) - 1
-
-
-def test_an_epoch_goes_once_through_all_codes():
-    training = TRAININGS["neural_regression"](symmetries=False)
-    rows = torch.cat([training.batch(step)[1] for step in range(3)]).flatten(1)
-    assert len(rows.unique(dim=0)) == 12
-    again = torch.cat([training.batch(step)[1] for step in range(3, 6)]).flatten(1)
-    assert not torch.equal(rows, again) and torch.equal(rows.unique(dim=0), again.unique(dim=0))
-
-
-@pytest.mark.slow
-def test_the_mean_code_is_what_no_constant_can_beat():
-    training = TRAININGS["neural_regression"](codes=200, held_out=200)
-    truth = training.held_out[1].double()
-    least = float((truth - truth.mean(0)).square().mean())
-    assert least < float(training.mean_code_errors.mean()) < 1.1 * least
-
-
 def test_the_fit_draws_the_code_that_the_network_gives(file):
     method = NeuralRegression(weights=file, side=16)
     seen = []
@@ -107,12 +78,6 @@ def test_the_fit_draws_the_code_that_the_network_gives(file):
     assert torch.equal(found.code.linear, again.code.linear)
     other = method.reconstruct(TARGET.flip(0))
     assert not torch.equal(found.code.linear, other.code.linear), "it looks at the image"
-
-
-def test_what_does_not_contract_is_shrunk():
-    numbers = torch.tensor([[2.0, 0, 0, 1, .1, 0], [.5, 0, 0, .5, 0, .2]])
-    code = code_of(numbers, .8)
-    assert code.singular_values().tolist() == [pytest.approx([.8, .4]), pytest.approx([.5, .5])]
 
 
 def test_what_the_fit_refuses(file, tmp_path):
@@ -133,55 +98,9 @@ def test_what_the_fit_refuses(file, tmp_path):
                 refuse(TARGET)
 
 
-def test_damaged_weights_are_refused(file, tmp_path):
-    data = bytearray(open(file, "rb").read())
-    data[-5] ^= 1
-    (tmp_path / "bad").write_bytes(data)
-    with pytest.raises(InputError, match=f"is damaged: .*checksum; {COMMAND}"):
-        NeuralRegression(weights=str(tmp_path / "bad"), side=16).check(TARGET)
-    training = TRAININGS["neural_regression"]()
-    for recipe, message in (({"side": 16, "maps": 10, "as_released": False}, "describes no network .*'channels'"),
-                            (training.recipe() | {"hidden": 9}, "does not hold this network"),
-                            (training.recipe() | {"hidden": 10**12}, "does not hold this network")):  # 4 TB and more
-        path = weights.save(tmp_path / "odd", "neural_regression", training.network().state_dict(), recipe, {})
-        with pytest.raises(InputError, match=f"{message}.*; {COMMAND}"):
-            NeuralRegression(weights=str(path), side=16).check(TARGET)
-
-
-@pytest.mark.slow
-def test_the_network_in_the_package_reads_more_off_an_image_than_the_mean_code():
-    """On codes of a seed that it was not trained with."""
-    network, found = NeuralRegression().loaded()
-    assert found.recipe["seed"] == 0 and found.scores["held_out"] < found.scores["mean_code"]
-    training = RegressionTraining(**{key: found.recipe[key] for key in ("side", "channels", "hidden", "residual")},
-                                  seed=1, codes=600, held_out=300)
-    with torch.no_grad():
-        scores = training.judge(network, "cpu")
-    assert scores["held_out"] < .97 * scores["mean_code"]
-
-
-@pytest.mark.parametrize(("options", "message"), [
-    ({"seconds": 0}, "seconds must be above 0 .* got 0"),
-    ({"maps": 0}, "maps must be at least 1 and at most 64, got 0"),
-    ({"side": 20}, "side must be .*20"), ({"largest": 1.0}, "largest must be above 0 and below 1, got 1.0"),
-    ({"map": 3}, "did you mean 'maps'"), ({"device": "gpu"}, "there is no device 'gpu'"),
-])
-def test_values_out_of_range(options, message):
-    with pytest.raises(InputError, match=message):
-        NeuralRegression(**options)
-
-
 def test_a_target_below_the_networks_own_size_is_refused_before_the_weights_are_read():
     method = NeuralRegression(weights="absent", side=64)
     with pytest.raises(InputError, match="the network sees 64² pixels, and the target has 32²; raise resolution to 64"):
         method.check(TARGET)
     with pytest.raises(InputError, match="must be square"):
         method.check(torch.zeros(64, 32))
-
-
-def test_it_inverts_a_picture_in_one_call(file):
-    found = invert(TARGET, method="neural_regression", frame="keep", weights=file, side=16)
-    assert len(found.code) == 10 and found.method == "neural_regression"
-    with pytest.raises(InputError, match="did you mean 'weights'"):
-        invert(TARGET, method="neural_regression", weight=file)
-    assert load("neural_regression")(resolution=64, seed=3).params.side == 64

@@ -4,16 +4,16 @@ import dataclasses
 
 import pytest
 import torch
-from networks_helpers import SUPER, TRAININGS, saved
+from networks_helpers import SUPER, saved
 from rivals_helpers import TARGET
 
-from fractal_exp import InputError, codes, evaluation, invert
+from fractal_exp import InputError, codes, evaluation
 from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual, score
 from fractal_exp.ifs.code import View
-from fractal_exp.methods.base import CodeReconstruction, Reconstruction
+from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.super_resolution.enlarged import Enlarged
-from fractal_exp.methods.super_resolution.method import SuperResolution, rounded
+from fractal_exp.methods.super_resolution.method import SuperResolution
 from fractal_exp.methods.super_resolution.network import SwinIR
 from fractal_exp.targets import Target
 from fractal_exp.training.super_resolution import SuperResolutionRecipe, SuperResolutionTraining
@@ -63,53 +63,6 @@ def test_a_view_is_the_part_that_it_shows():
     assert torch.allclose(finer[::2, 1::2], image[8:24, 32:48], atol=1e-6)
 
 
-def test_beyond_the_canvas_all_is_black():
-    found = Enlarged(torch.ones(16, 16), 8.0).render(View((1.0, 0.0), 2.0), resolution=8)
-    assert (found[:, :4] == 1).all() and (found[:, 4:] == 0).all()
-    assert (Enlarged(torch.ones(16, 16), 8.0).render(View((5.0, 0.0), 2.0), resolution=8) == 0).all()
-
-
-def test_edges_between_pixels_count_by_their_share():
-    image = torch.zeros(4, 4)
-    image[:, 2] = 1
-    assert torch.allclose(Enlarged(image, 2.0).render(View(), resolution=3)[0], torch.tensor([0, .5, .25]) * 1.0,
-                          atol=1e-6)
-
-
-def test_views_from_closer_by_are_refused():
-    enlarged = Enlarged(TARGET, 8.0)
-    assert enlarged.render(View((0, 0), 8.0), resolution=4).shape == (4, 4)
-    with pytest.raises(InputError, match="at most 8x enlarged, and the view has zoom 8.01; only a code"):
-        enlarged.render(View((0, 0), 8.01), resolution=4)
-    with pytest.raises(InputError, match="resolution"):
-        enlarged.render(View(), resolution=0)
-
-
-def test_pieces_make_the_image_that_one_pass_makes(file):
-    image = random_image(40)
-    whole = SuperResolution(weights=file, tile=40, margin=0).reconstruct(image).image
-    pieces = SuperResolution(weights=file, tile=16, margin=32)
-    steps = []
-    found = pieces.reconstruct(image, on_step=steps.append).image
-    assert found.shape == (320, 320) and torch.allclose(found, whole, atol=2 / 255)
-    assert [step.step for step in steps] == list(range(1, 10)) and steps[-1].fraction == 1
-    assert steps[-1].preview is not None
-
-
-def test_nearly_black_is_black():
-    grey = rounded(torch.tensor([-.3, .0015, .0025, .5, 1.2]))
-    assert grey.tolist() == pytest.approx([0, 0, 1 / 255, 128 / 255, 1])
-
-
-def test_the_fit_has_no_code(file):
-    found = SuperResolution(weights=file).reconstruct(TARGET)
-    assert isinstance(found, Enlarged) and isinstance(found, Reconstruction)
-    assert not isinstance(found, CodeReconstruction) and found.largest_zoom == 8
-    with pytest.raises(InputError, match="the method 'super_resolution' finds no code: it draws the image larger; "
-                                         "fractal-train method=super_resolution"):
-        invert(TARGET, method="super_resolution")
-
-
 def test_pieces_to_learn_from_are_the_same_place_fine_and_coarse():
     training = SuperResolutionTraining(**SUPER | {"supersample": 8, "batch": 8, "codes": 8})
     coarse, fine = training.batch(0)
@@ -120,11 +73,6 @@ def test_pieces_to_learn_from_are_the_same_place_fine_and_coarse():
         together = torch.corrcoef(torch.stack([coarse[k].flatten(), mean[k].flatten()]))[0, 1]
         assert together > .8, "the means of the fine piece are about the coarse one"
         assert float((mean[k].mean() - coarse[k].mean()).abs()) < .15
-
-
-def test_the_rate_is_halved_as_published():
-    training = TRAININGS["super_resolution"](steps=1000, rate=1.0)
-    assert [training.rate(step) for step in (0, 499, 500, 800, 900, 950, 999)] == [1, 1, .5, .25, .125, .0625, .0625]
 
 
 def test_views_that_it_cannot_show_are_left_out_and_counted():
@@ -172,11 +120,3 @@ def test_the_network_in_the_package_is_nearer_than_bicubic_interpolation():
     with torch.no_grad():
         scores = training.judge(network, "cpu")
     assert scores["held_out"] < .97 * scores["bicubic"]
-
-
-def test_without_torchvision_it_says_what_to_install(monkeypatch):
-    from fractal_exp.runtime import extras
-
-    monkeypatch.setattr(extras, "find_spec", lambda library: None)
-    with pytest.raises(InputError, match=r"torchvision is not installed; pip install 'fractal-exp\[perceptual\]'"):
-        TRAININGS["super_resolution"]().network()

@@ -6,7 +6,7 @@ import torch
 from ops_helpers import tiling_problem
 
 from fractal_exp import InputError
-from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from fractal_exp.ops.collage import Descent, descend
 from fractal_exp.ops.collage.reference import Settings
 
 MEASURE, MAPS, WEIGHTS = tiling_problem()
@@ -33,43 +33,6 @@ def test_a_descent_refuses_what_it_cannot_use(change, message):
     with pytest.raises(InputError, match=message) as caught:
         descend(**arguments)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("size", [0, 1, -3, True, 2.0, 40_000, 10**400])
-def test_a_grid_has_two_cells_a_side_at_least_and_a_bounded_number(size):
-    with pytest.raises(InputError, match="size must be an integer of at"):
-        pushforward(MAPS, WEIGHTS, MEASURE.samples, size)
-
-
-@pytest.mark.parametrize("samples", [torch.zeros(5, 2), torch.zeros(3), torch.zeros(0, 3), torch.zeros(5, 3).double()])
-def test_samples_are_rows_of_three(samples):
-    with pytest.raises(InputError, match="samples"):
-        pushforward(MAPS, WEIGHTS, samples, 8)
-
-
-def test_bins_of_an_error_have_the_measures_shape():
-    with pytest.raises(InputError, match=r"bins must have shape \(B, 32, 32\)"):
-        collage_error(torch.zeros(2, 16, 16), MEASURE)
-
-
-@pytest.mark.parametrize("bins, grids", [(torch.zeros(1, 1), 1), (torch.zeros(8, 8), 10**9), (torch.zeros(8), 1)])
-def test_a_measure_has_a_grid_that_can_be_halved(bins, grids):
-    with pytest.raises(InputError, match="bins must be square|size must be an integer"):
-        BinnedMeasure(MEASURE.samples, bins, grids)
-
-
-@pytest.mark.parametrize("floor", [0, -1, float("nan"), "1"])
-def test_the_floor_of_a_measure_is_a_positive_number(floor):
-    with pytest.raises(InputError, match="floor must be a finite number from 1e-12 on, got"):
-        BinnedMeasure(MEASURE.samples, MEASURE.bins, floor=floor)
-
-
-@pytest.mark.parametrize("change", [dict(steps=-1), dict(tied=-10**30), dict(steps=True), dict(steps=10**9),
-                                    dict(rate=float("nan")), dict(identity_radius=0), dict(largest=-1),
-                                    dict(decay="1"), dict(beta_1=1), dict(beta_2=-0.1), dict(epsilon=0)])
-def test_a_descent_is_described_by_finite_numbers(change):
-    with pytest.raises(InputError):
-        Descent(**{"steps": 1} | change)
 
 
 def test_kernels_get_numbers_of_one_type_whichever_a_user_gives():

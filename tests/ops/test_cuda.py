@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from commands import run_here
 from places import ROOT
 
 from fractal_exp import IFS, InputError
@@ -77,12 +78,6 @@ def kernels():
             array(dtype, 2), longs)
 
 
-@needs_numba_cuda
-def test_argument_types_of_kernels_are_complete():
-    """The next test compiles with these types, but takes minutes; a field that they lack shows here."""
-    assert {name for name, _, _ in kernels()} >= {"descend", "chaos_game", "multiply"}
-
-
 @pytest.mark.slow
 @needs_numba_cuda
 @pytest.mark.parametrize("capability", [(8, 0), (9, 0, "a"), (10, 0, "a")], ids=lambda cc: "".join(map(str, cc)))
@@ -139,13 +134,12 @@ def test_images_are_refused_on_devices_that_cannot_draw(device, message):
 
 
 @pytest.mark.slow
-def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path, monkeypatch):
+def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path):
     """A lease is too short to find a slip of the script on it."""
     from benchmarks import gpu
 
-    monkeypatch.setattr(sys, "argv", ["gpu", "--rehearse", "--perceptual", "lpips_squeeze", "--json",
-                                      str(tmp_path / "gpu.json")])
-    gpu.main()  # which exits if a part failed
+    status, printed = run_here(gpu, "--rehearse", "--perceptual", "lpips_squeeze", "--json", str(tmp_path / "gpu.json"))
+    assert status == 0, printed
     report = json.loads((tmp_path / "gpu.json").read_text())
     assert [case["case"] for case in report["operations"]] == ["chaos game", "splat, paper", "splat, laptop"]
     assert all(case["plain_ms"] > case["floor_ms"] > 0 for case in report["operations"])
@@ -153,10 +147,8 @@ def test_the_benchmark_of_a_gpu_rehearses_without_one(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("method", ["chaotic", pytest.param("collage", marks=pytest.mark.slow)])
-def test_the_fits_on_a_gpu_rehearse_without_one(method, tmp_path, monkeypatch):
+def test_the_fits_on_a_gpu_rehearse_without_one(method, tmp_path):
     from benchmarks import gpu_fits
 
-    monkeypatch.setattr(sys, "argv", ["gpu_fits", "--rehearse", "--method", method, "--count", "1", "--iterations", "5",
-                                      "--output", str(tmp_path)])
-    gpu_fits.main()
+    run_here(gpu_fits, "--rehearse", "--method", method, "--count", "1", "--iterations", "5", "--output", str(tmp_path))
     assert IFS.load(tmp_path / "000.json").meta["method"] == method

@@ -13,10 +13,9 @@ from fractal_exp.methods.chaotic.cuda_graph import WARM_UP
 from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic.method import Chaotic, FitProblem
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
-from fractal_exp.methods.chaotic.optimizers import Alternating, Annealing, GradientDescent
-from fractal_exp.ops import backends, chaos_game, cuda_launch, splat
+from fractal_exp.methods.chaotic.optimizers import Alternating, GradientDescent
+from fractal_exp.ops import chaos_game, cuda_launch, splat
 from fractal_exp.ops.collage import Descent, descend
-from fractal_exp.rendering.still import render_with_info
 
 MISSING = ("torch finds no CUDA device here" if not torch.cuda.is_available() else
            "numba-cuda is not installed (pip install 'fractal-exp[cuda]')" if not cuda_launch.INSTALLED else
@@ -41,10 +40,6 @@ def test_chaos_game_draws_exactly_the_twins_numbers(maps, given):
     check_numbers(maps, given, trajectories=70, length=50)
 
 
-def test_two_million_points_of_the_chaos_game_agree_with_the_twin():
-    check_chaos_game((), 10, dict(trajectories=10_000, length=210, warmup=10, seed=1))
-
-
 @pytest.mark.parametrize("name", AWKWARD)
 @pytest.mark.parametrize("resolution, supersample, sigma_px", [
     (7, 3, 2.5), (33, 5, 2.5), (64, 1, 1.0), (1, 1, 0.3), (10, 2, 12.0), (20, 4, 0.05), (3, 200, 15.0), (9, 3, 60.0),
@@ -67,15 +62,6 @@ def fern(count):
     code = attractor.normalize(codes.known("fern"))
     return chaos_game(code.linear, code.offset, probabilities=code.sampling_probabilities(), trajectories=count // 200,
                       length=300, warmup=100, seed=0)
-
-
-def test_infinite_points_are_not_drawn_and_get_no_gradient():
-    lost = torch.tensor([[torch.inf, 0], [0, -torch.inf], [torch.nan, 0.1], [-3e38, 3e38]], device="cuda")
-    points = torch.cat([scatter(20).cuda(), lost]).requires_grad_()
-    image = splat(points, 16)
-    assert torch.equal(image, splat(points[:20], 16))
-    gradient, = torch.autograd.grad(image.sum(), points)
-    assert torch.isfinite(gradient).all() and (gradient[20:] == 0).all() and (gradient[:20] != 0).any()
 
 
 @pytest.mark.parametrize("maps", [1, 3, 9, 64, 300])
@@ -112,10 +98,6 @@ def both(code, game=PAPER, resolution=256):
 
 def gpu_code(*batch, maps=10):
     return tuple((t.detach() * 0.7).cuda().requires_grad_() for t in random_code(*batch, maps=maps))
-
-
-def test_auto_takes_the_kernels():
-    assert backends.choose("auto", torch.zeros(1, device="cuda")) == "cuda"
 
 
 def test_results_repeat_bit_for_bit_and_do_not_depend_on_the_batch():
@@ -203,20 +185,6 @@ def test_histogram_has_the_distribution_of_the_cpus(view, monkeypatch):
     check_histogram(view, bins=8, thrown=20_000)
 
 
-@pytest.mark.parametrize("zoom", [1, 8, 64, 1e6])
-def test_a_view_is_the_cpus_to_its_own_noise(zoom):
-    code = attractor.normalize(codes.known("heighway_dragon"))
-    view = View() if zoom == 1 else View(attractor.random_point(code, 1), zoom)
-    size = {"resolution": 256, "points_in_view": 4_000_000}
-    images = [render_with_info(code, view, **size, seed=seed, device=device)[0] > 0
-              for seed, device in ((0, "cpu"), (1, "cpu"), (2, "cuda"))]
-
-    def f1(a, b):
-        return float(2 * (a & b).sum() / (a.sum() + b.sum()).clamp(min=1))
-
-    assert f1(images[0], images[2]) >= f1(images[0], images[1]) - 0.01
-
-
 def small_fit(optimizer, device, **options):
     model = ForwardModel(SVD(), resolution=64, maps=4, trajectories=200, length=60)
     objective = WeightedSum({"mse": 10, "ssim": 1, "regularizer": 0.01},
@@ -239,43 +207,6 @@ def test_a_recorded_fit_is_the_plain_one(build):
     torch.testing.assert_close(losses[0], losses[1], rtol=1e-3, atol=1e-4)
     assert losses[0, -10:].mean() < losses[0, 20:30].mean()
     assert_close(results[0].linear, results[1].linear, "linear", factor=1e4)
-
-
-def test_without_the_kernels_a_fit_is_not_recorded():
-    fit = small_fit(GradientDescent(), "cuda", iterations=WARM_UP + 3)
-    fit.model.backend, told = "torch", []
-    fit.reconstruct(small_target(), on_step=told.append)
-    assert len(told) == WARM_UP + 3 and fit.optimizer._recorded is None
-
-
-def test_a_fit_is_recorded_on_its_gpu_whichever_is_the_current_one():
-    losses = {}
-    for device in (f"cuda:{i}" for i in range(torch.cuda.device_count())):
-        fit, told = small_fit(GradientDescent(), device, iterations=WARM_UP + 10), []
-        fit.reconstruct(small_target(), on_step=told.append)
-        assert fit.optimizer._recorded[1].graph is not None
-        losses[device] = [step.scalars["loss"] for step in told]
-        assert losses[device] == pytest.approx(losses["cuda:0"], rel=1e-3)
-
-
-def test_candidates_rendered_together_lead_to_where_single_ones_do():
-    outcomes = []
-    for together in 1, 8:
-        fit = small_fit(Alternating(every=5, candidates=8, annealing=Annealing(sharpness=1000), together=together,
-                                    cuda_graph=False), "cuda")
-        problem, optimizer = FitProblem(fit.model, fit.objective, small_target().cuda()), fit.optimizer
-        optimizer.start({k: v.cuda() for k, v in SVD().initial(4, torch.Generator().manual_seed(0)).items()}, 0)
-        rates = [optimizer.step(problem, i, 1 - i / 80).accepted for i in range(40)]
-        outcomes.append([rate for rate in rates if rate is not None])
-    assert outcomes[0] == outcomes[1] and 0 < sum(outcomes[0]) < len(outcomes[0])
-
-
-def test_a_fit_begins_as_on_the_cpu():
-    told = {"cpu": [], "cuda": []}
-    for device, steps in told.items():
-        small_fit(GradientDescent(), device, iterations=5).reconstruct(small_target(), on_step=steps.append)
-    for a, b in zip(*told.values(), strict=True):
-        assert a.scalars == pytest.approx(b.scalars, rel=1e-3)
 
 
 def test_a_recorded_iteration_waits_for_nothing():

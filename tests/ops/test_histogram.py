@@ -10,7 +10,6 @@ from scipy import stats
 from fractal_exp import IFS, Colours, View, codes, ops, render
 from fractal_exp.ifs import attractor
 from fractal_exp.ops import histogram
-from fractal_exp.ops.histogram import boxes
 from fractal_exp.ops.histogram import cpu as cpu_histogram
 from fractal_exp.rendering.still import _address_tree, _window, render_with_info
 from fractal_exp.suite import random_suite
@@ -79,21 +78,6 @@ def test_points_under_several_words_draw_as_well_as_independent_ones(name):
     assert float(reused.var(0)[lit].mean()) == pytest.approx(float(alone.var(0)[lit].mean()), rel=0.15)
 
 
-def test_a_point_and_the_next_of_its_orbit_do_not_clump():
-    """Drawings of this code, whose orbits are slow, differ no more than chaos games of independent points."""
-    code, side = attractor.normalize(random_suite(2, 101)[1]), 64
-    drawings = [render_with_info(code, resolution=side, supersample=16, points_in_view=200_000, seed=seed, reuse=8)[0]
-                for seed in range(24)]
-    games = []
-    for seed in range(24):
-        points = ops.chaos_game(code.linear, code.offset, trajectories=200_000, length=100, warmup=99, seed=seed,
-                                probabilities=code.sampling_probabilities()).numpy()
-        counts = np.histogram2d(-points[:, 1], points[:, 0], 16 * side, [[-1, 1], [-1, 1]])[0]
-        games.append((counts > 0).reshape(side, 16, side, 16).mean((1, 3)))
-    expected = float(np.var(games, 0, ddof=1).mean())
-    assert float(torch.stack(drawings).var(0).mean()) == pytest.approx(expected, rel=0.06)
-
-
 @pytest.mark.parametrize("reuse", [1, 8])
 @pytest.mark.parametrize("chances", [[1.0], [0.999, 0.001]])
 def test_words_under_a_map_that_has_nearly_all_the_chance_are_not_split_for_ever(chances, reuse):
@@ -105,13 +89,6 @@ def test_words_under_a_map_that_has_nearly_all_the_chance_are_not_split_for_ever
                          mode=cpu_histogram.LIT)
     assert tally.visited < 1_000_000
     assert tally.kept == tally.thrown == pytest.approx(20_000, rel=0.05)
-
-
-def test_the_test_sees_a_wrong_distribution():
-    code, view = attractor.normalize(codes.known("fern")), View((0.05, -0.1), 4)
-    p = code.sampling_probabilities() * torch.tensor([1.0, 1.0, 1.1, 1.0])
-    other = IFS(code.linear, code.offset, p / p.sum())
-    assert p_value(sampled(other, view, THROWN, range(64)), rejected(code, view)) < 1e-6
 
 
 def test_counts_are_poisson_from_seed_to_seed():
@@ -142,13 +119,6 @@ def test_poisson_variates(mean):
         keep = expected > 5
         statistic = ((observed - expected)[keep] ** 2 / expected[keep]).sum()
         assert stats.chi2.sf(statistic, keep.sum()) > 1e-4
-
-
-def test_box_mean():
-    canvas = (np.random.default_rng(0).random((12, 12)) < 0.4).astype(np.uint8)
-    out = np.empty((4, 4), np.float32)
-    boxes.box_mean(canvas, 3, out)
-    np.testing.assert_allclose(out, canvas.reshape(4, 3, 4, 3).mean((1, 3)), rtol=1e-6)
 
 
 def chaos_game_with_colours(code: IFS, seed: int, games: int = 50_000, kept: int = 20) -> tuple[np.ndarray, np.ndarray]:

@@ -14,8 +14,6 @@ from fractal_exp import InputError, perceptual_distance
 from fractal_exp.codes import known
 from fractal_exp.evaluation import evaluate, summarize
 from fractal_exp.evaluation.scoring import Perceptual
-from fractal_exp.methods.chaotic.losses import PerceptualTerm
-from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.perceptual.feature_distance import unit_distance
@@ -65,14 +63,6 @@ def test_it_is_lpips_construction_on_the_levels_of_the_network(file):
             expected += float((apart * level[None, :, None, None]).sum(1).mean().detach())
     assert float(perceptual.load("fractal", file)(a, b)) == pytest.approx(expected, rel=1e-4)
     assert len(fractal_features.TAPS) >= 4
-
-
-def test_batches_of_any_shape_are_their_single_pairs():
-    a, b = images(2, 3, 48, 48), images(3, 48, 48, seed=1)
-    together = perceptual_distance(a, b)
-    assert together.shape == (2, 3)
-    each = torch.stack([torch.stack([perceptual_distance(x, y) for x, y in zip(row, b, strict=True)]) for row in a])
-    torch.testing.assert_close(together, each)
 
 
 @pytest.mark.parametrize("size", [(SMALLEST, SMALLEST), (SMALLEST + 1, SMALLEST + 6)])
@@ -131,16 +121,6 @@ def test_features_that_do_not_go_together_are_refused(a, b, weights, message):
         unit_distance(a, b, weights)
 
 
-def test_the_term_keeps_the_features_of_its_target(monkeypatch):
-    a, b = images(2, 64, 64)
-    term = PerceptualTerm("fractal").prepare(b)
-    calls, features = [], term.distance.features
-    monkeypatch.setattr(term.distance, "features", lambda image: calls.append(1) or features(image))
-    rendering = Rendering(a, torch.zeros(1, 2), torch.zeros(1, 2), torch.zeros(1, 2))
-    torch.testing.assert_close(term(rendering), perceptual_distance(a, b))
-    assert len(calls) == 1 and term.name == "fractal"
-
-
 def test_it_has_a_column_of_its_own():
     assert Perceptual.load("fractal").column == "fractal_distance"
     code = known("fern")
@@ -151,27 +131,6 @@ def test_it_has_a_column_of_its_own():
 
 
 # --- bad input ------------------------------------------------------------------------------------------------------
-
-def test_the_smallest_image_is_one_pixel_of_the_fifth_level():
-    perceptual_distance(*images(2, SMALLEST, SMALLEST))
-    with pytest.raises(InputError, match=f"fractal needs images of at least {SMALLEST} px.*perceptual=none"):
-        perceptual_distance(*images(2, SMALLEST, SMALLEST - 1))
-
-
-def test_pictures_whose_inner_part_is_too_small_are_not_drawn(monkeypatch):
-    monkeypatch.setattr("fractal_exp.evaluation.scoring._draw", lambda *_: pytest.fail("drew"))
-    with pytest.raises(InputError, match="inner 31 px of 41; raise resolution to 42.*perceptual=none"):
-        evaluate(known("fern"), known("fern"), resolution=41, perceptual="fractal")
-    Perceptual.load("fractal").check(42)
-    Perceptual.load("none").check(1)
-
-
-@pytest.mark.parametrize("value, message", [(float("nan"), "a holds NaN"), (2.0, r"a must lie in \[0,1\]")])
-def test_images_that_are_none(value, message):
-    a, b = images(2, 40, 40)
-    a[3, 3] = value
-    with pytest.raises(InputError, match=message):
-        perceptual_distance(a, b)
 
 
 def test_images_that_do_not_go_together():

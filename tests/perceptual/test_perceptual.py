@@ -8,11 +8,10 @@ from urllib.error import URLError
 
 import pytest
 import torch
-from safetensors.torch import save_file
 from torchvision.models import get_model
 
 from fractal_exp.errors import InputError
-from fractal_exp.methods.chaotic.losses import PerceptualTerm, perceptual_term
+from fractal_exp.methods.chaotic.losses import PerceptualTerm
 from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual.distances import WeightsUnavailable
@@ -151,17 +150,6 @@ def test_too_small_an_image_is_refused_and_the_smallest_is_not(kind, weights):
 
 # --- the module -----------------------------------------------------------------------------------------------------
 
-@each_kind
-def test_loading_is_silent_frozen_and_draws_no_random_numbers(kind, weights, capfd):
-    before = torch.get_rng_state()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        distance = perceptual.load(kind, weights[kind])
-    assert torch.equal(torch.get_rng_state(), before)
-    assert capfd.readouterr() == ("", "")
-    assert distance.name == kind and not distance.training
-    assert not any(parameter.requires_grad for parameter in distance.parameters())
-
 
 def test_the_term_compares_with_features_computed_once(weights):
     a, target = images(3, 24, 1), images(1, 24, 2)[0]
@@ -177,47 +165,7 @@ def test_the_term_compares_with_features_computed_once(weights):
     assert not any(feature.requires_grad for feature in term.target_features)
 
 
-def test_the_term_follows_the_dtype_of_its_target(weights):
-    term = PerceptualTerm("lpips_squeeze", str(weights["lpips_squeeze"])).prepare(images(1, 20, 2, torch.float64)[0])
-    image = images(1, 20, 1, torch.float64).requires_grad_()
-    empty = torch.zeros(1, 1, 2)
-    assert torch.autograd.gradcheck(lambda x: term(Rendering(x, empty, empty, empty)), image, fast_mode=True)
-
-
-@pytest.mark.parametrize("level", [0.0, 1.0])
-def test_constant_images_give_finite_values_and_gradients(level, weights):
-    distance = perceptual.load("lpips_alex", weights["lpips_alex"])
-    image = torch.full((40, 40), level, requires_grad=True)
-    value = distance(image, images(1, 40, 2)[0])
-    (gradient,) = torch.autograd.grad(value, image)
-    assert torch.isfinite(value) and torch.isfinite(gradient).all()
-
-
-def test_none_leaves_the_term_out():
-    assert perceptual_term("none") is None
-
-
-def test_kinds():
-    assert perceptual.kinds() == (*MODELS, "fractal")
-
-
 # --- weight files ---------------------------------------------------------------------------------------------------
-
-def test_whole_checkpoints_and_safetensors_serve_as_well(weights, tmp_path):
-    bare = random_features("lpips_squeeze")
-    whole = {f"features.{name}": value for name, value in bare.items()} | {"classifier.1.weight": torch.zeros(3)}
-    torch.save(whole, tmp_path / "whole.pth")
-    save_file(bare, tmp_path / "bare.safetensors")
-    a, b = images(1, 24, 1), images(1, 24, 2)
-    expected = perceptual.load("lpips_squeeze", weights["lpips_squeeze"])(a, b)
-    for name in ("whole.pth", "bare.safetensors"):
-        assert torch.equal(perceptual.load("lpips_squeeze", str(tmp_path / name))(a, b), expected)
-
-
-def test_the_cache_is_found_without_a_network(offline, weights):
-    offline.mkdir(parents=True)
-    shutil.copy(weights["lpips_squeeze"], offline / "squeezenet1_1-b8a52dc0.pth")
-    assert perceptual.load("lpips_squeeze").name == "lpips_squeeze"
 
 
 def test_a_download_goes_into_the_cache_and_is_checked(offline, weights, monkeypatch):
@@ -274,19 +222,6 @@ def test_weights_of_another_network_are_refused(content, message, tmp_path):
     torch.save(content, tmp_path / "odd.pth")
     with pytest.raises(InputError, match=message):
         perceptual.load("lpips_squeeze", tmp_path / "odd.pth")
-
-
-@pytest.mark.parametrize("name", ["cut.pth", "cut.safetensors"])
-def test_a_truncated_file_is_refused(name, weights, tmp_path):
-    (tmp_path / name).write_bytes(weights["lpips_squeeze"].read_bytes()[:5000])
-    with pytest.raises(InputError, match=f"{name} cannot be read"):
-        perceptual.load("lpips_squeeze", tmp_path / name)
-
-
-def test_a_missing_file_is_an_error_and_no_reason_to_download(offline, tmp_path):
-    with pytest.raises(InputError, match="there is no weight file .*nowhere.pth") as caught:
-        perceptual.load("lpips_alex", tmp_path / "nowhere.pth")
-    assert not isinstance(caught.value, WeightsUnavailable)
 
 
 @pytest.mark.parametrize("arguments, message", [

@@ -88,7 +88,7 @@ def settings(params, prefix=""):
 
 @cache
 def every_setting():
-    return [*settings(CollageParams()), *settings(VerdictParams(), "verdict.")]
+    return [*settings(CollageParams())]
 
 
 @cache

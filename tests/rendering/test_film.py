@@ -8,11 +8,9 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import InputError, View, codes
-from fractal_exp.ifs import attractor
+from fractal_exp import InputError, codes
 from fractal_exp.rendering import film as films
 from fractal_exp.rendering.film import forecast, frames, write_film
-from fractal_exp.rendering.film_formats import is_film
 from fractal_exp.rendering.morph import morph_path
 
 NAMES = ["a.mp4", "a.webm", "a.gif", "a-%03d.png"]
@@ -45,29 +43,6 @@ def test_every_format_holds_grey_and_coloured_frames(tmp_path, name, shape):
         assert np.abs(frame - wanted).mean() < 0.05
 
 
-def test_an_odd_side_is_for_pictures_and_gifs(tmp_path):
-    for name in ("a.gif", "a-%d.png"):
-        write_film(tmp_path / name, moving((33, 33), 2))
-    for name in ("a.mp4", "a.webm"):
-        with pytest.raises(InputError, match="even number of pixels"):
-            write_film(tmp_path / name, moving((33, 33), 2))
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["a-1.png", "a-2.png", "a.gif"]
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize(("pictures", "message"), [
-    ([torch.zeros(16, 16), torch.zeros(18, 18)], r"one shape, got \(16, 16\) and then \(18, 18\)"),
-    ([torch.zeros(16, 16), torch.zeros(16, 16, 3)], r"one shape, got \(16, 16\) and then \(16, 16, 3\)"),
-    ([torch.zeros(16, 18)], r"\(R,R\) or \(R,R,3\), got \(16, 18\)"),
-    ([torch.zeros(16, 16, 4)], r"\(R,R\) or \(R,R,3\)"),
-    ([], "at least one frame"),
-])
-def test_frames_of_several_shapes_are_refused(tmp_path, name, pictures, message):
-    with pytest.raises(InputError, match=message):
-        write_film(tmp_path / name, pictures)
-    assert not [file for file in tmp_path.iterdir() if file.suffix != ".png"]
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_the_forecast_tells_size_and_length(tmp_path, name):
     course, views = morph_path([codes.known("fern"), codes.known("tree")], 48)
@@ -84,13 +59,6 @@ def test_the_forecast_tells_size_and_length(tmp_path, name):
     assert str(told).startswith("48 frames, 2.4 s of film, about ") and str(told).endswith(" to draw")
 
 
-def test_a_gif_lasts_as_long_as_its_format_lets_it(tmp_path):
-    told = forecast(tmp_path / "a.gif", lambda part: moving((16, 16), 40)[part], 40, fps=30)
-    assert told.seconds == pytest.approx(40 * 0.03)
-    path = write_film(tmp_path / "a.gif", moving((16, 16), 3), fps=30)
-    assert Image.open(path).info["duration"] == 30
-
-
 def test_a_film_that_finds_no_room_is_refused_before_it_is_drawn(tmp_path, monkeypatch):
     Usage, drawn = namedtuple("Usage", "total used free"), []
 
@@ -104,18 +72,3 @@ def test_a_film_that_finds_no_room_is_refused_before_it_is_drawn(tmp_path, monke
     assert len(drawn) < 20 and not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="a GIF of 100000000000 frames would take .* of memory"):
         forecast(tmp_path / "a.gif", lambda part: moving()[:4], 10**11)
-
-
-def test_one_code_or_one_for_each_view():
-    fern, tree = (attractor.normalize(codes.known(name)) for name in ("fern", "tree"))
-    views = [View(), View()]
-    size = {"resolution": 32, "points_in_view": 20_000}
-    alone, both = list(frames(fern, views, **size)), list(frames([fern, tree], views, **size))
-    assert torch.equal(alone[0], both[0]) and not torch.equal(alone[1], both[1])
-    with pytest.raises(InputError, match="got 1 codes and 2 views"):
-        frames([fern], views)
-
-
-def test_which_names_are_films():
-    assert all(is_film(name) for name in [*NAMES, "A.MP4", "%d.PNG"])
-    assert not any(is_film(name) for name in ("a.png", "100%.png", "%04d/a.png", "a.avi", "a%04d.jpg"))

@@ -7,7 +7,7 @@ from fractal_exp import View, codes
 from fractal_exp.cli import render as render_app
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering.still import render_with_info
-from fractal_exp.rendering.zoom import _eyes, _look, _richness, _without_noise, rich_point
+from fractal_exp.rendering.zoom import _look, _richness, _without_noise, rich_point
 from fractal_exp.suite import random_suite
 
 DRAGON = attractor.normalize(codes.known("heighway_dragon"))
@@ -34,26 +34,6 @@ def test_a_film_of_a_code_that_flattens_does_not_end_in_stripes(index):
                for seed in range(4)]
     point = rich_point(code, 0, end_zoom=1e6)
     assert min(_richness(_look(code, point, float(zoom))) for zoom in zooms) > max(1, 4 * max(stripes))
-
-
-def test_the_eyes_of_a_code_lie_on_it_and_a_code_without_turns_has_none():
-    code = attractor.normalize(codes.known("spiral"))
-    found = _eyes(code, 1e3)
-    assert len(found) == 12
-    for eye in found:
-        assert not render_with_info(code, View(eye, 1e6), resolution=8, points_in_view=100)[1].empty
-    assert _eyes(attractor.normalize(codes.known("sierpinski_triangle")), 1e3) == []
-
-
-def test_what_is_empty_full_or_striped_is_not_rich():
-    import torch
-
-    lit = torch.zeros(64, 64, dtype=torch.bool)
-    assert _richness(lit) == _richness(~lit) == 0
-    lit[::8] = lit[1::8] = True
-    assert _richness(lit) < 1e-4
-    lit[:, ::8] = lit[:, 1::8] = True
-    assert _richness(lit) > 1
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

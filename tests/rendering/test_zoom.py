@@ -31,14 +31,6 @@ def test_random_and_nearest_points_are_on_the_attractor(code):
         assert not render_with_info(code, View(point, 1e9), resolution=8, points_in_view=100)[1].empty
 
 
-def test_the_nearest_point_is_near():
-    # The gasket's hypotenuse runs from (1,0) to (0,1); the foot of (0.9, 0.7) on it is (0.6, 0.4), binary 0.1001…
-    x, y = nearest_point(GASKET, (0.9, 0.7))
-    assert x + y == pytest.approx(1, abs=1e-9) and math.dist((x, y), (0.6, 0.4)) < 0.05
-    inside = attractor.random_point(GASKET, 3)
-    assert math.dist(nearest_point(GASKET, inside), inside) < 1e-9
-
-
 def test_a_zoom_path_is_smooth_exponential_and_ends_at_the_target():
     target = (0.3, -0.4)
     views = zoom_path(target, 101, end_zoom=1e6)
@@ -73,15 +65,6 @@ def test_films_hold_every_frame(tmp_path, suffix, mode):
     for frame, picture in zip(film, pictures, strict=True):
         assert np.abs(frame[..., 0] / 255 - picture.numpy()).mean() < 0.05
     assert sorted(tmp_path.iterdir()) == [path]
-
-
-def test_a_film_that_breaks_off_leaves_no_file(tmp_path):
-    def broken():
-        yield torch.zeros(16, 16)
-        raise KeyboardInterrupt
-    with pytest.raises(KeyboardInterrupt):
-        write_film(tmp_path / "zoom.gif", broken(), fps=10)
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("bits", [8, 16])

@@ -1,4 +1,3 @@
-import json
 import multiprocessing
 import os
 import resource
@@ -39,32 +38,6 @@ def test_a_damaged_file_is_refused(tmp_path, content):
         Checkpoint(tmp_path / "f", resume=True).load()
 
 
-def test_a_truncated_file_is_refused(tmp_path):
-    Checkpoint(tmp_path / "f").save(SNAPSHOT)
-    (tmp_path / "f").write_bytes((tmp_path / "f").read_bytes()[:-4])
-    with pytest.raises(InputError, match="cannot read the checkpoint"):
-        Checkpoint(tmp_path / "f", resume=True).load()
-
-
-def test_foreign_safetensors_are_refused(tmp_path):
-    from safetensors.torch import save_file
-
-    save_file({"x": torch.zeros(1)}, tmp_path / "f")
-    with pytest.raises(InputError, match="no checkpoint of this version"):
-        Checkpoint(tmp_path / "f", resume=True).load()
-
-
-def test_an_unfinished_fit_that_is_not_resumed_is_set_aside(tmp_path):
-    checkpoint = Checkpoint(tmp_path / "fit.safetensors")
-    assert checkpoint.set_aside() is None
-    checkpoint.save(SNAPSHOT)
-    assert checkpoint.set_aside() == tmp_path / "fit.previous-1.safetensors"
-    assert not checkpoint.path.exists()
-    checkpoint.save(SNAPSHOT)
-    assert checkpoint.set_aside() == tmp_path / "fit.previous-2.safetensors"
-    assert (tmp_path / "fit.previous-1.safetensors").exists(), "what was set aside stays"
-
-
 def _save_for_ever(path):
     checkpoint, i = Checkpoint(path), 0
     while True:
@@ -97,15 +70,6 @@ def test_no_changed_byte_is_accepted(tmp_path):
         path.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1:])
         with pytest.raises(InputError, match="cannot read the checkpoint .* delete it to start afresh"):
             Checkpoint(path, resume=True).load()
-
-
-def test_a_checkpoint_of_the_layout_without_checksum_is_refused_by_name(tmp_path):
-    from safetensors.torch import save_file
-
-    notes = {"format": "fractal-exp/checkpoint/1", "iteration": 1, "numbers": {}, "identity": {}}
-    save_file({"x": torch.zeros(1)}, tmp_path / "f", metadata={"notes": json.dumps(notes)})
-    with pytest.raises(InputError, match="an earlier version of fractal-exp wrote it; resume with that version"):
-        Checkpoint(tmp_path / "f", resume=True).load()
 
 
 def test_a_full_disk_keeps_the_checkpoint_before(tmp_path):

@@ -176,36 +176,3 @@ def test_a_code_file_is_not_read_if_it_is_huge_or_no_file(tmp_path):
         IFS.load(tmp_path / ("x" * 300))
     with pytest.raises(InputError, match="null byte"):
         read_json("a\0b", "it")
-
-
-def test_a_code_whose_notes_are_no_json_is_not_written(tmp_path):
-    with pytest.raises(InputError, match="meta must hold nothing but JSON"):
-        IFS([[[0.5, 0], [0, 0.5]]], [[0, 0]], meta={"x": object()}).save(tmp_path / "code.json")
-    assert not os.listdir(tmp_path)
-
-
-def test_a_folder_is_looked_through_once_by_a_process_for_what_killed_ones_left(tmp_path, monkeypatch):
-    left = [tmp_path / name for name in (".other.0123456789ab.partial", ".film.mp4.0123456789ab.partial.mp4")]
-    kept = [tmp_path / name for name in (".mine.partial", ".other.ba9876543210.partial", ".a.0123456789ab.json")]
-    for path in (*left, *kept):
-        path.write_bytes(b"half")
-        os.utime(path, (time.time() - 7200,) * 2)
-    os.utime(kept[1])
-    listed, scandir = [], os.scandir
-    monkeypatch.setattr(os, "scandir", lambda path: listed.append(path) or scandir(path))
-    for i in range(5):
-        write_atomically(tmp_path / f"file{i}", "whole")
-    assert listed == [tmp_path]
-    assert not any(path.exists() for path in left) and all(path.exists() for path in kept)
-
-
-def test_what_fails_while_a_file_is_written_but_is_not_of_it_passes_as_it_is(tmp_path):
-    for error in (BrokenPipeError(32, "Broken pipe"), OSError("of ffmpeg"),
-                  FileNotFoundError(2, "No such file", "/other")):
-        with pytest.raises(type(error)) as caught, replacing(tmp_path / "file"):
-            raise error
-        assert caught.value is error
-    with pytest.raises(InputError, match="cannot write .*/file: Permission denied"), replacing(
-            tmp_path / "file") as partial:
-        raise PermissionError(13, "Permission denied", str(partial))
-    assert os.listdir(tmp_path) == []

@@ -40,23 +40,6 @@ def test_an_interrupt_in_a_kernel_stays_an_interrupt(monkeypatch):
         jit.kernel()(broken)()
 
 
-@pytest.mark.slow
-def test_kernels_run_from_an_installation_that_cannot_be_written(tmp_path):
-    """Neither the package's folder nor the user's cache can be made: a file stands where each folder should be."""
-    package = tmp_path / "fractal_exp"
-    shutil.copytree(SOURCE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    for folder in (package, package / "ifs"):
-        (folder / "__pycache__").write_text("")
-    (tmp_path / "home").write_text("")
-    environment = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
-    environment |= {"PYTHONPATH": str(tmp_path), "HOME": str(tmp_path / "home"), "PYTHONDONTWRITEBYTECODE": "1"}
-    program = QUICKLY_COMPILED.format(before="print(fractal_exp.__file__)")
-    done = subprocess.run([sys.executable, "-c", program], env=environment, cwd=tmp_path, capture_output=True,
-                          text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == [str(package / "__init__.py"), "True"]
-
-
 SEARCHED = """
 import fractal_exp, hashlib, torch
 from fractal_exp import codes, ops, suite

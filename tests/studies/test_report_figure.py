@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 from fractal_exp import tracking
-from fractal_exp.studies import report, report_text
-from fractal_exp.studies.report_figure import Pair, broken, figure, font_for, layout, line_height
+from fractal_exp.studies import report
+from fractal_exp.studies.report_figure import Pair, figure, font_for, layout, line_height
 
 SIDE = 96
 LONG = "no_multisampling_and_no_annealing, sigma 2.5, with a perceptual distance of its own and 20 maps"
@@ -45,21 +45,6 @@ def test_no_text_runs_into_another_or_into_a_picture_or_off_the_sheet(names):
         for b in pictures:
             assert apart(a, b), text
     assert all(apart(a, b) for a, b in combinations(pictures, 2))
-
-
-def test_what_holds_for_a_row_or_a_column_is_said_once():
-    _, texts, _ = boxes(*NAMES["short"])
-    words = [text for text, _ in texts]
-    for name in ("Ablations, laptop scale", "fractal 0", "fractal 1", "target", "full", "naive"):
-        assert words.count(name) == 1, name
-    assert words.count("whole") == words.count("zoomed") == 2, "above each column"
-    assert words.count("F1 0.123") == 4, "below each pair but the targets'"
-
-
-def test_a_long_name_is_broken_where_it_may_and_loses_nothing():
-    assert broken("no_multisampling", len, 8) == ["no_", "multisam", "pling"]
-    assert broken("5x5, sigma 2.5", len, 8) == ["5x5,", "sigma", "2.5"]
-    assert broken("short", len, 8) == ["short"] and broken("", len, 8) == [""]
 
 
 @pytest.fixture(scope="module")
@@ -104,14 +89,3 @@ def test_each_picture_stands_in_its_row_and_column(uri):
     assert len(rows) == 3 and len(columns) == 4
     assert [[found.get((top, left)) for left in columns] for top in rows] == [
         [100, 101, 120, 121], [102, 103, 122, 123], [112, None, 132, 133]]
-
-
-def test_one_sample_is_no_samples_and_the_title_is_the_one_heading(uri):
-    for name, words in (("one", "at smoke scale on 1 sample, mean over views"),
-                        ("two", "at smoke scale on 2 samples, mean over views and samples [bootstrap 95% interval")):
-        sweep = report.read_sweep(uri, "study", name)
-        table = report.summary(sweep)
-        text, latex = report_text.markdown(sweep, table), report_text.latex(sweep, table)
-        assert words in text and words in latex.replace(r"\%", "%") and "1 samples" not in text + latex
-        assert text.count("A study") == 1 and text.startswith("# A study\n\nMeasured at smoke scale")
-        assert latex.count("A study") == 1

@@ -74,14 +74,6 @@ def test_the_page_holds_the_code_to_the_last_digit_and_the_view_that_it_opens_on
     assert data["file"] == "maple-leaf"
 
 
-def test_a_code_in_its_own_coordinates_is_framed_as_its_normalised_one():
-    home = given(page(codes.known("fern")))["home"]
-    x0, y0, x1, y1 = attractor.visible_box(codes.known("fern"))
-    assert home["zoom"] == pytest.approx(1.5 / (y1 - y0)) and home["x"] == pytest.approx((x0 + x1) / 2)
-    point = IFS([[[0.5, 0], [0, 0.5]]], [[1.0, 2.0]])
-    assert given(page(point))["home"]["zoom"] == 1
-
-
 def test_a_name_stays_text():
     fern = codes.known("fern")
     text = page(IFS(fern.linear, fern.offset, fern.probabilities, {"title": HOSTILE, "other": HOSTILE, "name": 3}))
@@ -164,15 +156,3 @@ def test_modules_are_linked_in_the_order_of_their_imports():
     assert [text.index(f"const {name}Module") for name in "ba"] == sorted(text.index(f"const {n}Module") for n in "ba")
     assert "const { f } = aModule;" in text and "return { f };" in text and "export" not in text
     assert "own 1" not in text and "//kept" in text  # comments of whole lines are left out, and nothing else
-
-
-@pytest.mark.parametrize(("modules", "message"), [
-    ({"main": 'import { f } from "./a.mjs";\n', "a": ""}, "imports f, which a.mjs does not export"),
-    ({"main": 'import * as a from "./a.mjs";\n', "a": ""}, "not linked: import * as a"),
-    ({"main": "export default 3;\n"}, "not linked: export default 3;"),
-    ({"main": 'import { m } from "./a.mjs";\nexport const n = m;\n',
-      "a": 'import { n } from "./main.mjs";\nexport const m'}, "in a circle: main -> a -> main"),
-])
-def test_other_forms_of_modules_are_refused(modules, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
-        linked(modules, "main")

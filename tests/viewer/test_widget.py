@@ -49,14 +49,6 @@ def test_a_code_goes_to_the_page_and_back_to_the_last_bit(code):
     assert widget.code is not code and widget.code.to_json() == code.to_json()
 
 
-def test_both_sides_call_those_who_observe_the_code():
-    widget, heard = FERN.widget(), []
-    widget.observe(lambda change: heard.append((change.old, change.new)), "code")
-    widget.code = DRAGON
-    widget.set_state({"code": COLOURED.to_json()})
-    assert heard == [(FERN, DRAGON), (DRAGON, widget.code)] and widget.code.meta == {"title": "A dot"}
-
-
 @pytest.mark.parametrize(("code", "message"), [
     (FERN.to_json(), "a widget shows an IFS, got dict; IFS.load reads one from a file, and IFS.from_json"),
     (WILD, "map 0 has singular value 1.01"),
@@ -71,13 +63,6 @@ def test_what_a_page_cannot_show_is_refused_at_the_start_and_later(code, message
     with pytest.raises(InputError, match=message):
         widget.code = code
     assert widget.code is FERN
-
-
-@pytest.mark.parametrize("height", [0, -1, 480.0, "480", True, None])
-def test_a_height_is_a_number_of_pixels(height):
-    with pytest.raises(InputError, match="height must be a whole number of pixels above 0, got"):
-        FERN.widget(height=height)
-    assert FERN.widget(height=300).get_state("height") == {"height": 300}
 
 
 def without(data: dict[str, Any], key: str) -> dict[str, Any]:
@@ -98,16 +83,6 @@ def test_a_wrong_code_of_the_page_is_refused_and_the_right_one_sent_again(data, 
         widget.set_state({"code": data})
     assert widget.code is FERN and heard == [] and "The page's code is refused: " in caplog.text
     assert sent[-1]["method"] == "update" and sent[-1]["state"] == {"code": FERN.to_json()}
-
-
-def test_a_code_that_the_page_has_is_not_sent_back_to_it(monkeypatch):
-    """It would come late, and undo what a hand has done in the meantime."""
-    widget, sent = CodeWidget(FERN), []
-    monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message["method"]))
-    widget.set_state({"code": json.loads(json.dumps(COLOURED.to_json()))})
-    assert "update" not in sent
-    widget.code = DRAGON
-    assert sent[-1] == "update"
 
 
 def test_without_the_extra_the_remedy_is_named(monkeypatch):

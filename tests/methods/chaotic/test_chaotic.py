@@ -4,13 +4,13 @@ import pytest
 import torch
 from chaotic_helpers import OPTIMIZERS, fit
 
-from fractal_exp import InputError, View, codes
+from fractal_exp import InputError, codes
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.base import CodeReconstruction, FitDiverged, Method, check_target
+from fractal_exp.methods.base import CodeReconstruction, FitDiverged, Method
 from fractal_exp.methods.chaotic import readback
 from fractal_exp.methods.chaotic.best_states import BestStates
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive
-from fractal_exp.methods.chaotic.optimizers import Alternating, AnnealingOnly, GradientDescent
+from fractal_exp.methods.chaotic.optimizers import Alternating, GradientDescent
 from fractal_exp.runtime.checkpoint import Checkpoint
 
 
@@ -76,13 +76,6 @@ def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, name):
         assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
-def test_annealing_moves_while_it_scouts(target):
-    told = []
-    fit(AnnealingOnly(), iterations=2, starts=2, scouting=8).reconstruct(target, on_step=told.append)
-    regularizers = {p.scalars["regularizer"] for p in told[:8]}
-    assert len(regularizers) > 1
-
-
 def test_several_starts_are_scouted_and_the_best_goes_on(target):
     told = []
     chaotic = fit(Alternating(every=2, candidates=2), iterations=10, starts=3, scouting=4)
@@ -94,28 +87,6 @@ def test_several_starts_are_scouted_and_the_best_goes_on(target):
     best_of_each = [min(p.scalars["loss"] for p in told[i:i + 4]) for i in (0, 4, 8)]
     assert len(set(best_of_each)) == 3, "the starts differ"
     assert told[12].scalars["loss"] == pytest.approx(min(best_of_each), rel=0.1)
-
-
-def test_every_start_has_parameters_of_its_own(target, monkeypatch):
-    begun, start = [], Alternating.start
-    monkeypatch.setattr(Alternating, "start", lambda self, raw, seed: (begun.append(raw), start(self, raw, seed))[1])
-    fit(Alternating(every=2, candidates=2), iterations=2, starts=3, scouting=2).reconstruct(target)
-    first, second, third = ([value.detach().clone() for value in raw.values()] for raw in begun[:3])
-    assert not any(torch.equal(a, b) for a, b in zip(first, second, strict=True))
-    assert not any(torch.equal(a, b) for a, b in zip(second, third, strict=True))
-
-
-def test_splats_shrink_in_equal_parts_of_the_run_and_the_best_state_is_of_the_last(target, monkeypatch):
-    drawn, told = [], []
-    splat = ForwardModel._splat
-    monkeypatch.setattr(ForwardModel, "_splat",
-                        lambda model, points: (drawn.append(model.sigma_px), splat(model, points))[1])
-    kept = []
-    monkeypatch.setattr(BestStates, "clear", lambda best: (kept.append(len(best.states)), best.__init__(8))[0])
-    fit(iterations=6, starts=2, scouting=2, radii=(4, 2, 1)).reconstruct(target, on_step=told.append)
-    in_parts = [drawn[0]] + [now for before, now in zip(drawn, drawn[1:], strict=False) if now != before]
-    assert in_parts == [10, 5, 2.5] and len(told) == 2 * 2 + 6
-    assert len(kept) == 2 and min(kept) > 0
 
 
 def test_a_fit_with_shrinking_splats_goes_on_bit_for_bit(target, tmp_path):
@@ -134,12 +105,6 @@ def test_a_fit_with_shrinking_splats_goes_on_bit_for_bit(target, tmp_path):
         assert torch.equal(whole.linear, resumed.linear)
 
 
-@pytest.mark.parametrize("radii", [(), (1, 0), (-1,)])
-def test_radii_that_make_no_sense_are_refused(radii):
-    with pytest.raises(InputError, match="radii"):
-        fit(radii=radii)
-
-
 @pytest.mark.parametrize("stop", [3, 4, 5, 8, 9, 14])
 def test_an_interrupted_scouting_goes_on_bit_for_bit(target, tmp_path, stop):
     def interrupt(progress):
@@ -152,18 +117,6 @@ def test_an_interrupted_scouting_goes_on_bit_for_bit(target, tmp_path, stop):
         fit(**options).reconstruct(target, on_step=interrupt, checkpoint=Checkpoint(tmp_path / "f"))
     resumed = fit(**options).reconstruct(target, checkpoint=Checkpoint(tmp_path / "f", resume=True)).code
     assert torch.equal(whole.linear, resumed.linear)
-
-
-def test_checkpoints_come_every_so_many_iterations(target, tmp_path):
-    seen = []
-
-    class Recording(Checkpoint):
-        def save(self, snapshot):
-            seen.append(snapshot.iteration)
-            super().save(snapshot)
-
-    fit(iterations=11).reconstruct(target, checkpoint=Recording(tmp_path / "f", every=4))
-    assert seen == [4, 8]
 
 
 def test_a_fit_of_a_small_target_gets_better(target):
@@ -204,23 +157,6 @@ def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
     assert all(bool(tensor.isfinite().all()) for tensor in snapshot.tensors.values())
 
 
-@pytest.mark.parametrize("together", [2, 5, 32])
-@pytest.mark.parametrize("name", ["alternating", "annealing"])
-def test_fetching_numbers_together_changes_nothing(target, monkeypatch, name, together):
-    """As on a GPU, where a wait for every step's numbers would cost more than the step."""
-    def run():
-        told = []
-        options = {"iterations": 11, "starts": 2, "scouting": 6, "previews": 2}
-        code = fit(OPTIMIZERS[name](), **options).reconstruct(target, on_step=told.append).code
-        return code, [(p.step, p.fraction, p.scalars, p.preview is None) for p in told]
-
-    (alone, told_alone) = run()
-    monkeypatch.setattr(readback, "STEPS", {"cpu": together})
-    (code, told) = run()
-    assert torch.equal(code.linear, alone.linear) and torch.equal(code.offset, alone.offset)
-    assert told == told_alone
-
-
 def test_a_nan_among_steps_fetched_together_is_found_and_the_state_before_them_kept(target, tmp_path, monkeypatch):
     monkeypatch.setattr(readback, "STEPS", {"cpu": 4})
 
@@ -246,11 +182,6 @@ def test_a_fit_without_any_contractive_state_says_so(target):
             fit(parameterization=Expanding(), iterations=2, starts=starts, scouting=2).reconstruct(target)
 
 
-def test_the_reconstruction_draws_views(target):
-    image = fit(iterations=2).reconstruct(target).render(View((0.1, 0.2), 2), resolution=32, points_in_view=2000)
-    assert image.shape == (32, 32)
-
-
 def test_best_states_keep_the_lowest_apart_from_each_other():
     best = BestStates(2, spacing=3)
     for iteration, loss in enumerate([5.0, 4.0, 4.5, 9.0, 3.0, 2.0, 8.0, 1.0, 7.0]):
@@ -272,10 +203,6 @@ GOOD = torch.rand(32, 32, generator=torch.Generator().manual_seed(0))
 def test_unusable_targets_are_refused_before_any_work(image, message):
     with pytest.raises(InputError, match=message):
         fit().reconstruct(image)
-
-
-def test_check_target_makes_float32():
-    assert check_target(GOOD.double()).dtype == torch.float32
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -80,12 +80,6 @@ def test_state_and_parameters_are_all_that_is_needed_to_go_on(build):
     assert torch.equal(whole.raw["x"], resumed.raw["x"])
 
 
-def test_scored_parameters_are_a_copy_by_value():
-    optimizer = GradientDescent()
-    steps = run(optimizer, Bowl(), 2)
-    assert not torch.equal(steps[0].raw["x"], steps[1].raw["x"])
-
-
 def test_annealing_runs_on_schedule_in_the_first_half_only_and_resets_adam():
     optimizer, problem = Alternating(every=5, candidates=3), Bowl()
     steps = run(optimizer, problem)
@@ -94,13 +88,6 @@ def test_annealing_runs_on_schedule_in_the_first_half_only_and_resets_adam():
     optimizer = Alternating(every=5, candidates=3)
     run(optimizer, problem, 5)
     assert optimizer.state() == {}
-
-
-@pytest.mark.parametrize(("common", "distinct"), [(True, 1), (False, 4)])
-def test_candidates_share_their_random_numbers_if_asked(common, distinct):
-    problem = Bowl()
-    run(Alternating(every=5, candidates=3, common_random_numbers=common), problem, 5)
-    assert len(set(problem.seeds)) == distinct
 
 
 def test_the_centre_moves_with_every_accepted_candidate():
@@ -182,18 +169,6 @@ def test_a_step_is_the_same_in_the_form_that_is_recorded(build, monkeypatch):
         assert torch.equal(step.raw["x"], other.raw["x"]) and torch.equal(step.loss, other.loss)
         assert step.terms == other.terms and step.accepted == other.accepted
     assert torch.equal(recorded.raw["x"], plain.raw["x"])
-
-
-def test_noise_is_added_to_every_gradient():
-    class Flat(Bowl):
-        def loss(self, raw, seed):
-            total = 0 * raw["x"].sum()
-            return total, {"flat": total}
-
-    optimizer = NoisyGradientDescent(noise=0.1)
-    optimizer.start({"x": torch.zeros(2000, 2)}, 0)
-    optimizer.step(Flat(), 0, 1.0)
-    assert float(optimizer.raw["x"].grad.std()) == pytest.approx(0.1, rel=0.05)
 
 
 @pytest.mark.parametrize(("build", "message"), [

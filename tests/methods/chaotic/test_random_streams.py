@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from fractal_exp.methods.chaotic.losses import MSE, WeightedSum
-from fractal_exp.methods.chaotic.method import Chaotic, FitProblem
+from fractal_exp.methods.chaotic.method import Chaotic
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Parameterization
 from fractal_exp.methods.chaotic.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
 
@@ -72,14 +72,6 @@ def test_every_step_every_parameter_and_every_seed_has_random_numbers_of_its_own
     assert all(torch.equal(a, b) for a, b in zip(drawn(name, seed=1), drawn(name, seed=1), strict=True))
 
 
-def test_proposals_shrink_with_the_temperature():
-    optimizer = AnnealingOnly()
-    optimizer.start({"x": torch.zeros(NUMBERS // 2, 2)}, 0)
-    for temperature in (1.0, 0.25):
-        steps = moved(optimizer, lambda: optimizer.step(Flat(), 0, temperature))  # noqa: B023 - called at once
-        assert float(steps["x"].std()) == pytest.approx(0.2 * temperature, rel=0.1)
-
-
 @pytest.mark.parametrize("build", [GradientDescent, NoisyGradientDescent, AnnealingOnly])
 def test_every_iteration_and_every_seed_plays_other_points(build):
     seeds = set()
@@ -120,10 +112,3 @@ def test_the_best_states_of_a_fit_are_all_judged_on_the_same_fresh_points():
     fitted, judged = model.seeds[:6], model.seeds[6:]
     assert judged[:3] == judged[3:] and len(set(judged)) == 3 and len(set(fitted)) == 6
     assert not set(judged) & set(fitted)
-
-
-def test_annealing_compares_mean_squared_errors():
-    model = ForwardModel(SVD(), resolution=32, maps=3, trajectories=30, length=30)
-    target, raw = torch.rand(32, 32), SVD().initial(3, torch.Generator().manual_seed(5))
-    energy = FitProblem(model, WeightedSum({"mse": 5}, {"mse": MSE()}), target).energy(raw, 4)
-    torch.testing.assert_close(energy, torch.nn.functional.mse_loss(model(raw, 4).image, target))

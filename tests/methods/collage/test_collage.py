@@ -1,6 +1,5 @@
 import time
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 import torch
@@ -187,27 +186,6 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, whole, tmp_
         small().reconstruct(image, on_step=interrupt, checkpoint=Checkpoint(path))
     resumed = small().reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
-
-
-@pytest.mark.parametrize(("halvings", "moves"), [([], 6), ([1], 6), ([5], 9), ([5, 9], 13), (range(1, 99), 18)])
-def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings, moves):
-    code, image = triangle
-    stage = ImageMoves(problem(image, moves={"count": 6}))
-    start = tied(affine.from_code(code), 1.0)
-    state = State(best=start, current=start)
-    stage.open(state)
-    stage.search.is_settled = lambda now, step: False
-    while state.step < stage.most_moves and not stage.is_settled(state):
-        state = State.of(state.snapshot(), "cpu")
-        better = 0.4 if state.step + 1 in halvings else 0.99
-        state = state.moved(replace(state.current, error=better * state.current.error))
-    assert state.step == moves
-
-
-def test_a_code_is_cleaned_when_the_moves_asked_for_end_and_now_and_then_after(triangle):
-    stage = ImageMoves(problem(triangle[1], moves={"count": 6}))
-    stage.search = SimpleNamespace(step=lambda now, number: "moved", cleaned=lambda now: "cleaned")
-    assert [k for k in range(stage.most_moves) if stage.step(None, k) == "cleaned"] == [5, 9, 13, 17]
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):

@@ -15,7 +15,6 @@ from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.objective import ImageObjective, reduced
 from fractal_exp.methods.collage.measure.births import mirrored, narrowed, reoriented
 from fractal_exp.methods.collage.moves import root
-from fractal_exp.methods.collage.state import Candidate
 
 
 def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
@@ -80,15 +79,6 @@ def test_a_map_thinner_than_a_subpixel_is_found_by_its_picture():
     assert now.error < 0.5 * before and len(now.maps) == 4
 
 
-def test_maps_the_picture_does_not_ask_for_go(triangle):
-    code, image = triangle
-    true = affine.from_code(code)
-    nothing = torch.tensor([[0.98, 0.0, 0.0, 0.98, 0.0, 0.0]])  # explains every measure
-    search = image_search(image)
-    found = search.resume(Candidate(torch.cat([true, nothing]), torch.tensor([1.0, 1, 1, 3]), 0.0))
-    assert len(found.maps) == 3
-
-
 def test_the_root_of_a_map_applied_twice_is_the_map():
     for order in (2, 3):
         turn = affine.from_code(codes.known("fern"))[1]
@@ -150,13 +140,6 @@ def test_reflections_and_thinner_images_stay_in_place(triangle):
     was, new = torch.linalg.eigvalsh(covariance[0]), torch.linalg.eigvalsh(image_of(thin)[1][0])
     assert float(new[1] / was[1]) == pytest.approx(1, rel=1e-3)
     assert float(new[0] / was[0]) == pytest.approx(0.01, rel=0.1)
-
-
-def test_the_mean_of_several_drawings_has_less_noise(triangle):
-    code, image = triangle
-    one, four = (objective(image, renderings=n) for n in (1, 4))
-    maps = affine.from_code(code)
-    assert four.judge(maps).error < 0.75 * one.judge(maps).error
 
 
 @pytest.mark.parametrize(("kind", "levels", "noises"), [("grey", "density", 1.2), ("binary", "binary", 3)])

@@ -1,6 +1,5 @@
 """Known answers of what is told from pixels: errors of equal variance, misfits, steps, simple numbers."""
 
-from types import SimpleNamespace
 
 import pytest
 import torch
@@ -12,7 +11,6 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.jacobian import FromPoints
 from fractal_exp.methods.collage.image.objective import stabilize
-from fractal_exp.methods.collage.simplify.pruning import Price, pruned
 from fractal_exp.methods.collage.simplify.simple_maps import Spread
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.suite import target
@@ -72,25 +70,6 @@ def test_a_matrix_is_rounded_if_that_moves_the_attractor_by_a_twentieth_of_a_pix
         torch.testing.assert_close(found[:4], torch.tensor([0.5, 0.25, 0, 0.5]))
         sent = [each[:4].view(2, 2) @ spread().mean.float() + each[4:] for each in (one, found)]
         torch.testing.assert_close(*sent, atol=1e-6, rtol=0)
-
-
-class Priced:
-    """A picture whose error rises by the worth of each map that is gone."""
-
-    params = PARAMS
-
-    @staticmethod
-    def without(drawn, gone):
-        worths = [worth for i, worth in enumerate(drawn.maps) if i not in gone]
-        return SimpleNamespace(maps=worths, error=drawn.error + sum(drawn.maps[i] for i in gone))
-
-
-def test_maps_go_that_are_not_worth_their_price():
-    drawn = SimpleNamespace(maps=[0.5, 0.09, 0.3, -0.2, 0.11], error=1.0)
-    assert pruned(Priced, drawn, Price(0.1)).maps == [0.5, 0.3, 0.11]
-    assert pruned(Priced, drawn, Price(0.0)).maps == [0.5, 0.09, 0.3, 0.11]
-    assert len(pruned(Priced, drawn, Price(10.0)).maps) == 2
-    assert len(pruned(Priced, drawn, Price(10.0), least=4).maps) == 4
 
 
 def test_every_step_of_a_search_and_every_seed_tries_something_else():

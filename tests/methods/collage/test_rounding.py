@@ -13,7 +13,7 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.simplify.simple_maps import Spread, mirrored_offsets, simple_matrices
-from fractal_exp.methods.collage.stages.image import ImageMoves, last_stages
+from fractal_exp.methods.collage.stages.image import last_stages
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -87,16 +87,6 @@ def test_a_stem_becomes_a_line_along_its_axis():
     assert torch.allclose(found.maps[1:, :4], maps[1:, :4], atol=1e-6)
 
 
-@pytest.mark.slow
-def test_dust_on_the_edges_of_pixels_is_moved_to_their_better_side():
-    maps, picture = pictured(codes.known("cantor_dust"), 256)
-    start = picture.judge(off(maps * (1 - 3e-4), 0.003, 256))
-    found = Rounding(picture)(start)
-    assert torch.allclose(found.maps[:, :4], maps[:, :4], atol=1e-7)
-    assert found.maps[:, 4:].abs().unique().numel() <= 2
-    assert found.error < 0.1 * start.error
-
-
 @pytest.mark.parametrize(("scale", "end"), [
     pytest.param(0.51, -0.3755, marks=pytest.mark.slow), (0.5, -0.376),
     pytest.param(0.49, -0.378, marks=pytest.mark.slow)])
@@ -110,16 +100,6 @@ def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
     before, after = (float(frame.misfit(drawn.maps, drawn.probabilities).abs().max()) for drawn in (start, found))
     assert after < 0.002 < 0.04 < before
     assert found.error < 0.1 * start.error
-
-
-def test_lines_are_none_of_maps_with_wide_images(triangle):
-    maps, picture = pictured(triangle[0])
-    spread = Spread.of(picture.judge(maps), picture, picture.params.canonical)
-    assert not list(spread.lines(maps[0]))
-    upright = torch.tensor([0, 0, 0.001, 0.4, 0.0005, 0.1])
-    lines = list(spread.lines(upright))
-    assert all(line.one[0] == line.one[1] == 0 and line.scale in (2, 3) for line in lines)
-    assert {round(float(line.one[4]) / EDGE) for line in lines if abs(float(line.one[4])) < 2 * EDGE} == {-1, 1}
 
 
 def test_no_line_or_rounding_is_proposed_that_does_not_contract():
@@ -144,14 +124,6 @@ def test_fixed_entries_stay_while_others_are_polished(triangle):
     assert not any(moved[i, j] for i, j in fixed) and int(moved.sum()) == 13
 
 
-def test_maps_that_are_fixed_whole_are_not_polished(triangle):
-    maps, picture = pictured(triangle[0])
-    start = picture.judge(off(maps, 0.3))
-    found = polished(picture, start, 2, fixed={(1, j) for j in range(6)})
-    assert found.error < start.error and torch.equal(found.maps[1], start.maps[1])
-    assert polished(picture, start, 2, fixed={(i, j) for i in range(3) for j in range(6)}) is start
-
-
 @pytest.mark.parametrize("kind", ["grey", "binary"])
 def test_the_last_stage_ends_the_work_and_keeps_codes_that_are_far_off(triangle, kind):
     image = suite.target(triangle[0], 128, kind)
@@ -163,20 +135,6 @@ def test_the_last_stage_ends_the_work_and_keeps_codes_that_are_far_off(triangle,
         done = stage.close(replace(state, current=stage.begin(state)))
         assert stage.name == "last digits" and done.before is None
         assert torch.equal(done.result.maps, maps) == kept
-
-
-def test_no_other_round_begins_for_what_rounding_alone_mends(triangle, monkeypatch):
-    code, image = triangle
-    stage = ImageMoves(problem(image, rounds=2))
-    maps = off(affine.from_code(code).float(), 0.02)
-    start = Candidate(maps, None, 0.0)
-    state = State(best=start, current=start, pool=maps)
-    stage.open(state)
-    monkeypatch.setattr(stage.search, "finish", stage.search.judged)
-    assert 1.5 < stage.search.noise_ratio(stage.search.judged(start)) < 100
-    assert stage.close(state).best is not None
-    monkeypatch.setattr(stage.search, "simplified", lambda now: None)
-    assert stage.close(state).best is None
 
 
 def test_nothing_is_rounded_when_time_is_up(triangle):

@@ -205,8 +205,9 @@ def test_there_are_more_moves_while_the_error_is_being_halved(triangle, halvings
 
 def test_a_code_is_cleaned_when_the_moves_asked_for_end_and_now_and_then_after(triangle):
     stage = ImageMoves(problem(triangle[1], moves={"count": 6}))
-    stage.search = SimpleNamespace(step=lambda now, number: "moved", cleaned=lambda now: "cleaned")
-    assert [k for k in range(stage.most_moves) if stage.step(None, k) == "cleaned"] == [5, 9, 13, 17]
+    stage.search = SimpleNamespace(step=lambda now, number: now, cleaned=lambda now: replace(now, score=1.0))
+    states = [State(current=tied(affine.from_code(triangle[0])), step=step) for step in range(stage.most_moves)]
+    assert [state.step for state in states if stage.move(state).now.score == 1] == [5, 9, 13, 17]
 
 
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
@@ -243,7 +244,7 @@ def test_a_search_never_returns_a_worse_state(triangle):
 def test_a_search_says_why_it_stopped(triangle, step, settled, reason):
     code, image = triangle
     stage, now = ImageMoves(problem(image, moves={"count": 6})), tied(affine.from_code(code))
-    stage.open(State(best=now))
+    stage.open(State(best=now, current=now))
     stage.search.is_settled = lambda candidate, moves: settled
     after = stage.close(State(best=now, current=stage.search.judged(now), step=step))
     assert after.stopped == reason and State.of(after.snapshot(), "cpu").stopped == reason

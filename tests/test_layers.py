@@ -35,7 +35,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
                 {"chaotic", "collage", "learning_fractals", "population", "super_resolution"}, {"neural_regression"},
                 {"amortized"}],
     "methods/collage": [{"params", "maps"}, {"bins"}, {"camera"}, {"state"}, {"measure"}, {"image"},
-                        {"simplify", "growth", "trees"}, {"moves"}, {"stages"}, {"course", "pipeline"}, {"given"},
+                        {"simplify", "growth", "trees"}, {"moves"}, {"stages"}, {"pipeline"}, {"given"},
                         {"method"}],
 }
 # What a code shows of itself in a notebook, as an SVG and as a page, imported when it is shown; its files.

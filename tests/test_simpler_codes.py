@@ -18,7 +18,7 @@ from fractal_exp.methods.collage.simplify.needless import without_needless
 from fractal_exp.methods.collage.simplify.parents import with_fewer_maps, with_parents, without_contained
 from fractal_exp.methods.collage.simplify.pruning import Price, without_doubles
 from fractal_exp.methods.collage.simplify.symmetry import simplest, symmetries
-from fractal_exp.methods.collage.stages import canonical as last_stages
+from fractal_exp.methods.collage.stages import rounding as last_stages
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 

@@ -21,7 +21,8 @@ from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.stages.construction import Recursion, is_construction
-from fractal_exp.methods.collage.stages.image import DrawnMoves, stages_of
+from fractal_exp.methods.collage.stages.drawn import DrawnMoves
+from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 from fractal_exp.methods.collage.state import Candidate, State
@@ -209,10 +210,9 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
     wrong = affine.from_code(tree(0.5))
     state = State(best=Candidate(wrong, None, 1.0, 1.0), stopped="a stage before it had no time")
     assert stage.is_wanted(state)
-    stage.open(state)
-    state = replace(state, current=stage.begin(state))
+    state = stage.open(state)
     while not stage.is_settled(state) and state.step < stage.most_moves:
-        state = stage.moved(state)
+        state = stage.move(state)
     state = stage.close(state)
     found = state.best
     assert found.camera[:2] == ("strokes", 4) and len(found.maps) <= 4
@@ -225,9 +225,9 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
 
 def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
     problem = SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS)
-    assert "construction" in [stage.name for stage in stages_of(problem, 0)]
+    assert "construction" in [stage.name for stage in plan_of(problem).stages]
     polishing = replace_params(problem, **OPTIONS)
-    assert "construction" not in [stage.name for stage in stages_of(polishing, 0)] and polishing.rounds == 1
+    assert "construction" not in [stage.name for stage in plan_of(polishing).stages] and polishing.rounds == 1
 
 
 @pytest.mark.parametrize("depth", [8, pytest.param(10, marks=pytest.mark.slow)])
@@ -247,9 +247,9 @@ def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     stage = Recursion(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS), 0)
     state = State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))
     assert stage.is_wanted(state)
-    state = replace(state, current=stage.begin(state))
+    state = stage.open(state)
     while not stage.is_settled(state) and state.step < stage.expected_moves:
-        state = stage.moved(state)
+        state = stage.move(state)
     best = stage.close(state).best
     assert len(best.maps) == 2 and best.camera[0] == "coverage" and best.camera[1] > 0
     drawn, true = (attractor.visible_box(each) for each in (best.code, dragon))
@@ -288,6 +288,9 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
     assert not Recursion(problem, 0).is_wanted(State(best=Candidate(true, None, 1.0, 1.0)))
     assert Recursion(replace_params(problem, camera={"recursion_below": 1.0})).is_wanted(
         State(best=Candidate(true, None, 1.0, 1.0)))
+    asked = Recursion(problem)
+    before = dict(vars(asked))
+    assert not asked.is_wanted(State(best=Candidate(true, None, 1.0, 1.0))) and vars(asked) == before
     many = true.repeat(2, 1)   # more maps than such a search allows
     assert Recursion(problem, 0).is_wanted(State(best=Candidate(many, None, 1.0, 1.0)))
     assert not Recursion.may_help(replace_params(problem, maps=3)) and Recursion.may_help(problem)
@@ -297,7 +300,7 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
                                                     ("dots", 0.94, True)])
 def test_scatter_plots_are_no_constructions(monkeypatch, kind, likeness, wanted):
     stage = Recursion(SearchProblem(drawing(4), levels_of(drawing(4), "coverage", CAMERA), PARAMS))
-    stage._objective = ImageObjective(drawing(4), levels_of(drawing(4), kind, CAMERA), PARAMS)
+    monkeypatch.setattr(SearchProblem, "camera", lambda *_: (kind,))
     monkeypatch.setattr(Recursion, "_likeness", lambda *_: likeness)
     assert stage.is_wanted(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))) is wanted
 

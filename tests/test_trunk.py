@@ -240,6 +240,6 @@ def test_how_well_strokes_must_draw_the_picture_is_a_parameter(least):
     tried = stage(image, camera={"recursion_alike": least})
     tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
     found = Candidate(affine.from_code(tree(0.57)), None, 1.0, 1.0, ("strokes", 6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
-    shown, seen = tried._shown(found)
+    shown, seen = tried._shown(found, tried.objective)
     assert 0.5 < seen.likeness(shown.image) < 0.999
     assert tried._is_explained(found) == (least == 0.5)

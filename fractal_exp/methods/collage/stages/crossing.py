@@ -10,7 +10,10 @@ from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
 from ..measure.population import Population
 from ..params import CollageParams
-from ..state import Candidate
+from ..state import Candidate, State
+from .base import Stage
+from .measure import DETAIL_ENDS
+from .plan import Plan
 
 
 class Crossing:
@@ -79,3 +82,36 @@ class Crossing:
     @staticmethod
     def _candidate(rendered: Rendered) -> Candidate:
         return Candidate(rendered.maps, rendered.probabilities, rendered.error, rendered.error)
+
+
+class Populations(Stage):
+    """Crossed populations of sets with the given number of maps, instead of stages 1 and 2 where they search better."""
+
+    name, ends_at = "population", DETAIL_ENDS
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.population.generations
+
+    @property
+    def most_moves(self) -> int:
+        return self.params.population.rounds * self.expected_moves
+
+    def open(self, state: State) -> State:
+        problem, size = self.problem, self.params.population.view
+        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
+        seed = derive(problem.seed, "population", self.round)
+        objective = ImageObjective(image, problem.levels, self.params, seed)
+        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
+                               deadline=self.deadline)
+        return state.begun(self.search.start)
+
+    def is_settled(self, state: State) -> bool:
+        return self.search.is_settled(state.now)
+
+
+class CrossedPlan(Plan):
+    """The stages of a search with populations."""
+
+    def search(self, number: int) -> list[Stage]:
+        return [Populations(self.problem, number)]

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import torch
 
-from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ..camera.strokes import as_lines
 from ..camera.tones import camera_of
@@ -24,29 +23,29 @@ from ..simplify.symmetry import simplest, symmetries
 from ..state import Candidate, State
 from .base import Stage
 
+DIGITS_END = 0.99   # share of the time limit from which the last digits are left as they are
+
 
 class LastDigits(Stage):
     """Round a nearly right code to simple numbers and make it fill the frame exactly."""
 
-    name, ends_at = "last digits", "canonical_share"
-
-    @property
-    def deadline(self) -> Deadline:
-        return self.problem.deadline.until(self.params.stages.canonical_share)
+    name, ends_at = "last digits", DIGITS_END
 
     @property
     def canonical(self) -> CanonicalParams:
         return self.params.canonical
 
-    def open(self, state: State) -> None:
+    def open(self, state: State) -> State:
+        self.objective = self._objective_for(state.found)
+        return state.begun(lambda: self._unless_far(state.found))
+
+    def _objective_for(self, found: Candidate) -> ImageObjective:
         large = self.problem.full_side > self.params.stages.largest_side
         renderings = 1 if large else self.params.image.last_renderings
-        self.objective = self.problem.objective(self.problem.full_side, state.found.code,
-                                                derive(self.problem.seed, "last digits"), renderings,
-                                                state.found.camera)
+        return self.problem.objective(self.problem.full_side, found.code, derive(self.problem.seed, "last digits"),
+                                      renderings, found.camera)
 
-    def begin(self, state: State) -> Candidate:
-        found = state.found
+    def _unless_far(self, found: Candidate) -> Candidate:
         if self._is_far(found):
             return found
         last = self._rounded(self.objective.judge(found.maps, found.weights))
@@ -74,9 +73,8 @@ class DrawnLastDigits(LastDigits):
     def canonical(self) -> CanonicalParams:
         return self.params.canonical.of_drawn()
 
-    def open(self, state: State) -> None:
-        super().open(state)
-        self.objective = self.objective.hasty()  # the camera is less certain than the points of one rendering
+    def _objective_for(self, found: Candidate) -> ImageObjective:
+        return super()._objective_for(found).hasty()  # the camera is less certain than the points of one rendering
 
     def _rounded(self, start: Rendered) -> Rendered:
         before = self.objective

@@ -21,10 +21,9 @@ from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.stages.construction import Recursion, is_construction
-from fractal_exp.methods.collage.stages.drawn import DrawnMoves
+from fractal_exp.methods.collage.stages.drawn import DrawnLastDigits, DrawnMoves
 from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
-from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

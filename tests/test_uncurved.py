@@ -16,9 +16,9 @@ from fractal_exp.methods.collage.measure.saturation import correction
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.stages.construction import Recursion
-from fractal_exp.methods.collage.stages.drawn import DrawnMoves
+from fractal_exp.methods.collage.stages.drawn import DrawnMoves, Uncurved
 from fractal_exp.methods.collage.stages.image import Approach
-from fractal_exp.methods.collage.stages.measure import Detail, Restart, Uncurved
+from fractal_exp.methods.collage.stages.measure import Detail, Restart
 from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State

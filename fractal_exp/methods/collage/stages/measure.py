@@ -7,15 +7,11 @@ from dataclasses import replace
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..camera.levels import may_be_density
-from ..camera.pens import Drawn
 from ..camera.tones import seen_with
-from ..image.camera import angle_as_density
 from ..measure.saturation import saturation_corrected
 from ..measure.search import MeasureSearch, Regime
 from ..state import Candidate, State
 from .base import Stage
-from .problem import SearchProblem
 
 ISOMETRY = 0.95      # smaller singular value above which a map counts as a near-isometry
 CONTRACTION = 0.9    # upper limit of the smaller singular value in rounds that avoid near-isometries
@@ -96,41 +92,6 @@ class Restart(MeasureStage):
             candidates.append(self.search.mixed(pool))
         best = min(candidates, key=lambda candidate: candidate.score)
         return replace(state, best=best, scores=scores, pool=pool)
-
-
-class Uncurved(Restart):
-    """A restart on the image as a density behind a usual tone curve. The search stays with this measure if the code
-    that was found on it explains the image better as a density than the code of the restart before."""
-
-    MEASURED = ("tonemapped",)
-
-    def __init__(self, problem: SearchProblem, number: int = 0):
-        super().__init__(problem, number, 0.5)  # between the first restart and the second
-
-    @staticmethod
-    def may_help(problem: SearchProblem) -> bool:
-        """Whether an image that others drew may be a density."""
-        params = problem.params
-        return (params.levels == "auto" and "tonemapped" in params.camera_kinds and params.camera.estimate
-                and isinstance(problem.levels, Drawn) and may_be_density(problem.given, params.camera))
-
-    def is_wanted(self, state: State) -> bool:
-        return True
-
-    def open(self, state: State) -> State:
-        opened = super().open(replace(state, measured_through=self.MEASURED))
-        return replace(opened, measured_through=state.measured_through)
-
-    def close(self, state: State) -> State:
-        found = state.now
-        if self._angle(found) >= self._angle(state.leader):
-            return state
-        return replace(state, best=found, scores=(found.score,), pool=state.pool_with(found.maps),
-                       measured_through=self.MEASURED)
-
-    def _angle(self, found: Candidate) -> float:
-        problem, seed = self.problem, derive(self.problem.seed, "uncurved")
-        return angle_as_density(problem.image, problem.levels, found.code, self.params, seed)
 
 
 class FromMixture(MeasureStage):

@@ -36,7 +36,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
                 {"chaotic", "collage", "learning_fractals", "population", "super_resolution"}, {"neural_regression"},
                 {"amortized"}],
     "methods/collage": [{"params", "maps"}, {"bins"}, {"state"}, {"measure"}, {"image"},
-                        {"simplify", "growth", "trees"}, {"moves"}, {"stages"}, {"course", "pipeline"}, {"given"},
+                        {"simplify", "growth", "trees"}, {"moves"}, {"stages"}, {"pipeline"}, {"given"},
                         {"method"}],
 }
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")

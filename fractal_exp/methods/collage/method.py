@@ -13,10 +13,9 @@ from ...runtime.checkpoint import Checkpoint
 from ...runtime.checks import check_count, check_seconds
 from ...runtime.deadline import Deadline
 from ..base import AnyTarget, CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
-from .course import Teller
 from .params import BYTES_OF_A_MAP, CollageParams
-from .pipeline import Pipeline
-from .stages.base import Stage
+from .pipeline import Pipeline, Teller
+from .stages.plan import plan_of
 from .stages.problem import SearchProblem
 from .state import State
 
@@ -64,29 +63,20 @@ class Collage(Method):
         self.check(target)
         levels = self._levels(target)
         problem = SearchProblem(levels.picture, levels, self.params, self.seed, self.deadline())
+        plan, size = plan_of(problem), len(problem.image)
         snapshot = checkpoint.load() if checkpoint else None
-        told = State.of(snapshot, self.device) if snapshot else State()
-        size = problem.image.shape[0]
-        teller = Teller(on_step, problem, self.previews, lambda code: levels.render(code, size, self.seed))
+        teller = Teller(on_step, plan, self.previews, lambda code: levels.render(code, size, self.seed))
 
-        def moved(stage: Stage, state: State) -> None:
-            nonlocal told
-            teller.move(stage, state)
-            told = state
-
-        def closed(stage: Stage, state: State) -> None:
-            nonlocal told
-            teller.stage(stage, state)
-            told = state
+        def save(state: State) -> None:
             if checkpoint:
-                checkpoint.save(told.snapshot())
+                checkpoint.save(state.snapshot())
 
+        pipeline = Pipeline(plan, State.of(snapshot, self.device) if snapshot else State(), on_move=teller.move,
+                            on_stage=teller.stage, save=save)
         try:
-            pipeline = Pipeline(problem, told, on_move=moved, on_stage=closed)
             best = pipeline.run()
         except KeyboardInterrupt:
-            if checkpoint:  # save only what was reported: the resumed search does not report it again
-                checkpoint.save(told.snapshot())
+            save(pipeline.state)
             raise
         state = pipeline.state
         curve = tuple(CurvePoint(len(each.maps), each.likeness, BYTES_OF_A_MAP * len(each.maps), each.code)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -99,6 +100,10 @@ class State:
     def has_done(self, key: Key) -> bool:
         """Whether this stage is done."""
         return self.done is not None and key.place <= self.done.place
+
+    def begun(self, first: Callable[[], Candidate]) -> State:
+        """The state in which a stage begins with a candidate; as it is if the stage is resumed."""
+        return self if self.current is not None else replace(self, current=first())
 
     def moved(self, candidate: Candidate) -> State:
         """The state after a move."""

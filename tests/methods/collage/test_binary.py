@@ -15,7 +15,9 @@ from fractal_exp.methods.collage.moves import search as search_module
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.simplify.rounding import Rounding
-from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves, Restart
+from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves
+from fractal_exp.methods.collage.stages.measure import Restart
+from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.stages.rounding import LastDigits
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.deadline import Deadline
@@ -41,7 +43,7 @@ def test_every_other_round_of_a_binary_image_avoids_isometries(triangle):
 
     def limit(number, **options):
         stage = Restart(problem((triangle[1] > 0.25).float(), **{"rounds": 2} | options), number)
-        stage.open(State(before=before if number else None))
+        stage.open(State(current=before, before=before if number else None))
         return stage.search.smaller_limit
 
     assert [limit(number, rounds=3) for number in range(3)] == [0.9, 1.0, 0.9]
@@ -183,19 +185,18 @@ def test_another_round_of_a_binary_image_begins_from_nothing(pulled, monkeypatch
 
     def after(levels):
         given = problem(image, levels=levels, rounds=2, search={"restarts": 3, "mixture": True})
-        stage, state = ImageMoves(given, 0), State(best=tied(wrong), pool=wrong)
-        stage.open(state)
-        state = replace(state, current=stage.begin(state))
+        stage = ImageMoves(given, 0)
+        state = stage.open(State(best=tied(wrong), pool=wrong))
         monkeypatch.setattr(stage.search, "noise_ratio", lambda now: 10.0)
         monkeypatch.setattr(stage.search.objective, "is_hopeless", lambda error: levels == "binary")
         state, again = stage.close(state), Restart(given, 1)
-        again.open(replace(state, before=tied(right)))
+        again.open(replace(state, before=tied(right), current=tied(right)))
         return state, again, given
 
     state, again, given = after("binary")
     assert state.best is None and state.before is not None and state.pool is None
     first = Restart(given, 0)
-    first.open(State())
+    first.open(State(current=tied(right)))
     assert given.restarts(1) == 3 and torch.equal(again.search.measure.bins, first.search.measure.bins)
     found = replace(tied(wrong), score=5.0)
     monkeypatch.setattr(again.search, "mixed", lambda pool: pytest.fail("its pool holds its own maps alone"))
@@ -208,6 +209,7 @@ def test_another_round_of_a_binary_image_begins_from_nothing(pulled, monkeypatch
 def ends(image, seconds, **options):
     """The share of a limit at which the restarts and the moves of both rounds end, with a clock that stands still."""
     given = replace(problem(image, **{"rounds": 2} | options), deadline=Deadline(seconds, lambda: 0.0))
+    assert [stage.deadline.seconds / seconds for stage in plan_of(given).last] == [pytest.approx(0.99)], "last digits"
     return [stage(given, number).deadline.seconds / seconds for number in (0, 1) for stage in (Restart, ImageMoves)]
 
 
@@ -227,11 +229,10 @@ def test_rounds_of_a_binary_image_have_equal_parts_of_the_time(triangle):
     grey, binary = triangle[1], (triangle[1] > 0.25).float()
     assert ends(binary, 80) == pytest.approx([0.175, 0.425, 0.675, 0.925])
     assert ends(grey, 80) == pytest.approx([0.35, 0.95, 0.95, 0.95])
-    for options in ({"round_seconds": 50}, {"independent_rounds": 0}):
-        assert ends(binary, 80, stages=options) == pytest.approx([0.35, 0.85, 0.85, 0.85])
+    assert ends(binary, 80, stages={"independent_rounds": 0}) == pytest.approx([0.35, 0.85, 0.85, 0.85])
     given = replace(problem(binary, rounds=3), deadline=Deadline(80, lambda: 0.0))
-    stage, begun = ImageMoves(given, 0), State(best=tied(affine.from_code(triangle[0])))
-    stage.open(begun)
+    stage = ImageMoves(given, 0)
+    stage.open(State(best=tied(affine.from_code(triangle[0]))))
     assert stage.search.deadline.seconds == 40 and given.full_rounds == 2
     assert [problem(binary, rounds=3).full_rounds, problem(grey, rounds=3).full_rounds] == [3, 1]
     assert [replace(given, deadline=Deadline(seconds)).full_rounds for seconds in (0, 59, 60, 1e9, float("inf"))] == [
@@ -247,10 +248,8 @@ def test_a_round_that_begins_late_still_makes_a_code(triangle):
                     deadline=Deadline(80, lambda: seconds[0]))
     seconds[0] = 60
     assert [Restart(given, 1, number).latest_start.passed for number in (0, 1)] == [False, True]
-    pipeline = Pipeline(given, State(done=Key(0, "image"), before=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
-                        on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key))
-    done = []
-    pipeline.run()
+    begun, done = State(done=Key(0, "image"), before=tied(affine.from_code(triangle[0]) * 0.9, 10.0)), []
+    Pipeline(plan_of(given), begun, on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
     assert [key.stage for key in done][:2] == ["restart", "detail"]
 
 
@@ -260,7 +259,7 @@ def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(tria
     given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(80, lambda: seconds[0]))
     done = []
     seconds[0] = 41
-    Pipeline(given, State(done=Key(0, "detail"), best=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
+    Pipeline(plan_of(given), State(done=Key(0, "detail"), best=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
              on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
     assert [(key.round, key.stage) for key in done][:2] == [(0, "image"), (1, "restart")]
     seconds[0] = 75
@@ -275,9 +274,8 @@ def test_a_round_follows_a_hopeless_code_of_a_binary_image_if_growth_has_time_le
     (image, _, wrong), seconds = pulled, [0.0]
     given = replace(problem(image, levels=levels, rounds=2, growth={"enabled": growth}),
                     deadline=Deadline(1000, lambda: seconds[0]))
-    stage, state = ImageMoves(given, 0), State(best=tied(wrong))
-    stage.open(state)
-    state = replace(state, current=stage.begin(state))
+    stage = ImageMoves(given, 0)
+    state = stage.open(State(best=tied(wrong)))
     stage.search.noise_ratio, stage.search.objective.is_hopeless = lambda now: 10.0, lambda error: True
     seconds[0] = share * 1000
     assert (stage.close(state).best is None) == another
@@ -288,9 +286,8 @@ def test_moves_that_the_time_limit_ends_say_so(triangle):
     for number, late, stopped in ((1, 970, "the time limit of 1000 s was reached"),
                                   (0, 470, "the time of its round was up")):
         given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(1000, lambda: seconds[0]))
-        stage, begun = ImageMoves(given, number), State(best=tied(affine.from_code(triangle[0]) * 0.9))
-        stage.open(begun)
-        begun = replace(begun, current=stage.begin(begun))
+        stage = ImageMoves(given, number)
+        begun = stage.open(State(best=tied(affine.from_code(triangle[0]) * 0.9)))
         seconds[0] = late
         assert stage.close(begun).stopped == stopped
         seconds[0] = 0
@@ -299,9 +296,7 @@ def test_moves_that_the_time_limit_ends_say_so(triangle):
 def test_a_firm_polish_follows_at_full_size(pulled):
     image, _, maps = pulled
     stage = FullSize(problem(image, stages={"largest_side": 64}))
-    begun = State(best=tied(maps))
-    stage.open(begun)
-    after = stage.begin(begun)
+    after = stage.open(State(best=tied(maps))).now
     assert misfit(search(image), tied(maps)) > 4 and misfit(search(image), after) < 0.3
 
 

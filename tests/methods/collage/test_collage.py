@@ -222,7 +222,7 @@ def test_a_search_never_returns_a_worse_state(triangle):
 def test_a_search_says_why_it_stopped(triangle, step, settled, reason):
     code, image = triangle
     stage, now = ImageMoves(problem(image, moves={"count": 6})), tied(affine.from_code(code))
-    stage.open(State(best=now))
+    stage.open(State(best=now, current=now))
     stage.search.is_settled = lambda candidate, moves: settled
     after = stage.close(State(best=now, current=stage.search.judged(now), step=step))
     assert after.stopped == reason and State.of(after.snapshot(), "cpu").stopped == reason

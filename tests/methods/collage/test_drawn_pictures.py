@@ -24,8 +24,8 @@ from fractal_exp.likeness import Likeness
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
+from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth
-from fractal_exp.methods.collage.stages.image import DrawnMoves
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, Key, State
 from fractal_exp.rendering.still import render_with_info
@@ -261,7 +261,6 @@ def test_a_code_that_explains_thick_lines_is_not_replaced_by_grown_maps():
     levels = Drawn(CAMERA, image)
     found = Candidate(torch.stack([first, second]), None, 0.0, 0.0, pen)
     growth = Growth(SearchProblem(image, levels, PARAMS))
-    growth.open(State(best=found))
     assert growth.grower.likeness(found) < UNLIKE
     assert not growth.is_wanted(State(best=found))
 

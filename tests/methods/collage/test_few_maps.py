@@ -10,7 +10,7 @@ from drawn_helpers import SIDE, stage
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.stages.construction import Construction
-from fractal_exp.methods.collage.stages.image import DrawnMoves
+from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.state import Candidate, State
 
 THIRDS = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.6, 0], [1 / 3, 0, 0, 1 / 3, 0.6, 0]])
@@ -31,10 +31,9 @@ def test_a_simpler_code_takes_the_place_of_a_code_of_many_maps():
     tried = stage(cantor_set())
     state = State(best=Candidate(MANY, None, 1.0, 1.0))
     assert tried.is_wanted(state)
-    tried.open(state)
-    state = replace(state, current=tried.begin(state))
+    state = tried.open(state)
     while not tried.is_settled(state) and state.step < tried.most_moves:
-        state = tried.moved(state)
+        state = tried.move(state)
     state = tried.close(state)
     assert affine.from_code(state.leader.code)[:, [0, 4]].abs() == pytest.approx(THIRDS[:, [0, 4]].abs(), abs=0.02)
     assert state.leader.camera.tile == 0 and not state.stopped

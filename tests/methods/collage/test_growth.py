@@ -22,6 +22,7 @@ from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth
+from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.checkpoint import Checkpoint
@@ -61,7 +62,8 @@ def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
     told = []
     some = stage(image, **merged({"canonical": {"enabled": False}}, options))
     done = State(done=Key(some.problem.rounds, "last digits"), best=tied(BLOB))
-    pipeline = Pipeline(some.problem, done, on_move=lambda *_: None, on_stage=lambda each, _: told.append(each.name))
+    pipeline = Pipeline(plan_of(some.problem), done, on_move=lambda *_: None,
+                        on_stage=lambda each, _: told.append(each.name))
     pipeline.run()
     return pipeline.state, told
 
@@ -175,7 +177,6 @@ def test_a_code_that_draws_faint_parts_too_is_no_blob(kind, number):
 
 def test_what_was_found_stays_unless_grown_maps_draw_the_picture_better():
     some = stage(BRANCH)
-    some.open(State())
     few, many = some.grower.plain(6), some.grower.grown(18)
     promised = replace(few, likeness=2.0)                 # beyond what any drawing has
     for curve in ((few,), (promised,)):
@@ -190,7 +191,6 @@ def test_grown_maps_get_a_camera_that_shows_them():
     picture = (LETTER > 0.5) & (torch.rand(LETTER.shape, generator=g) < 0.3)   # sparse dots of one grey level
     picture = 0.6 * picture.float()
     some = stage(picture, levels="dots")
-    some.open(State())
     grown = some.grower.grown(18)
     shown = some.close(State(best=tied(BLOB), curve=(grown,))).result
 
@@ -207,13 +207,11 @@ def test_what_draws_a_binary_image_with_less_error_stays():
     truth = attractor.normalize(random_suite(67)[4])
     image = target(truth, 128, "binary")
     some = stage(image)
-    some.open(State())
     grown = replace(some.grower.plain(6), likeness=1.0)
     right = affine.from_code(truth)
     assert torch.equal(some.close(State(best=tied(right), curve=(grown,))).result.maps, right)
     assert torch.equal(some.close(State(best=tied(BLOB), curve=(grown,))).result.maps, grown.maps)
     asked = stage(image, likeness=0.99)
-    asked.open(State())
     assert torch.equal(asked.close(State(best=tied(right), curve=(grown,))).result.maps, grown.maps)
 
 
@@ -221,22 +219,22 @@ def test_however_late_it_is_there_is_a_paving_at_least():
     some = stage(BRANCH, seconds=1e-6)
     state = State(best=tied(BLOB))
     assert some.is_wanted(state) and not some.deadline.passed and some.counts == [18]
-    after = some.close(some.moved(replace(state, current=some.begin(state))))
+    after = some.close(some.move(some.open(state)))
     assert torch.equal(after.result.maps, some.grower.plain(18).maps)
 
 
 def test_growth_goes_on_where_it_was_interrupted(tmp_path, monkeypatch):
     path, options = tmp_path / "growth.safetensors", {"maps": 24, "growth": {**FEW, "steps": 5}}
     whole = Collage(**options).reconstruct(BRANCH)
-    moved = Growth.moved
+    move = Growth.move
 
     def interrupted(stage, state):
         if state.step == 1:
             raise KeyboardInterrupt
-        return moved(stage, state)
+        return move(stage, state)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Growth, "moved", interrupted)
+        patch.setattr(Growth, "move", interrupted)
         with pytest.raises(KeyboardInterrupt):
             Collage(**options).reconstruct(BRANCH, checkpoint=Checkpoint(path))
     resumed = Collage(**options).reconstruct(BRANCH, checkpoint=Checkpoint(path, resume=True))

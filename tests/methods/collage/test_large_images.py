@@ -8,7 +8,7 @@ from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.stages.image import last_stages, stages_of
+from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 
@@ -46,7 +46,7 @@ def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
     given = problem(large, levels="drawn", rounds=2, search={"restarts": 3}, camera={"curves": False,
                                                                                        "constructions": False})
     assert given.image.shape == (320, 320) and given.full_side == 640
-    names = [s.name for number in range(2) for s in stages_of(given, number)] + [s.name for s in last_stages(given)]
+    names = [stage.name for stage in plan_of(given).stages]
     once = ["search", "detail", "approach", "image"]
     assert names == ["search"] * 3 + once + ["search"] * 2 + once + ["full size", "last digits"]
 
@@ -58,12 +58,12 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     given = problem(image)
     assert given.image.shape == (300, 300)
     maps = affine.from_code(code) + 0.002 * torch.randn(3, 6, generator=torch.Generator().manual_seed(0))
-    stage, state = last_stages(given)[0], State(best=tied(maps))
-    stage.open(state)
+    stage = plan_of(given).last[0]
+    polished = stage.open(State(best=tied(maps))).now
     measure = binned(given.masses, 64)
-    away = affine.distances(stage.begin(state).maps, affine.from_code(code), measure)
+    away = affine.distances(polished.maps, affine.from_code(code), measure)
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
     whole = problem(given.image)
-    names = [each.name for each in (*stages_of(whole, 0), *last_stages(whole))]
+    names = [each.name for each in plan_of(whole).stages]
     sought = [] if kind == "binary" else ["construction"]   # grey levels that were reduced look like a drawing's
     assert names == ["search", "search", "detail", *sought, "image", "last digits"]

@@ -13,7 +13,7 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.simplify.simple_maps import Spread, mirrored_offsets, simple_matrices
-from fractal_exp.methods.collage.stages.image import last_stages
+from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -130,9 +130,8 @@ def test_the_last_stage_ends_the_work_and_keeps_codes_that_are_far_off(triangle,
     given = problem(image)
     for pixels, kept in ((0.02, False), (5, True)):
         maps = off(affine.from_code(triangle[0]).float(), pixels)
-        stage, state = last_stages(given)[-1], State(best=Candidate(maps, None, 0.0), before=Candidate(maps, None, 0.0))
-        stage.open(state)
-        done = stage.close(replace(state, current=stage.begin(state)))
+        stage, found = plan_of(given).last[-1], Candidate(maps, None, 0.0)
+        done = stage.close(stage.open(State(best=found, before=found)))
         assert stage.name == "last digits" and done.before is None
         assert torch.equal(done.result.maps, maps) == kept
 

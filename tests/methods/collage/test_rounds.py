@@ -1,7 +1,6 @@
 """Rounds of collage search: when another begins, what it may find, and how it goes on after an interruption."""
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
@@ -9,7 +8,9 @@ from collage_helpers import measure_search, objective, problem, tied
 from collage_helpers import small as few
 
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.stages.image import Detail, ImageMoves, Restart, last_stages, stages_of
+from fractal_exp.methods.collage.stages.image import ImageMoves
+from fractal_exp.methods.collage.stages.measure import Detail, Restart
+from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 
@@ -27,8 +28,7 @@ def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, 
     code, image = triangle
     given, maps = problem(image, rounds=3), affine.from_code(code)
     stage, state = ImageMoves(given, number), State(best=tied(maps), pool=maps)
-    stage.open(state)
-    state = replace(state, current=stage.begin(state))
+    state = stage.open(state)
     assert stage.search.noise_ratio(state.current) < 2, "the true code"
     stage.search.noise_ratio = lambda now: ratio
     stage.search.objective.angle = lambda error: angle
@@ -39,16 +39,15 @@ def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, 
         kept = State.of(after.snapshot(), "cpu")
         assert torch.equal(kept.before.maps, after.before.maps) and kept.best is None
         again = Restart(given, number + 1)
-        again.open(after)
-        assert again.close(replace(after, current=again.begin(after))).best is not None
+        assert again.close(again.open(after)).best is not None
 
 
 def test_the_stages_of_a_round_come_in_order(triangle):
     given = problem(triangle[1], rounds=3, search={"restarts": 3})
     later = ["search"] * 3 + ["detail", "image"]
-    assert [[stage.name for stage in stages_of(given, number)] for number in range(3)] == [["search", *later], later,
-                                                                                        later]
-    stages = [stage for number in range(3) for stage in stages_of(given, number)] + last_stages(given)
+    plan = plan_of(given)
+    assert [[stage.name for stage in stages] for stages in plan.rounds] == [["search", *later], later, later]
+    stages = plan.stages
     places = [stage.key.place for stage in stages]
     assert places == sorted(set(places))
     assert stages[-1].name == "last digits"
@@ -61,9 +60,9 @@ def test_a_round_after_an_isometry_does_without(triangle):
 
     def limits(maps, **options):
         before = tied(maps, 1.0)
-        for number in range(4):
-            for stage in stages_of(problem(image, rounds=4, **options), number):
-                stage.open(State(best=before, before=before if number else None))
+        for number, stages in enumerate(plan_of(problem(image, rounds=4, **options)).rounds):
+            for stage in stages:
+                stage.open(State(best=before, before=before if number else None, current=before))
                 yield getattr(stage.search, "smaller_limit", None)  # what is judged by renderings has no such limit
 
     assert given.rounds == 4
@@ -100,17 +99,17 @@ def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls
     whole = small(rounds=2).reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
     assert parts == sorted(parts) and parts[-1] == 1 and len(set(parts)) > 10
     with monkeypatch.context() as patch:
-        patch.setattr(Detail, "begin", _interrupt_in_the_second_round)
+        patch.setattr(Detail, "open", _interrupt_in_the_second_round)
         with pytest.raises(KeyboardInterrupt):
             small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path))
     resumed = small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
     assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
 
 
-def _interrupt_in_the_second_round(stage, state):
+def _interrupt_in_the_second_round(stage, state, opened=Detail.open):
     if stage.round == 1:
         raise KeyboardInterrupt
-    return stage.search.resume(state.best)
+    return opened(stage, state)
 
 
 def test_the_angle_of_an_error_is_what_all_pixels_are_off_by():

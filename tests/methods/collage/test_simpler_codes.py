@@ -21,9 +21,9 @@ from fractal_exp.methods.collage.simplify.needless import without_needless
 from fractal_exp.methods.collage.simplify.parents import with_fewer_maps, with_parents, without_contained
 from fractal_exp.methods.collage.simplify.pruning import Price, without_doubles
 from fractal_exp.methods.collage.simplify.symmetry import simplest, symmetries
-from fractal_exp.methods.collage.stages import rounding as last_stages
+from fractal_exp.methods.collage.stages import drawn as last_stages
+from fractal_exp.methods.collage.stages.drawn import DrawnLastDigits
 from fractal_exp.methods.collage.stages.problem import SearchProblem
-from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE

@@ -10,7 +10,7 @@ from drawn_helpers import DEPTH, FOOT, PIXEL, RATIO, SIDE, TOP, drawing, tree
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, codes
-from fractal_exp.cameras.camera import parse_camera
+from fractal_exp.cameras.camera import Camera, parse_camera
 from fractal_exp.cameras.estimate import nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots
@@ -24,9 +24,9 @@ from fractal_exp.methods.collage.image.camera import MOST_MAPS, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.stages.construction import Construction, is_construction
-from fractal_exp.methods.collage.stages.image import DrawnMoves, stages_of
+from fractal_exp.methods.collage.stages.drawn import DrawnLastDigits, DrawnMoves
+from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
-from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -175,10 +175,9 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
     wrong = affine.from_code(tree(0.5))
     state = State(best=Candidate(wrong, None, 1.0, 1.0), stopped="a stage before it had no time")
     assert stage.is_wanted(state)
-    stage.open(state)
-    state = replace(state, current=stage.begin(state))
+    state = stage.open(state)
     while not stage.is_settled(state) and state.step < stage.most_moves:
-        state = stage.moved(state)
+        state = stage.move(state)
     state = stage.close(state)
     found = state.best
     assert found.camera.depth == 4 and len(found.maps) <= 4
@@ -191,9 +190,9 @@ def test_a_tree_of_few_levels_is_found_as_few_maps():
 
 def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
     problem = SearchProblem(drawing(4), levels_of(drawing(4), DRAWN, CAMERA), PARAMS)
-    assert "construction" in [stage.name for stage in stages_of(problem, 0)]
+    assert "construction" in [stage.name for stage in plan_of(problem).stages]
     polishing = replace_params(problem, **OPTIONS)
-    assert "construction" not in [stage.name for stage in stages_of(polishing, 0)] and polishing.rounds == 1
+    assert "construction" not in [stage.name for stage in plan_of(polishing).stages] and polishing.rounds == 1
 
 
 @pytest.mark.parametrize("depth", [8, pytest.param(10, marks=pytest.mark.slow)])
@@ -213,9 +212,9 @@ def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     stage = Construction(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS), 0)
     state = State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))
     assert stage.is_wanted(state)
-    state = replace(state, current=stage.begin(state))
+    state = stage.open(state)
     while not stage.is_settled(state) and state.step < stage.expected_moves:
-        state = stage.moved(state)
+        state = stage.move(state)
     best = stage.close(state).best
     assert len(best.maps) == 2 and best.camera.kind == "coverage" and best.camera.tile > 0
     drawn, true = (attractor.visible_box(each) for each in (best.code, dragon))
@@ -251,7 +250,9 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
     image = drawing(10)
     problem = SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS)
     true = affine.from_code(tree())
-    assert not Construction(problem, 0).is_wanted(State(best=Candidate(true, None, 1.0, 1.0)))
+    asked = Construction(problem)
+    before = dict(vars(asked))
+    assert not asked.is_wanted(State(best=Candidate(true, None, 1.0, 1.0))) and vars(asked) == before
     many = true.repeat(2, 1)   # more maps than such a search allows
     assert Construction(problem, 0).is_wanted(State(best=Candidate(many, None, 1.0, 1.0)))
     assert not Construction.may_help(replace_params(problem, maps=3)) and Construction.may_help(problem)
@@ -261,7 +262,7 @@ def test_a_code_that_draws_the_picture_is_not_searched_again():
                                                     ("dots", 0.94, True)])
 def test_scatter_plots_are_no_constructions(monkeypatch, kind, likeness, wanted):
     stage = Construction(SearchProblem(drawing(4), levels_of(drawing(4), DRAWN, CAMERA), PARAMS))
-    stage._objective = ImageObjective(drawing(4), levels_of(drawing(4), kind, CAMERA), PARAMS)
+    monkeypatch.setattr(SearchProblem, "camera", lambda *_: Camera(kind))
     monkeypatch.setattr(Construction, "_likeness", lambda *_: likeness)
     assert stage.is_wanted(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0))) is wanted
 

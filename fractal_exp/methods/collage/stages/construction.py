@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 from ....cameras.blur import blurred
 from ....cameras.kinds import with_camera
@@ -25,6 +24,7 @@ from ..trees.trunk import with_trunk
 from .base import Stage
 from .problem import SearchProblem
 
+ENDS = 0.75             # share of the time limit at which the stage ends
 TILES, STROKES = "coverage", "strokes"  # tiles are coverage with a tile size above 0; without one it is a pen
 LEAST_TREE = 3         # maps: a trunk and two branches
 BELOW = 0.985          # likeness of a code, or of strokes, below which a construction, or another one, is sought
@@ -47,7 +47,7 @@ class _Try:
     camera: str
 
 
-class Construction(Stage[Any]):
+class Construction(Stage):
     """Searches for few maps, each looked at as tiles or as strokes.
 
     A dragon or a tree of few levels is a lattice of lines. Many maps explain it better than its true code does, unless
@@ -58,18 +58,12 @@ class Construction(Stage[Any]):
     renderings then go on from them. A move of this stage is a search.
     """
 
-    name, ends_at = "construction", "approach_share"
+    name, ends_at = "construction", ENDS
+    objective: ImageObjective   # the picture as it is seen with the camera that suits the code so far
 
-    def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
+    def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
         super().__init__(problem, number, restart)
-        self._objective: ImageObjective | None = None
         self._tries = _tries(problem)
-
-    @property
-    def objective(self) -> ImageObjective:
-        """The picture as it is seen with the camera that suits the code so far; there once the stage is open."""
-        assert self._objective is not None
-        return self._objective
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
@@ -89,23 +83,26 @@ class Construction(Stage[Any]):
             return False
         if len(state.leader.maps) > MOST_MAPS:  # so many draw anything
             return True
-        self.open(state)
-        likeness = self._likeness(state.leader)
-        if self.objective.levels.is_density:  # a scatter plot, as it seems: constructions are drawn with lines
+        objective = self._objective_for(state.leader)
+        likeness = self._likeness(state.leader, objective)
+        if objective.levels.is_density:  # a scatter plot, as it seems: constructions are drawn with lines
             return likeness < self.params.stages.unlike
         most = max(tried.maps for tried in self._tries)  # a simpler code may draw the picture, too
         return likeness < BELOW or len(state.leader.maps) > most
 
-    def open(self, state: State) -> None:
-        if self._objective is None:
-            problem, seed = self.problem, derive(self.problem.seed, "recursion")
-            camera = problem.camera(state.leader.code, seed)
-            self._objective = problem.objective(len(problem.image), state.leader.code, seed, camera=camera)
+    def open(self, state: State) -> State:
+        self.objective, best = self._objective_for(state.leader), state.leader
+        return state.begun(lambda: self._candidate(self.objective, self.objective.judge(best.maps, best.weights)))
 
-    def begin(self, state: State) -> Candidate:
-        return self._candidate(self.objective, self.objective.judge(state.leader.maps, state.leader.weights))
+    def _objective_for(self, best: Candidate) -> ImageObjective:
+        problem, seed = self.problem, derive(self.problem.seed, "recursion")
+        return problem.objective(len(problem.image), best.code, seed, camera=problem.camera(best.code, seed))
 
-    def step(self, now: Candidate, number: int) -> Candidate:
+    def move(self, state: State) -> State:
+        return state.moved(self._better(state.now, state.step))
+
+    def _better(self, now: Candidate, number: int) -> Candidate:
+        """`now`, or what a search finds if it is better."""
         tried = self._tries[number]
         few = self._few_maps(tried, number)
         seen = (self._as_strokes(few) if tried.camera == STROKES
@@ -209,15 +206,14 @@ class Construction(Stage[Any]):
 
     def _likeness_of_drawing(self, found: Candidate) -> float:
         """How like the picture a code's drawing is, whatever its attractor."""
-        shown, objective = self._shown(found)
+        shown, objective = self._shown(found, self.objective)
         return objective.likeness(shown.image)
 
-    def _likeness(self, found: Candidate) -> float:
+    def _likeness(self, found: Candidate, objective: ImageObjective | None = None) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
-        return likeness_of(*self._shown(found))
+        return likeness_of(*self._shown(found, objective or self.objective))
 
-    def _shown(self, found: Candidate) -> tuple[Rendered, ImageObjective]:
-        objective = self.objective
+    def _shown(self, found: Candidate, objective: ImageObjective) -> tuple[Rendered, ImageObjective]:
         if found.camera is not None and found.camera.is_known:
             objective = objective.seen_with(with_camera(objective.levels, found.camera))
         return objective.judge(found.maps, found.weights), objective

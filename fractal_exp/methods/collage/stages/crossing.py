@@ -10,8 +10,13 @@ from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
 from ..measure.population import Population
 from ..params import CollageParams
-from ..state import Candidate
+from ..state import Candidate, State
+from .base import Stage
+from .measure import DETAIL_ENDS
+from .plan import Plan
 
+POPULATIONS = 5     # most populations, each started from scratch
+POPULATION_SIDE = 64   # most pixels per side of the image by which their sets are judged and polished
 JUDGED_EVERY = 10   # generations after which the best sets are rendered
 JUDGED = 8          # number of sets that are rendered
 POLISHED = 3        # number of sets that are polished: those with the best renderings
@@ -19,7 +24,6 @@ FIRST_POLISH = 3    # Gauss-Newton steps of each polished set
 POLISH = 8          # further steps if the first ones were hopeful
 HOPEFUL = 0.3       # share of the error that the first steps leave near the true code
 SETTLED = 1.15      # noise ratio up to which a code counts as the true one; above it, another population starts
-CROSSED_MOVES = 6   # moves of stage 3 that follow, instead of `moves.count`
 
 
 class Crossing:
@@ -89,3 +93,36 @@ class Crossing:
     @staticmethod
     def _candidate(rendered: Rendered) -> Candidate:
         return Candidate(rendered.maps, rendered.probabilities, rendered.error, rendered.error)
+
+
+class Populations(Stage):
+    """Crossed populations of sets with the given number of maps, instead of stages 1 and 2 where they search better."""
+
+    name, ends_at = "population", DETAIL_ENDS
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.population.generations
+
+    @property
+    def most_moves(self) -> int:
+        return POPULATIONS * self.expected_moves
+
+    def open(self, state: State) -> State:
+        problem, size = self.problem, POPULATION_SIDE
+        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
+        seed = derive(problem.seed, "population", self.round)
+        objective = ImageObjective(image, problem.levels, self.params, seed)
+        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
+                               deadline=self.deadline)
+        return state.begun(self.search.start)
+
+    def is_settled(self, state: State) -> bool:
+        return self.search.is_settled(state.now)
+
+
+class CrossedPlan(Plan):
+    """The stages of a search with populations."""
+
+    def search(self, number: int) -> list[Stage]:
+        return [Populations(self.problem, number)]

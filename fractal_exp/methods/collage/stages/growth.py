@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from functools import cached_property
 
 from ....cameras.estimate import showing
 from ....runtime.deadline import NO_DEADLINE, Deadline
@@ -18,13 +18,13 @@ UNLIKE = 0.9    # likeness below which maps are grown and compared with what the
 MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found
 
 
-class Growth(Stage[Any]):
+class Growth(Stage):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
     the grown sets. It is skipped if the search found the code."""
 
-    name, ends_at = "growth", "canonical_share"
+    name = "growth"
 
-    def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
+    def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
         super().__init__(problem, number, restart)
         self.counts = self._counts()
 
@@ -51,20 +51,21 @@ class Growth(Stage[Any]):
         found = state.result
         if found is None or state.current is not None:
             return True
-        self.open(state)
         likeness = self._likeness(found)
         if likeness < (self.params.likeness or 0):
             return True
         return likeness < UNLIKE and not self._explains_rendering(found)
 
-    def open(self, state: State) -> None:
+    @cached_property
+    def grower(self) -> Grower:
+        """What draws and grows sets for the image, whatever the search has found."""
         problem = self.problem
-        self.grower = Grower(problem.image, self.params, derive(problem.seed, "growth"), problem.deadline)
+        return Grower(problem.image, self.params, derive(problem.seed, "growth"), problem.deadline)
 
-    def begin(self, state: State) -> Candidate:
-        return state.result or self._candidate(self.grower.plain(self.counts[0]))
+    def open(self, state: State) -> State:
+        return state.begun(lambda: state.result or self._candidate(self.grower.plain(self.counts[0])))
 
-    def moved(self, state: State) -> State:
+    def move(self, state: State) -> State:
         grown = self.grower.grown(self.counts[state.step], state.curve[-1] if state.curve else None)
         return replace(state.moved(self._candidate(grown)), curve=(*state.curve, grown))
 

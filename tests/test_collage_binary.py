@@ -16,7 +16,7 @@ from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves, Restart
-from fractal_exp.methods.collage.stages.rounding import LastDigits
+from fractal_exp.methods.collage.stages.rounding import Rounding as RoundingStage
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -264,7 +264,7 @@ def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(tria
              on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
     assert [(key.round, key.stage) for key in done][:2] == [(0, "image"), (1, "restart")]
     seconds[0] = 75
-    assert ImageMoves(given, 0).latest_start.passed and not LastDigits(given, 2).latest_start.passed
+    assert ImageMoves(given, 0).latest_start.passed and not RoundingStage(given, 2).latest_start.passed
 
 
 @pytest.mark.parametrize(("levels", "growth", "share", "another"), [

@@ -58,8 +58,8 @@ def stage(image: torch.Tensor, seconds: float | None = None, **options) -> Growt
 def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
     """The state after a search that ended with a blob, and the stages that came after."""
     told = []
-    some = stage(image, **merged({"canonical": {"enabled": False}}, options))
-    done = State(done=Key(some.problem.rounds, "last digits"), best=tied(BLOB))
+    some = stage(image, **merged({"rounding": {"enabled": False}}, options))
+    done = State(done=Key(some.problem.rounds, "rounding"), best=tied(BLOB))
     pipeline = Pipeline(some.problem, done, on_move=lambda *_: None, on_stage=lambda each, _: told.append(each.name))
     pipeline.run()
     return pipeline.state, told

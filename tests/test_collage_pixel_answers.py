@@ -59,10 +59,10 @@ def test_a_matrix_turns_about_the_mean_of_the_attractor():
 
 
 def spread(pixel=2 / 256):
-    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel, PARAMS.canonical, 0.9995)
+    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel, PARAMS.rounding, 0.9995)
 
 
-@pytest.mark.parametrize(("pixels", "near"), [(0.8 * PARAMS.canonical.near_px, True), (0.04, True), (0.1, False)])
+@pytest.mark.parametrize(("pixels", "near"), [(0.8 * PARAMS.rounding.near_px, True), (0.04, True), (0.1, False)])
 def test_a_matrix_is_rounded_if_that_moves_the_attractor_by_a_twentieth_of_a_pixel_at_most(pixels, near):
     one = torch.tensor([0.5, 0.25, 0, 0.5, 0.3, -0.2])
     one[0] += pixels * 2 / 256 / 0.4  # times the attractor's standard deviation: by so many pixels

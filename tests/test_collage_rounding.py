@@ -1,4 +1,4 @@
-"""The last digits of codes: simple numbers, lines along the axes, symmetric offsets, the frame filled exactly."""
+"""Rounding: simple numbers, lines along the axes, symmetric offsets, the frame filled exactly."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ from fractal_exp.methods.collage.stages.image import ImageMoves, last_stages
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
-EDGE = PARAMS.canonical.off_middle
+EDGE = PARAMS.rounding.off_middle
 
 
 def pictured(code, side=128):
@@ -37,7 +37,7 @@ def off(maps, pixels, side=128):
 ])
 def test_simple_matrices_are_found_beside_them(matrix):
     true = torch.tensor(matrix, dtype=torch.float64)
-    found = simple_matrices(true + torch.tensor([[1e-3, -1e-3], [5e-4, -5e-4]]), PARAMS.canonical)
+    found = simple_matrices(true + torch.tensor([[1e-3, -1e-3], [5e-4, -5e-4]]), PARAMS.rounding)
     assert found.shape == (3, 2, 2)
     assert float((found - true).abs().amax((1, 2)).min()) < 1e-6
 
@@ -55,7 +55,7 @@ def test_a_code_of_the_suite_keeps_its_numbers_and_fills_its_frame():
     maps, picture = pictured(suite.random_suite(1, 101)[0])
     start = picture.judge(maps * (1 + 1e-4))
     found = Rounding(picture)(start)
-    assert all(float((simple_matrices(one, PARAMS.canonical) - one).abs().amax((1, 2)).min()) > 1e-5
+    assert all(float((simple_matrices(one, PARAMS.rounding) - one).abs().amax((1, 2)).min()) > 1e-5
                for one in found.maps[:, :4].unflatten(1, (2, 2)))
     assert torch.allclose(found.maps, maps, atol=2e-3)
     frame = picture.own_frame()
@@ -68,9 +68,9 @@ def test_what_is_near_to_simple_numbers_stays_where_the_image_tells(triangle):
     code = replace(triangle[0], linear=triangle[0].linear * 0.985)
     maps, picture = pictured(code)
     start = picture.judge(maps)
-    assert Spread.of(start, picture, picture.params.canonical).rounded(maps[0]) is None
-    picture = objective(picture.image, renderings=2, canonical={"near_px": 2.0})
-    assert Spread.of(start, picture, picture.params.canonical).rounded(maps[0]) is not None
+    assert Spread.of(start, picture, picture.params.rounding).rounded(maps[0]) is None
+    picture = objective(picture.image, renderings=2, rounding={"near_px": 2.0})
+    assert Spread.of(start, picture, picture.params.rounding).rounded(maps[0]) is not None
     found = Rounding(picture)(start)
     assert float((found.maps - maps).abs().max()) < 1e-3
 
@@ -114,7 +114,7 @@ def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
 
 def test_lines_are_none_of_maps_with_wide_images(triangle):
     maps, picture = pictured(triangle[0])
-    spread = Spread.of(picture.judge(maps), picture, picture.params.canonical)
+    spread = Spread.of(picture.judge(maps), picture, picture.params.rounding)
     assert not list(spread.lines(maps[0]))
     upright = torch.tensor([0, 0, 0.001, 0.4, 0.0005, 0.1])
     lines = list(spread.lines(upright))
@@ -124,7 +124,7 @@ def test_lines_are_none_of_maps_with_wide_images(triangle):
 
 def test_no_line_or_rounding_is_proposed_that_does_not_contract():
     spread = torch.diag(torch.tensor([1e-4, 0.1], dtype=torch.float64))
-    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, PARAMS.canonical, 0.9995)
+    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, PARAMS.rounding, 0.9995)
     lines = list(tall.lines(torch.tensor([0, 0.001, 0, 0.9, 0, 0])))
     assert lines and all(float(line.one[:4].abs().max()) < 1 for line in lines)
     assert all(line.scale == 3 for line in lines)  # the width is too little to be stretched that far
@@ -161,7 +161,7 @@ def test_the_last_stage_ends_the_work_and_keeps_codes_that_are_far_off(triangle,
         stage, state = last_stages(given)[-1], State(best=Candidate(maps, None, 0.0), before=Candidate(maps, None, 0.0))
         stage.open(state)
         done = stage.close(replace(state, current=stage.begin(state)))
-        assert stage.name == "last digits" and done.before is None
+        assert stage.name == "rounding" and done.before is None
         assert torch.equal(done.result.maps, maps) == kept
 
 

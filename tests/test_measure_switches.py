@@ -1,4 +1,4 @@
-"""Each part of the search on the measure, of the camera and of the last digits can be switched off."""
+"""Each part of the search on the measure, of the camera and of rounding can be switched off."""
 
 from dataclasses import replace
 
@@ -77,17 +77,17 @@ def test_no_number_is_rounded_where_that_is_off(triangle):
     image = suite.target(replace(triangle[0], probabilities=None), 128)
     start = objective(image).judge(affine.from_code(triangle[0]) * (1 + 1e-5))
     for options, rounded in ({}, True), ({"matrices": False, "axis_lines": False}, False):
-        maps, fixed = Rounding(objective(image, canonical=options)).simplified(start)
+        maps, fixed = Rounding(objective(image, rounding=options)).simplified(start)
         assert bool(fixed) == rounded
         assert rounded or maps is start
 
 
 def test_a_shape_without_symmetries_has_the_identity(triangle):
     image = triangle[1].cpu()
-    found, alone = (symmetries(image, PARAMS.canonical.updated(symmetries=on)) for on in (True, False))
+    found, alone = (symmetries(image, PARAMS.rounding.updated(symmetries=on)) for on in (True, False))
     assert len(found) > 1 and len(alone) == 1
     assert torch.equal(found[0], alone[0])
-    mirrors = symmetries(image, PARAMS.canonical.updated(symmetry_orders=[]))
+    mirrors = symmetries(image, PARAMS.rounding.updated(symmetry_orders=[]))
     assert len(mirrors) == 1 + 3 and bool((determinants(torch.stack(mirrors[1:])) < 0).all())
 
 

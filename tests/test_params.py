@@ -92,7 +92,7 @@ AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
              "refine": {"finest": 2048, "grids": 8, "steps": 3},
              "moves": {"grid": 1024, "polish_ends": 1, "polish_starts": 0}, "saturation": {"window": 1},
              "gauss_newton": {"window": 5},
-             "canonical": {"nudges": [0.0], "line_shifts": 1, "denominators": [1], "ratios": [], "degrees": [90]}},
+             "rounding": {"nudges": [0.0], "line_shifts": 1, "denominators": [1], "ratios": [], "degrees": [90]}},
 }
 
 
@@ -143,7 +143,7 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"moves": {"visible_shares": [0.5, 0]}}, "moves.visible_shares.1 must be above 0, got 0"),
     ({"moves": {"root_orders": []}}, "moves.root_orders must be a list of at least 1 values, got []"),
     ({"gauss_newton": {"strides": []}}, "gauss_newton.strides must be a list of at least 1 values, got []"),
-    ({"canonical": {"nudges": []}}, "canonical.nudges must be a list of at least 1 values, got []"),
+    ({"rounding": {"nudges": []}}, "rounding.nudges must be a list of at least 1 values, got []"),
     ({"search": {"grid": 48}}, "search.grid must be a power of two, got 48"),
     ({"moves": {"grid": 2048}}, "moves.grid must be at least 16 and at most 1024, got 2048"),
     ({"births": {"blob_grid": 40}}, "births.blob_grid must be a power of two, got 40"),

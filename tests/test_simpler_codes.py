@@ -18,9 +18,9 @@ from fractal_exp.methods.collage.simplify.needless import without_needless
 from fractal_exp.methods.collage.simplify.parents import with_fewer_maps, with_parents, without_contained
 from fractal_exp.methods.collage.simplify.pruning import Price, without_doubles
 from fractal_exp.methods.collage.simplify.symmetry import simplest, symmetries
-from fractal_exp.methods.collage.stages import canonical as last_stages
+from fractal_exp.methods.collage.stages import rounding as last_stages
 from fractal_exp.methods.collage.stages.problem import SearchProblem
-from fractal_exp.methods.collage.stages.rounding import DrawnLastDigits
+from fractal_exp.methods.collage.stages.rounding import DrawnRounding
 
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
@@ -47,17 +47,17 @@ def with_compositions() -> affine.WeightedMaps:
 
 
 def test_the_symmetries_of_a_triangle_are_found():
-    group = symmetries(at(triangles(4)), PARAMS.canonical)
+    group = symmetries(at(triangles(4)), PARAMS.rounding)
     assert len(group) == 6
     assert torch.equal(group[0][:4], torch.tensor([1.0, 0, 0, 1]))
 
 
 def test_of_the_codes_of_a_symmetric_shape_the_textbook_has_the_simplest():
-    group = symmetries(at(triangles(5)), PARAMS.canonical)
+    group = symmetries(at(triangles(5)), PARAMS.rounding)
     maps = affine.from_code(GASKET)
     turned = torch.stack([affine.composed(one, group[k]) for one, k in zip(maps, (1, 3, 5), strict=True)])
     assert not torch.allclose(turned, maps, atol=0.01)
-    assert torch.allclose(simplest(turned, group, PARAMS.canonical), maps, atol=0.02)
+    assert torch.allclose(simplest(turned, group, PARAMS.rounding), maps, atol=0.02)
 
 
 def test_a_map_takes_the_place_of_its_compositions():
@@ -137,10 +137,10 @@ def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
     assert len(found.maps) == 3
     assert torch.allclose(found.maps, maps, atol=PIXEL)
     assert len(without_unseen(judge, shown, 4).maps) == 4
-    none = PARAMS.updated(canonical={"drawn_worse": 0.1, "drawn_noise": 0})
+    none = PARAMS.updated(rounding={"drawn_worse": 0.1, "drawn_noise": 0})
     exact = ImageObjective(image, Drawn(CAMERA, image, pen), none)
     assert len(without_unseen(exact, exact.judge(shown.maps), 0).maps) == 4, "no code has a tenth of the error"
-    rough = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS.updated(canonical={"drawn_worse": 0.1}))
+    rough = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS.updated(rounding={"drawn_worse": 0.1}))
     assert len(without_unseen(rough, rough.judge(shown.maps), 0).maps) == 3, "less than the noise of a picture"
 
 
@@ -199,7 +199,7 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
     doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
     levels, params = Drawn(CAMERA, Drawn(CAMERA, None, PEN).render(GASKET, SIDE, 0)), PARAMS.updated(
         moves={"parent_maps": 0, "pruning": False, "unseen": None})  # nothing else leaves maps out
-    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
+    stage = DrawnRounding(SearchProblem(levels.picture, levels, params))
     stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), params)
     found = stage._rounded(stage.objective.judge(doubled))
     assert len(found.maps) == 3
@@ -211,20 +211,20 @@ def test_a_number_of_maps_that_was_asked_for_stays():
     doubled = torch.cat([maps, maps[:1]])
     asked = PARAMS.updated(maps=4)
     levels = Drawn(CAMERA, Drawn(CAMERA, None, PEN).render(GASKET, SIDE, 0))
-    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, asked))
+    stage = DrawnRounding(SearchProblem(levels.picture, levels, asked))
     stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), asked)
     assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
 
 
 def last_stage(picture, pen_px):
     """The last stage, which sees codes with this pen."""
-    params = PARAMS.updated(canonical={"matrices": False})
-    stage = DrawnLastDigits(SearchProblem(picture, Drawn(CAMERA, picture), params))
+    params = PARAMS.updated(rounding={"matrices": False})
+    stage = DrawnRounding(SearchProblem(picture, Drawn(CAMERA, picture), params))
     stage.objective = ImageObjective(picture, Drawn(CAMERA, picture, (0.0, pen_px * PIXEL, 0.0)), params)
     return stage
 
 
-def last_digits(picture, code, pen_px):
+def rounding(picture, code, pen_px):
     """What the last stage makes of a code."""
     stage = last_stage(picture, pen_px)
     return stage._rounded(stage.objective.judge(code)).maps
@@ -234,7 +234,7 @@ def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
     picture = Drawn(CAMERA, None, (0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
-    assert torch.allclose(last_digits(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
+    assert torch.allclose(rounding(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
 def test_what_the_polish_does_across_a_line_is_undone(monkeypatch):
@@ -251,7 +251,7 @@ def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
     rise = 0.0125
     curve = torch.tensor([[0.5, -rise, rise, 0.5, -0.375, 0], [0.5, rise, -rise, 0.5, 0.375, 0]])
     picture = Drawn(CAMERA, None, (0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
-    assert torch.allclose(last_digits(picture, curve, pen_px=1), curve, atol=1e-3)
+    assert torch.allclose(rounding(picture, curve, pen_px=1), curve, atol=1e-3)
 
 
 def test_parents_are_found_though_points_take_long_to_reach_a_line():
@@ -271,8 +271,8 @@ def test_the_last_stage_leaves_needless_maps_out(monkeypatch, contained):
     monkeypatch.setattr(last_stages, "without_needless", lambda seen, *args, **options: (
         tried(seen, *args, **options) if options.get("contained", False) is contained else seen))
     many, levels = with_compositions(), inked().levels
-    only = PARAMS.updated(moves={"parent_maps": 0, "pruning": False}, canonical={"matrices": False})
+    only = PARAMS.updated(moves={"parent_maps": 0, "pruning": False}, rounding={"matrices": False})
     for params, expected in (only, 4), (only.updated(maps=8), 8):
-        stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
+        stage = DrawnRounding(SearchProblem(levels.picture, levels, params))
         stage.objective = ImageObjective(levels.picture, Dots(CAMERA, levels.picture, THICK_INK), params)
         assert len(stage._rounded(stage.objective.judge(many.maps, many.weights)).maps) == expected

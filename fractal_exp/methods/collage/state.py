@@ -13,9 +13,9 @@ from ...runtime.checkpoint import Snapshot
 from .camera.tones import Camera
 from .maps import WeightedMaps
 
-VERSION = 15   # of the stages and their scores; stored in checkpoints
+VERSION = 16   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
-STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "last digits",
+STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "rounding",
           "growth")   # in order; the last three come after all rounds
 
 

@@ -131,7 +131,7 @@ class ImageSearch:
 
     def simplified(self, now: Candidate) -> Candidate | None:
         """The code with simple numbers rounded, or None if there are none."""
-        if not self.params.canonical.enabled:
+        if not self.params.rounding.enabled:
             return None
         careful = self._careful()
         found, fixed = Rounding(careful, self.deadline).simplified(careful.judge(now.maps, now.weights))

@@ -15,7 +15,7 @@ from .camera import CameraParams
 from .growth import GrowthParams
 from .image import FrameParams, GaussNewtonParams, ImageParams, LineParams, MoveParams, RefineParams
 from .measure import BirthParams, DescentParams, PopulationParams, SaturationParams, SearchParams
-from .rounding import CanonicalParams
+from .rounding import RoundingParams
 from .stages import StageParams
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
@@ -55,7 +55,7 @@ class CollageParams(Params):
     lines: LineParams = LineParams()
     gauss_newton: GaussNewtonParams = GaussNewtonParams()
     frame: FrameParams = FrameParams()
-    canonical: CanonicalParams = CanonicalParams()
+    rounding: RoundingParams = RoundingParams()
     growth: GrowthParams = GrowthParams()
     stages: StageParams = StageParams()
 

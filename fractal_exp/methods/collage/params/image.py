@@ -47,7 +47,7 @@ class ImageParams(Params):
     noise_renderings: Positive = 4
     """Number of renderings that estimate the noise of a linear image, which has few independent parts under a blur."""
     last_renderings: Positive = 4
-    """Number of renderings averaged in the last polish and for the last digits."""
+    """Number of renderings averaged in the last polish and for rounding."""
     reduced_renderings: Count = 4
     """Number of renderings averaged to estimate what a smaller image would show; 0: a large image is only shrunk."""
 
@@ -298,7 +298,7 @@ class FrameParams(Params):
     beyond_px: Factor = 1.0
     """Misfit, pixels, above which the loss is linear (Huber 1964)."""
     far: Amount = 30.0
-    """Noise ratio from which the frame is ignored, except by the firm polish, and the last digits stay as they are."""
+    """Noise ratio from which the frame is ignored, except by the firm polish, and codes are not rounded."""
     worse: Amount = 1.05
     """Factor on the error up to which a code fitted into the frame is kept."""
     firm: tuple[Factor, ...] = (100.0, 1000.0, 10000.0)

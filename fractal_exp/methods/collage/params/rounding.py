@@ -1,4 +1,4 @@
-"""The parameters of a code's last digits."""
+"""The parameters of rounding."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from .fields import Factor, Some
 Nudge = Annotated[float, Field(gt=-0.5, lt=0.5)]
 
 
-class CanonicalParams(Params):
-    """The last digits of a code that is nearly found: simple numbers, symmetry, the exact frame."""
+class RoundingParams(Params):
+    """Rounding of a code that is nearly found: simple numbers, symmetry, the exact frame."""
 
     enabled: bool = True
     """Whether this stage runs."""
@@ -100,7 +100,7 @@ class CanonicalParams(Params):
     points: Positive = 20_000
     """Points that estimate the mean and covariance of an attractor."""
 
-    def of_drawn(self) -> CanonicalParams:
+    def of_drawn(self) -> RoundingParams:
         """The parameters for a picture that others drew, which determines a code less precisely."""
         return self.updated(near_px=self.drawn_near_px, worse=self.drawn_worse, symmetric_worse=self.drawn_worse,
                             denominators=self.drawn_denominators)

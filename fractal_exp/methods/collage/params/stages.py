@@ -69,7 +69,7 @@ class StageParams(Params):
     hopeless_share: Share = 0.75
     """Share at which the moves of stage 3 end if the code is hopeless. This leaves time for growth."""
     drawn_image_share: Share = 0.8
-    """Share at which stage 3 and all later rounds end on a picture that others drew. This leaves time for stage 4."""
+    """Share at which stage 3 and all later rounds end on a picture that others drew. This leaves time for rounding."""
     binary_image_share: Share = 0.85
     """Share at which stage 3 and all later rounds end on a binary image that has a frame. This leaves time for the firm
     polishes in this frame."""
@@ -77,8 +77,8 @@ class StageParams(Params):
     """Share at which stage 3 and all later rounds end on other images."""
     full_share: Share = 0.98
     """Share at which the polish at full size ends."""
-    canonical_share: Share = 0.99
-    """Share from which the last digits are left as they are."""
+    rounding_share: Share = 0.99
+    """Share from which codes are not rounded."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

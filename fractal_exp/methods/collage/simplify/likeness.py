@@ -38,14 +38,14 @@ def without_unseen(objective: ImageObjective, shown: Rendered, least: int, deadl
         alike = [each for each in fewer if each.error <= worst and likeness_of(each, objective) >= goal]
         if not alike:
             break
-        shown = polished(objective, min(alike, key=error_of), params.canonical.polish, deadline=deadline)
+        shown = polished(objective, min(alike, key=error_of), params.rounding.polish, deadline=deadline)
     return shown
 
 
 def worst_error(objective: ImageObjective, shown: Rendered) -> float:
     """The highest error with which a simpler code may replace a code of a picture that others drew."""
-    canonical = objective.params.canonical
-    return canonical.drawn_worse * max(shown.error, objective.error_at(canonical.drawn_noise))
+    rounding = objective.params.rounding
+    return rounding.drawn_worse * max(shown.error, objective.error_at(rounding.drawn_noise))
 
 
 def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:

@@ -31,7 +31,7 @@ def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE, *
         return seen
 
     def polished_with_camera(tried: Rendered, **options) -> Rendered:
-        return polished(objective, tried, params.canonical.polish, deadline=deadline, camera=True, **options)
+        return polished(objective, tried, params.rounding.polish, deadline=deadline, camera=True, **options)
 
     shown = polished_with_camera(shown)
     objective, before = objective.seen_with(shown.levels), len(shown.maps)

@@ -43,7 +43,7 @@ def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
     the image is lit. At most the `MoveParams.parent_tried` largest are tried."""
     params, side = objective.params.moves, len(objective.image)
     points, maps = _points(objective, shown), flattened(objective, shown).cpu()
-    found = _undone(maps, symmetries(objective.image.cpu(), objective.params.canonical),
+    found = _undone(maps, symmetries(objective.image.cpu(), objective.params.rounding),
                     objective.params.gauss_newton.largest)
     found = found[_inside(_images(found, points), objective.image.cpu() > 0) >= params.parent_inside]
     found = found[affine.volumes(found).argsort(descending=True, stable=True)][:params.parent_tried]

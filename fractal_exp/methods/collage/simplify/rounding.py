@@ -17,7 +17,7 @@ from ..image.frame import Frame
 from ..image.gauss_newton import fitted_into_frame, polished
 from ..image.jacobian import FromPoints, FromRenderings, Jacobian
 from ..image.objective import ImageObjective, Rendered
-from ..params.rounding import CanonicalParams
+from ..params.rounding import RoundingParams
 from .simple_maps import Line, Spread, mirrored_offsets
 
 Fixed = frozenset[tuple[int, int]]   # entries (map, column) that are simple
@@ -38,8 +38,8 @@ class Rounding:
     """Rounds codes whose rendering is close to the objective's image."""
 
     def __init__(self, objective: ImageObjective, deadline: Deadline = NO_DEADLINE,
-                 params: CanonicalParams | None = None):
-        self.objective, self.deadline, self.params = objective, deadline, params or objective.params.canonical
+                 params: RoundingParams | None = None):
+        self.objective, self.deadline, self.params = objective, deadline, params or objective.params.rounding
 
     def __call__(self, start: Rendered) -> Rendered:
         """Fill the frame exactly, round simple numbers, and make nearly symmetric offsets symmetric. Each change is

@@ -17,7 +17,7 @@ from ....runtime.seeds import derive
 from .. import maps as affine
 from ..bins import attractor_points
 from ..image.objective import ImageObjective, Rendered
-from ..params.rounding import CanonicalParams
+from ..params.rounding import RoundingParams
 
 
 class _Simple(NamedTuple):
@@ -40,12 +40,12 @@ def _sorted(values: set) -> Tensor:
     return torch.tensor(sorted({float(value) for value in values}), dtype=torch.float64)
 
 
-def simple_numbers(params: CanonicalParams) -> _Simple:
+def simple_numbers(params: RoundingParams) -> _Simple:
     """The numbers that these parameters define as simple."""
     return _simple(params.denominators, params.ratios, params.degrees)
 
 
-def simple_matrices(matrix: Tensor, params: CanonicalParams) -> Tensor:
+def simple_matrices(matrix: Tensor, params: RoundingParams) -> Tensor:
     """The nearest simple matrix (2,2) of each kind, (3,2,2) float64: entry by entry, a rotating similarity, and a
     mirroring one."""
     simple, matrix = simple_numbers(params), matrix.double().cpu()
@@ -104,16 +104,16 @@ class Spread:
     mean: Tensor
     covariance: Tensor
     pixel: float
-    params: CanonicalParams
+    params: RoundingParams
     largest: float
 
     @classmethod
-    def of(cls, found: Rendered, objective: ImageObjective, canonical: CanonicalParams) -> Spread:
+    def of(cls, found: Rendered, objective: ImageObjective, rounding: RoundingParams) -> Spread:
         """The spread of a code's attractor, with the objective's pixels."""
         params = objective.params
-        points = attractor_points(found.maps, found.probabilities, canonical.points,
+        points = attractor_points(found.maps, found.probabilities, rounding.points,
                                   derive(objective.seed, "rounding"), params.camera).double()
-        return cls(points.mean(0), points.T.cov(), 2 / objective.side, canonical, params.gauss_newton.largest)
+        return cls(points.mean(0), points.T.cov(), 2 / objective.side, rounding, params.gauss_newton.largest)
 
     def rounded(self, one: Tensor) -> Tensor | None:
         """The map (6,) with a simple matrix, or None if none is near."""

@@ -13,10 +13,10 @@ from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 
 from .. import maps as affine
-from ..params.rounding import CanonicalParams
+from ..params.rounding import RoundingParams
 
 
-def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
+def symmetries(image: Tensor, params: RoundingParams) -> list[Tensor]:
     """The symmetries (6,) of the shape in an image (R,R) about its centroid, the identity first. A map counts as a
     symmetry if the F1 within a pixel between shape and mapped shape is at least `params.symmetric_likeness`. Without
     `params.symmetries`, the identity alone."""
@@ -28,7 +28,7 @@ def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
     return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= params.symmetric_likeness)]
 
 
-def simplest(maps: Tensor, group: list[Tensor], params: CanonicalParams) -> Tensor:
+def simplest(maps: Tensor, group: list[Tensor], params: RoundingParams) -> Tensor:
     """The maps (N,6), each preceded by the symmetry of the group with which it rotates least. A reflection counts as
     more than any rotation."""
     found = []
@@ -38,7 +38,7 @@ def simplest(maps: Tensor, group: list[Tensor], params: CanonicalParams) -> Tens
     return torch.stack(found)
 
 
-def _tried(params: CanonicalParams) -> list[Tensor]:
+def _tried(params: RoundingParams) -> list[Tensor]:
     """Rotations and reflections (2,2), the identity first."""
     if not params.symmetries:
         return [_rotation(0.0, 1.0)]

@@ -19,7 +19,7 @@ class Growth(Stage[Any]):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
     the grown sets. It is skipped if the search found the code."""
 
-    name, ends_at = "growth", "canonical_share"
+    name, ends_at = "growth", "rounding_share"
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
         super().__init__(problem, number, restart)

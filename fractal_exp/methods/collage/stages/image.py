@@ -17,7 +17,7 @@ from .construction import Recursion, is_construction
 from .growth import Growth
 from .measure import Detail, FromMixture, Populations, Restart, Uncurved
 from .problem import SearchProblem
-from .rounding import DrawnLastDigits, LastDigits
+from .rounding import DrawnRounding, Rounding
 
 
 class Approach(Stage[ImageSearch]):
@@ -252,6 +252,6 @@ def last_stages(problem: SearchProblem) -> list[Stage]:
     if problem.params.grows_at_once:
         return growth
     full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []
-    digits = LastDigits if problem.levels.is_exact else DrawnLastDigits
-    last = [digits(problem, problem.rounds)] if problem.params.canonical.enabled else []
+    digits = Rounding if problem.levels.is_exact else DrawnRounding
+    last = [digits(problem, problem.rounds)] if problem.params.rounding.enabled else []
     return [*full, *last, *growth]

@@ -14,35 +14,35 @@ from ..image.camera import Seen, angle_of, in_turns, sharpened
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
 from ..maps import WeightedMaps
-from ..params.rounding import CanonicalParams
+from ..params.rounding import RoundingParams
 from ..simplify.likeness import likeness_of, without_unseen, worst_error
 from ..simplify.needless import without_needless
 from ..simplify.parents import flattened, with_fewer_maps
 from ..simplify.pruning import Price, pruned
-from ..simplify.rounding import Rounding
+from ..simplify.rounding import Rounding as Rounder
 from ..simplify.symmetry import simplest, symmetries
 from ..state import Candidate, State
 from .base import Stage
 
 
-class LastDigits(Stage):
+class Rounding(Stage):
     """Round a nearly right code to simple numbers and make it fill the frame exactly."""
 
-    name, ends_at = "last digits", "canonical_share"
+    name, ends_at = "rounding", "rounding_share"
 
     @property
     def deadline(self) -> Deadline:
-        return self.problem.deadline.until(self.params.stages.canonical_share)
+        return self.problem.deadline.until(self.params.stages.rounding_share)
 
     @property
-    def canonical(self) -> CanonicalParams:
-        return self.params.canonical
+    def rounding(self) -> RoundingParams:
+        return self.params.rounding
 
     def open(self, state: State) -> None:
         large = self.problem.full_side > self.params.stages.largest_side
         renderings = 1 if large else self.params.image.last_renderings
         self.objective = self.problem.objective(self.problem.full_side, state.found.code,
-                                                derive(self.problem.seed, "last digits"), renderings,
+                                                derive(self.problem.seed, "rounding"), renderings,
                                                 state.found.camera)
 
     def begin(self, state: State) -> Candidate:
@@ -54,25 +54,25 @@ class LastDigits(Stage):
         return Candidate(last.maps, weights, last.error, last.error, camera_of(self.objective.levels))
 
     def _rounded(self, start: Rendered) -> Rendered:
-        return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
+        return Rounder(self.objective, self.problem.deadline, self.rounding)(start)
 
     def _is_far(self, found: Candidate) -> bool:
         """Whether the code is too far off for simple numbers to mean anything."""
         hasty = self.objective.hasty()
         shown = hasty.judge(found.maps, found.weights)
-        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
+        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.rounding.near_error)
 
     def close(self, state: State) -> State:
         return replace(state, best=state.current, before=None)
 
 
-class DrawnLastDigits(LastDigits):
-    """`LastDigits` for a picture that others drew, which determines digits less precisely. Maps that are no
+class DrawnRounding(Rounding):
+    """`Rounding` for a picture that others drew, which determines digits less precisely. Maps that are no
     longer worth their price are removed."""
 
     @property
-    def canonical(self) -> CanonicalParams:
-        return self.params.canonical.of_drawn()
+    def rounding(self) -> RoundingParams:
+        return self.params.rounding.of_drawn()
 
     def open(self, state: State) -> None:
         super().open(state)
@@ -118,7 +118,7 @@ class DrawnLastDigits(LastDigits):
     def _simplest(self, objective: ImageObjective, found: Rendered) -> Rendered:
         """The simplest code for the shape. Codes may differ by symmetries of the shape, by doubles, and by parents in
         the place of maps."""
-        params, deadline = self.params.canonical, self.problem.deadline
+        params, deadline = self.params.rounding, self.problem.deadline
         simple = WeightedMaps(simplest(found.maps, symmetries(objective.image.cpu(), params), params), found.weights)
         single = self.problem.without_doubles(simple)  # mirrored, two maps of a symmetric shape may be one
         other = polished(objective, objective.judge(single.maps, single.weights), params.polish, deadline=deadline)
@@ -137,7 +137,7 @@ class DrawnLastDigits(LastDigits):
             return seen
         objective, found = sharpened(seen[0], seen[0].judge(flat, seen[1].weights), self.problem.deadline)
         other = objective, objective.judge(flattened(objective, found), found.weights)
-        return other if angle_of(other)**2 <= self.params.canonical.drawn_worse * angle_of(seen)**2 else seen
+        return other if angle_of(other)**2 <= self.params.rounding.drawn_worse * angle_of(seen)**2 else seen
 
     def _is_far(self, found: Candidate) -> bool:
         shown = self.objective.judge(found.maps, found.weights)

@@ -28,7 +28,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
         {"studio"},
         {"cli"},
     ],
-    "ifs": [{"numbers"}, {"colours"}, {"code"}, {"address_tree"}, {"attractor"}, {"formats"}],
+    "ifs": [{"canvas", "numbers"}, {"colours"}, {"code"}, {"address_tree"}, {"attractor"}, {"formats"}],
     "ops": [{"cuda_launch", "scale"}, {"backends"}, {"chaos"},
             {"collage", "histogram", "occupancy", "sequences", "splatting"}],
     "methods": [{"base"}, {"history", "pretrained", "stepwise"}, {"configs"},

@@ -28,8 +28,8 @@ class VerdictParams(Params):
 
     within_noise: Amount = SEARCH.stages.second_round
     """Noise ratio below which a code cannot be told from the true one."""
-    recovered: Share = SEARCH.moves.alike
-    """F1 within a pixel at which a code of few maps is no accident."""
+    recovered: Share = 0.985
+    """F1 within a pixel at which a code of few maps is no accident, as in collage search."""
     few_maps: Positive = 12
     """Maximum number of maps of such a code."""
     not_alike: Share = 0.5

@@ -23,9 +23,9 @@ FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"coun
 FEW_PENS = {"pens_px": [0.5, 1.0], "blurs_px": [0.5], "tiles_px": [], "gains": [0.1]}  # that may have drawn a picture
 BRIEF = {  # a search goes through all its steps, but does not polish what it has found for long
     "image": {"last_renderings": 1, "reduced_renderings": 1}, "refine": {"steps": 30},
-    "moves": {"polish_ends": 1, "polish_starts": 0, "polish_rest": 1}, "saturation": {"trajectories": 500},
+    "moves": {"polish_ends": 1, "polish_starts": 0}, "saturation": {"trajectories": 500},
     "gauss_newton": {"rendered_steps": 1, "strides": [1.0, 2.0], "last_patience": 1},
-    "rounding": {"polish": 1, "lines_tried": 1, "nudges": [0.0]}, "growth": {"enabled": False},
+    "rounding": {"polish": 1, "lines_tried": 1}, "growth": {"enabled": False},
     "camera": FEW_PENS}
 
 

@@ -19,11 +19,12 @@ from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import nearest, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.simplify.drawn import simplest, without_width
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
+from fractal_exp.methods.collage.simplify.loop import Fit
 from fractal_exp.methods.collage.stages.construction import Recursion, is_construction
 from fractal_exp.methods.collage.stages.image import DrawnMoves, stages_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
-from fractal_exp.methods.collage.stages.rounding import DrawnRounding
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -104,11 +105,10 @@ def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])
     start = torch.cat([maps, affine.composed(maps[1], mirror)[None]])
     start[1:, :4] *= 0.985
-    stage = DrawnRounding(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
-    stage.objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
-    found = stage._rounded(stage.objective.judge(start))
-    assert len(found.maps) == 3
-    assert camera_of(stage.objective.levels)[:3] == ("strokes", DEPTH, 0)
+    objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
+    found = simplest(Fit(objective, objective.judge(start)))
+    assert len(found.shown.maps) == 3
+    assert camera_of(found.objective.levels)[:3] == ("strokes", DEPTH, 0)
 
 
 def test_strokes_without_width_draw_the_same():
@@ -125,12 +125,12 @@ def test_strokes_without_width_draw_the_same():
 def test_a_code_seen_as_strokes_ends_without_their_widths():
     image, wide = drawing(), affine.from_code(tree())
     wide[0, :2] = torch.tensor([0.02, 0.0])
-    stage = DrawnRounding(SearchProblem(image, levels_of(image, "coverage", CAMERA), PARAMS))
     for name, thin in (("strokes", True), ("coverage", False)):
         values = (6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL) if thin else (0.0, 0.8 * PIXEL, 0.0)
-        stage.objective = judged(image, "coverage", (name, *values))
-        found = stage._without_width(stage.objective.judge(wide))
-        assert (float(affine.smaller_singular(found.maps)[0]) < 1e-6) == thin
+        objective = judged(image, "coverage", (name, *values))
+        proposed = [each.shown.maps for each in without_width(Fit(objective, objective.judge(wide)))]
+        assert len(proposed) == thin
+        assert not thin or float(affine.smaller_singular(proposed[0])[0]) < 1e-6
 
 
 @pytest.mark.slow

@@ -18,6 +18,11 @@ from ..camera.levels import Levels, stabilize
 from ..params import CollageParams
 from .frame import Frame
 
+GRIDS = 4             # compared, each half as fine as the one before
+HALVED_FROM = 8       # minimum number of cells per side of a grid for a coarser one to follow
+LEAST_NOISE = 1e-3    # lower limit of the estimated noise of a rendering
+NOISE_RENDERINGS = 4  # that estimate the noise of a linear image, which has few independent parts under a blur
+
 
 @dataclass(frozen=True)
 class Rendered(affine.WeightedMaps):
@@ -80,7 +85,7 @@ class ImageObjective:
         """The image (R,R) on grids with `side` and fewer cells per side."""
         image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
         grids = [image]
-        while len(grids) < self.params.image.grids and grids[-1].shape[0] >= self.params.image.halved_from:
+        while len(grids) < GRIDS and grids[-1].shape[0] >= HALVED_FROM:
             grids.append(avg_pool2d(grids[-1][None], 2, ceil_mode=True)[0])
         return grids
 
@@ -142,11 +147,11 @@ class ImageObjective:
         if self.levels.is_linear:  # renderings have less noise than the image
             shown = self.render(code)
             drawn = (self.levels.noisy(code, len(shown), derive(self.seed, "again", n)).to(shown)
-                     for n in range(self.params.image.noise_renderings))
+                     for n in range(NOISE_RENDERINGS))
             errors = [ImageObjective(each, self.levels, self.params).error(shown) for each in drawn]
-            return max(self.params.image.least_noise, sum(errors) / len(errors))
+            return max(LEAST_NOISE, sum(errors) / len(errors))
         other = ImageObjective(self.render(code, "again"), self.levels, self.params)
-        return max(self.params.image.least_noise, other.error(self.render(code)))
+        return max(LEAST_NOISE, other.error(self.render(code)))
 
     def likeness(self, rendering: Tensor) -> float:
         """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `Levels.lit_above`."""

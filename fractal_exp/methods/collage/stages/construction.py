@@ -17,8 +17,8 @@ from ..image.objective import ImageObjective, Rendered
 from ..maps import WeightedMaps
 from ..measure.search import MeasureSearch, Regime
 from ..params import CollageParams
-from ..simplify.likeness import likeness_of
-from ..simplify.pruning import Price
+from ..simplify.likeness import ALIKE, likeness_of
+from ..simplify.loop import Price
 from ..state import Candidate, State
 from ..trees.registration import Registration, misfit_of
 from ..trees.trunk import with_trunk
@@ -187,14 +187,14 @@ class Recursion(Stage[Any]):
             return False
         if has_strokes(found):
             return self._likeness_of_drawing(found) >= self.params.camera.recursion_alike
-        return self._likeness_of_drawing(found) >= self.params.moves.alike \
+        return self._likeness_of_drawing(found) >= ALIKE \
             and self._likeness(found) >= self.params.stages.unlike
 
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
-        price, alike = Price(0.0, self.params.moves.worth), self.params.moves.alike
+        price = Price(share=self.params.moves.worth)
         return (has_pen(found) and len(found.maps) < len(now.maps)
-                and not self._is_explained(now) and self._likeness(found) >= alike
+                and not self._is_explained(now) and self._likeness(found) >= ALIKE
                 and price.score(found.error, len(found.maps)) < price.score(now.error, len(now.maps)))
 
     def _likeness_of_drawing(self, found: Candidate) -> float:

@@ -8,9 +8,11 @@ from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ...base import time_is_up
 from ..camera.tones import seen_with
+from ..image.frame import FAR, FIRM_ABOVE, FIRM_ONLY
 from ..image.gauss_newton import firmly_framed, fitted_into_frame
 from ..moves.search import ImageSearch
-from ..simplify.pruning import Price, pruned_in_frame
+from ..simplify.loop import Price
+from ..simplify.removal import pruned_in_frame
 from ..state import Candidate, State
 from .base import Stage
 from .construction import Recursion, is_construction
@@ -18,6 +20,8 @@ from .growth import Growth
 from .measure import Detail, FromMixture, Populations, Restart, Uncurved
 from .problem import SearchProblem
 from .rounding import DrawnRounding, Rounding
+
+RECENT = 2 / 3   # share of the expected moves: the search goes on if the error was halved within so many
 
 
 class Approach(Stage[ImageSearch]):
@@ -52,7 +56,7 @@ class ImageMoves(Stage[ImageSearch]):
     @property
     def recent(self) -> int:
         """The search goes on if the error was halved within this many moves."""
-        return max(1, round(self.params.moves.recent * self.expected_moves))
+        return max(1, round(RECENT * self.expected_moves))
 
     @property
     def latest_start(self) -> Deadline:
@@ -122,7 +126,7 @@ class ImageMoves(Stage[ImageSearch]):
 
     def _is_nearly_right(self, candidate: Candidate) -> bool:
         """Whether a code needs no firm polish in the frame of a binary image."""
-        return self.search.noise_ratio(candidate) < self.params.frame.firm_above
+        return self.search.noise_ratio(candidate) < FIRM_ABOVE
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
         """The code, if rounding alone corrects it; None if another round is worth while."""
@@ -167,9 +171,9 @@ class FullSize(Stage):
         objective, params = self.objective, self.params
         start = objective.judge(state.found.maps, state.found.weights)
         noise = objective.noise(start.code)
-        near = start.error < params.frame.far * noise
-        if objective.firm_frame() is None or start.error <= params.frame.firm_only * noise:
-            start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
+        near = start.error < FAR * noise
+        if objective.firm_frame() is None or start.error <= FIRM_ONLY * noise:
+            start = pruned_in_frame(objective, start, Price(params.moves.price * noise), near=near,
                                     deadline=self.deadline)
             start = fitted_into_frame(objective, start, params.stages.full_polish,
                                       objective.own_frame() if near else None, deadline=self.deadline)
@@ -252,6 +256,6 @@ def last_stages(problem: SearchProblem) -> list[Stage]:
     if problem.params.grows_at_once:
         return growth
     full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []
-    digits = Rounding if problem.levels.is_exact else DrawnRounding
-    last = [digits(problem, problem.rounds)] if problem.params.rounding.enabled else []
+    rounding = Rounding if problem.levels.is_exact else DrawnRounding
+    last = [rounding(problem, problem.rounds)] if problem.params.rounding.enabled else []
     return [*full, *last, *growth]

@@ -11,7 +11,6 @@ from torch import Tensor
 from ....ifs.code import IFS
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from ..bins import attractor_points
 from ..camera.blur import blurred
 from ..camera.levels import Levels
 from ..camera.tones import Camera, seen_with
@@ -21,7 +20,7 @@ from ..image.objective import ImageObjective, reduced
 from ..maps import WeightedMaps
 from ..moves.search import ImageSearch
 from ..params import CollageParams
-from ..simplify.pruning import without_doubles
+from ..simplify.doubles import without_doubles
 
 ROUND_SIDE = 256   # maximum side, pixels, of an image to which `StageParams.round_seconds` applies as it is
 
@@ -134,12 +133,5 @@ class SearchProblem:
         return ImageSearch(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
 
     def without_doubles(self, found: WeightedMaps) -> WeightedMaps:
-        """The maps of a code without doubles (see `pruning.without_doubles`), if at least two others stay and no number
-        of maps is asked for."""
-        params = self.params
-        if params.maps:
-            return found
-        points = attractor_points(found.maps, found.probabilities, params.moves.parent_points, self.seed, params.camera)
-        near = 2 / len(self.image) * params.moves.double_px
-        maps, weights = without_doubles(found.maps, found.probabilities, points, near)
-        return found if len(maps) < 2 or len(maps) == len(found.maps) else WeightedMaps(maps, weights)
+        """The code without its doubles."""
+        return without_doubles(found, self.params, len(self.image), self.seed)

@@ -14,7 +14,7 @@ from fractal_exp.methods.collage.simplify.doubles import without_doubles
 from fractal_exp.methods.collage.simplify.drawn import simplest
 from fractal_exp.methods.collage.simplify.flat import on_their_line
 from fractal_exp.methods.collage.simplify.likeness import likeness_of
-from fractal_exp.methods.collage.simplify.loop import Fit, Price, Proposer, maps_polished, simplified
+from fractal_exp.methods.collage.simplify.loop import Draft, Price, Proposer, maps_polished, simplified
 from fractal_exp.methods.collage.simplify.parents import fewer, parents, uncontained
 from fractal_exp.methods.collage.simplify.removal import unseen, without_least, without_needless
 from fractal_exp.methods.collage.simplify.symmetry import simplest as least_turned
@@ -42,17 +42,17 @@ def penned(code, pen=PEN, **options) -> ImageObjective:
     return ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS.updated(**options))
 
 
-def fitted(judge, code, weights=None, **options) -> Fit:
+def fitted(judge, code, weights=None, **options) -> Draft:
     """The code as an image with these parameters sees it."""
     judge = ImageObjective(judge.image, judge.levels, judge.params.updated(**options))
-    return Fit(judge, judge.judge(code, weights))
+    return Draft(judge, judge.judge(code, weights))
 
 
-def with_fewer(fit: Fit, way=fewer) -> Fit:
+def with_fewer(fit: Draft, way=fewer) -> Draft:
     return simplified(fit, [Proposer(way, maps_polished(4))], WORTH)
 
 
-def without_unseen(fit: Fit) -> Fit:
+def without_unseen(fit: Draft) -> Draft:
     return simplified(fit, unseen(fit.objective.params), Price.of_drawn(fit.objective))
 
 

@@ -21,7 +21,7 @@ from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify.drawn import simplest, without_width
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
-from fractal_exp.methods.collage.simplify.loop import Fit
+from fractal_exp.methods.collage.simplify.loop import Draft
 from fractal_exp.methods.collage.stages.construction import Recursion, is_construction
 from fractal_exp.methods.collage.stages.image import DrawnMoves, stages_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
@@ -106,7 +106,7 @@ def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
     start = torch.cat([maps, affine.composed(maps[1], mirror)[None]])
     start[1:, :4] *= 0.985
     objective = judged(image, "coverage", ("coverage", 0.0, 0.75 * PIXEL, 0.0))
-    found = simplest(Fit(objective, objective.judge(start)))
+    found = simplest(Draft(objective, objective.judge(start)))
     assert len(found.shown.maps) == 3
     assert camera_of(found.objective.levels)[:3] == ("strokes", DEPTH, 0)
 
@@ -128,7 +128,7 @@ def test_a_code_seen_as_strokes_ends_without_their_widths():
     for name, thin in (("strokes", True), ("coverage", False)):
         values = (6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL) if thin else (0.0, 0.8 * PIXEL, 0.0)
         objective = judged(image, "coverage", (name, *values))
-        proposed = [each.shown.maps for each in without_width(Fit(objective, objective.judge(wide)))]
+        proposed = [each.shown.maps for each in without_width(Draft(objective, objective.judge(wide)))]
         assert len(proposed) == thin
         assert not thin or float(affine.smaller_singular(proposed[0])[0]) < 1e-6
 

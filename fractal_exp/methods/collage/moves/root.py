@@ -9,7 +9,7 @@ import torch
 
 from .. import maps as affine
 from ..image.objective import Rendered
-from ..simplify.loop import Fit
+from ..simplify.loop import Draft
 from .tools import Tools
 
 ORDERS = 2, 3        # of the roots that are tried: square and cube roots
@@ -31,15 +31,15 @@ def neighbour(tools: Tools, shown: Rendered, g: torch.Generator) -> Rendered:
     return rooted(tools, shown, chosen, ORDERS[int(torch.randint(len(ORDERS), (), generator=g))])
 
 
-def with_roots(tools: Tools, fit: Fit) -> Iterator[Fit]:
+def with_roots(tools: Tools, draft: Draft) -> Iterator[Draft]:
     """Codes with the root of one of the largest maps, for the start of the search."""
-    params, shown = tools.params, fit.shown
+    params, shown = tools.params, draft.shown
     has_all = len(shown.maps) <= FEW and not tools.objective.levels.is_exact
     count = 0 if params.maps or not params.moves.root else len(shown.maps) if has_all else LARGEST
     for chosen in affine.volumes(shown.maps).argsort(descending=True)[:count].tolist():
         new = min((rooted(tools, shown, chosen, order) for order in ORDERS), key=tools.score)
         if new is not shown and not tools.deadline.passed:
-            yield Fit(fit.objective, new)
+            yield Draft(draft.objective, new)
 
 
 def rooted(tools: Tools, shown: Rendered, chosen: int, order: int) -> Rendered:

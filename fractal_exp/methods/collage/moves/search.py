@@ -21,7 +21,7 @@ from ..image.jacobian import FromRenderings
 from ..image.objective import ImageObjective, Rendered, error_of
 from ..image.refine import refined
 from ..simplify.likeness import ALIKE
-from ..simplify.loop import Fit, Proposer, maps_polished, simplified
+from ..simplify.loop import Draft, Proposer, maps_polished, simplified
 from ..simplify.parents import fewer
 from ..simplify.removal import pruned_in_frame
 from ..simplify.rounding import begun, with_simple_numbers
@@ -67,7 +67,7 @@ class ImageSearch(Tools):
         return self.candidate(self._simpler(best, roots))
 
     def _simpler(self, shown: Rendered, way: Proposer) -> Rendered:
-        return simplified(Fit(self.objective, shown), [way], self.price, self.deadline).shown
+        return simplified(Draft(self.objective, shown), [way], self.price, self.deadline).shown
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better neighbour."""

@@ -8,16 +8,16 @@ import torch
 from torch import Tensor
 
 from ..image.objective import ImageObjective, Rendered
-from .loop import Fit
+from .loop import Draft
 
 FLAT_PX = 0.75   # standard deviation across a line, pixels, below which a shape is assumed to lie on the line
 
 
-def on_line(fit: Fit) -> Iterator[Fit]:
+def on_line(draft: Draft) -> Iterator[Draft]:
     """Similarities in the place of the maps, if the shape lies on a line."""
-    flat = flattened(fit.objective, fit.shown)
-    if not torch.equal(flat, fit.shown.maps):
-        yield fit.judged(flat, fit.shown.weights)
+    flat = flattened(draft.objective, draft.shown)
+    if not torch.equal(flat, draft.shown.maps):
+        yield draft.judged(flat, draft.shown.weights)
 
 
 def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:

@@ -18,7 +18,7 @@ from .. import maps as affine
 from ..bins import attractor_points
 from ..image.objective import ImageObjective, Rendered
 from .flat import flattened
-from .loop import Fit, any_of
+from .loop import Draft
 from .removal import fewest
 from .symmetry import symmetries
 
@@ -28,19 +28,19 @@ INSIDE = 0.97     # share of points: of the attractor's that a parent must send 
 POINTS = 20_000   # of the attractor, in this test
 
 
-def fewer(fit: Fit) -> Iterator[Fit]:
+def fewer(draft: Draft) -> Iterator[Draft]:
     """Parents in the place of maps, or no contained maps, for a code of few maps whose number was not asked for."""
-    params = fit.objective.params
-    if not params.maps and len(fit.shown.maps) <= params.moves.parent_maps:
-        ways = (parents,) if params.moves.needless is None else (parents, uncontained)
-        yield from any_of(*ways)(fit)
+    params = draft.objective.params
+    if not params.maps and len(draft.shown.maps) <= params.moves.parent_maps:
+        yield from parents(draft)
+        yield from () if params.moves.needless is None else uncontained(draft)
 
 
-def parents(fit: Fit) -> Iterator[Fit]:
+def parents(draft: Draft) -> Iterator[Draft]:
     """One code for each parent, which replaces the maps whose images lie within its own. A parent is f∘h⁻¹ or f∘s∘h⁻¹,
     with maps f and h of the code and a symmetry s of the shape. It must be contractive and send the attractor to where
     the image is lit."""
-    objective, shown = fit.objective, fit.shown
+    objective, shown = draft.objective, draft.shown
     params, image, side = objective.params, objective.image.cpu(), len(objective.image)
     points, maps = _points(objective, shown), flattened(objective, shown).cpu()
     found = _undone(maps, symmetries(image, params.rounding), params.gauss_newton.largest)
@@ -54,15 +54,15 @@ def parents(fit: Fit) -> Iterator[Fit]:
             own_share = shown.weights[~rest.to(shown.weights.device)].sum()
             weights = torch.cat([own_share[None], shown.weights[rest.to(shown.weights.device)]])
         if bool(rest.any()):
-            yield fit.judged(torch.cat([parent[None], maps[rest]]).to(shown.maps), weights)
+            yield draft.judged(torch.cat([parent[None], maps[rest]]).to(shown.maps), weights)
 
 
-def uncontained(fit: Fit) -> Iterator[Fit]:
+def uncontained(draft: Draft) -> Iterator[Draft]:
     """The code without its contained maps, if there are any, except for as many as must stay.
 
     A map is contained if its image lies within the image of a larger map, as that of f∘g lies within that of f. Without
     it, the attractor is still the union of its images, so it is the same. The larger map gets its weight."""
-    objective, shown = fit.objective, fit.shown
+    objective, shown = draft.objective, draft.shown
     images, weights = affine.images(shown.maps.cpu(), _points(objective, shown)), shown.probabilities.cpu().clone()
     order = affine.volumes(shown.maps.cpu()).argsort(stable=True)
     lit = [_lit(each, len(objective.image)) for each in images]
@@ -76,7 +76,7 @@ def uncontained(fit: Fit) -> Iterator[Fit]:
             kept.remove(number)
     kept.sort()
     if len(kept) < len(order):
-        yield fit.judged(shown.maps[kept], None if shown.weights is None else weights[kept].to(shown.weights))
+        yield draft.judged(shown.maps[kept], None if shown.weights is None else weights[kept].to(shown.weights))
 
 
 def _points(objective: ImageObjective, shown: Rendered) -> Tensor:

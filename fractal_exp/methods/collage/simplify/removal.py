@@ -8,7 +8,7 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from ..image.camera import may_be_sharpened
 from ..image.objective import ImageObjective, Rendered
 from ..params import CollageParams
-from .loop import Fit, Price, Proposer, Way, any_of, camera_polished, maps_polished, simplified
+from .loop import Draft, Price, Proposer, Way, camera_polished, maps_polished, simplified
 
 TRIED = 2   # single maps that are left out on trial where each trial is a polish with the camera, which takes seconds
 
@@ -18,16 +18,16 @@ def fewest(params: CollageParams) -> int:
     return max(2, params.maps or 0)
 
 
-def without_one(fit: Fit) -> Iterable[Fit]:
+def without_one(draft: Draft) -> Iterable[Draft]:
     """The code without one of its maps."""
-    objective, shown = fit.objective, fit.shown
+    objective, shown = draft.objective, draft.shown
     gone = range(len(shown.maps)) if len(shown.maps) > fewest(objective.params) else ()
-    return [Fit(objective, objective.without(shown, [i])) for i in gone]
+    return [Draft(objective, objective.without(shown, [i])) for i in gone]
 
 
-def without_least(fit: Fit) -> Iterable[Fit]:
+def without_least(draft: Draft) -> Iterable[Draft]:
     """The code without one of those maps that are missed least."""
-    return sorted(without_one(fit), key=lambda each: each.shown.error)[:TRIED]
+    return sorted(without_one(draft), key=lambda each: each.shown.error)[:TRIED]
 
 
 def unseen(params: CollageParams) -> list[Proposer]:
@@ -37,22 +37,22 @@ def unseen(params: CollageParams) -> list[Proposer]:
     return [] if loss is None else [Proposer(without_one, maps_polished(steps), loss=loss, early=True)]
 
 
-def without_needless(fit: Fit, *ways: Way, deadline: Deadline = NO_DEADLINE) -> Fit:
+def without_needless(draft: Draft, *ways: Way, deadline: Deadline = NO_DEADLINE) -> Draft:
     """Leave out maps whose absence the camera can make up for.
 
     A code of too many maps and its camera are made for each other. With this camera, the code without such a map looks
     worse than it is. So both codes are polished together with the camera before they are compared. If no map is left
-    out, `fit` itself is returned, and it takes no time if there is none to try.
+    out, `draft` itself is returned, and it takes no time if there is none to try.
     """
-    params = fit.objective.params
-    if params.moves.needless is None or not may_be_sharpened(fit.objective, fit.shown) or \
-            next(iter(any_of(*ways)(fit)), None) is None:
-        return fit
+    params = draft.objective.params
+    is_open = params.moves.needless is not None and may_be_sharpened(draft.objective, draft.shown)
+    if not is_open or not any(True for way in ways for _ in way(draft)):
+        return draft
     polish = camera_polished(params.rounding.polish)
-    start = next(polish(fit, deadline))
+    start = next(polish(draft, deadline))
     proposers = [Proposer(way, polish, loss=params.moves.needless) for way in ways]
     found = simplified(start, proposers, Price.of_drawn(start.objective), deadline)
-    return fit if found is start else found
+    return draft if found is start else found
 
 
 def pruning(params: CollageParams) -> list[Proposer]:
@@ -62,7 +62,7 @@ def pruning(params: CollageParams) -> list[Proposer]:
 
 def pruned(objective: ImageObjective, shown: Rendered, price: Price, deadline: Deadline = NO_DEADLINE) -> Rendered:
     """The code without maps that are not worth their price."""
-    return simplified(Fit(objective, shown), pruning(objective.params), price, deadline).shown
+    return simplified(Draft(objective, shown), pruning(objective.params), price, deadline).shown
 
 
 def pruned_in_frame(objective: ImageObjective, shown: Rendered, price: Price, *, near: bool,

@@ -18,8 +18,10 @@ from ..image.frame import Frame
 from ..image.gauss_newton import fitted_into_frame, polished
 from ..image.jacobian import FromPoints, FromRenderings
 from ..image.objective import ImageObjective, Rendered, error_of
-from .loop import Fit, Fixed, Price, Proposer, simplified
+from .loop import Draft, Price, Proposer, simplified
 from .simple_maps import OFF_MIDDLE, Line, Precision, Spread, mirrored_offsets
+
+Fixed = frozenset[tuple[int, int]]   # entries (map, column) of a code
 
 LINE_WORSE = 1.0      # factor on the error for lines along an axis: their polish is free to lower it
 FILLED_WORSE = 1.2    # factor on the error for the exact frame, which says more about tips than pixels do
@@ -30,28 +32,28 @@ EXACT_PX = 0.002      # `Frame.sigma_px` of a frame that is filled exactly
 NUDGES = 0.0, 1e-6, -1e-6, 1e-5, -1e-5, 5e-5, -5e-5   # relative changes of size: a shape may end at edges of pixels
 
 
-def begun(objective: ImageObjective, shown: Rendered) -> Fit:
+def begun(objective: ImageObjective, shown: Rendered) -> Draft:
     """The code to be rounded, with the frame that its polishes must fill: its own, or the firm one of a binary image if
     it nearly fills that."""
     own, firm = objective.own_frame(), objective.firm_frame()
-    fit = Fit(objective, shown, frame=own)
-    return replace(fit, frame=firm) if own is None and firm is not None and _is_meant(shown, firm) else fit
+    draft = Draft(objective, shown, frame=own)
+    return replace(draft, frame=firm) if own is None and firm is not None and _is_meant(shown, firm) else draft
 
 
-def rounded(start: Fit, deadline: Deadline = NO_DEADLINE) -> Fit:
+def rounded(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     """Fill the frame exactly, round simple numbers, and make nearly symmetric offsets symmetric. Each change is undone
     if it makes the rendering worse."""
     now = symmetric(with_simple_numbers(filled(start, deadline), deadline), deadline)
     return symmetric(filled(now, deadline), deadline) if now.fixed else now
 
 
-def with_simple_numbers(start: Fit, deadline: Deadline = NO_DEADLINE) -> Fit:
+def with_simple_numbers(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     """The code with simple numbers rounded, unless that makes the rendering worse."""
-    def rest_polished(fit: Fit, deadline: Deadline) -> Iterator[Fit]:
+    def rest_polished(draft: Draft, deadline: Deadline) -> Iterator[Draft]:
         """Polish the entries that are not fixed, and make offsets symmetric."""
-        shown = fitted_into_frame(fit.objective, fit.shown, fit.objective.params.rounding.polish, fit.frame,
-                                  deadline=deadline, fixed=fit.fixed)
-        yield symmetric(replace(fit, shown=shown), deadline)
+        shown = fitted_into_frame(draft.objective, draft.shown, draft.objective.params.rounding.polish, draft.frame,
+                                  deadline=deadline, fixed=draft.fixed)
+        yield symmetric(replace(draft, shown=shown), deadline)
 
     matrices = Proposer(simple_entries, rest_polished)
     lines = [Proposer(way, rest_polished, worse) for i in range(len(start.shown.maps))
@@ -59,36 +61,36 @@ def with_simple_numbers(start: Fit, deadline: Deadline = NO_DEADLINE) -> Fit:
     return simplified(start, [matrices, *lines, matrices], Price(worse=Precision.of(start.objective).worse), deadline)
 
 
-def filled(start: Fit, deadline: Deadline = NO_DEADLINE) -> Fit:
+def filled(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     """Fill the frame exactly if it is meant to be filled, unless that makes the rendering notably worse."""
-    def into_frame(fit: Fit, deadline: Deadline) -> Iterator[Fit]:
-        objective, shown, params = fit.objective, fit.shown, fit.objective.params
+    def into_frame(draft: Draft, deadline: Deadline) -> Iterator[Draft]:
+        objective, shown, params = draft.objective, draft.shown, draft.objective.params
         middle = {(i, 4 + axis) for i, axis in _in_the_middle(shown.maps)
-                  if {(i, 2 * axis), (i, 2 * axis + 1)} <= fit.fixed}
-        within = objective.within(fit.frame)
+                  if {(i, 2 * axis), (i, 2 * axis + 1)} <= draft.fixed}
+        within = objective.within(draft.frame)
         found = polished(within, within.judge(shown.maps, shown.weights), params.rounding.polish,
-                         patience=params.gauss_newton.last_patience, deadline=deadline, fixed=fit.fixed | middle)
-        yield replace(fit, shown=replace(found, error=objective.error(found.image)))
+                         patience=params.gauss_newton.last_patience, deadline=deadline, fixed=draft.fixed | middle)
+        yield replace(draft, shown=replace(found, error=objective.error(found.image)))
 
     return simplified(start, [Proposer(exact_frame, into_frame, repeats=False)], Price(worse=FILLED_WORSE), deadline)
 
 
-def symmetric(start: Fit, deadline: Deadline = NO_DEADLINE) -> Fit:
+def symmetric(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     """Make nearly symmetric offsets symmetric, unless that makes the rendering worse."""
     price = Price(worse=Precision.of(start.objective).symmetric_worse)
     return simplified(start, [Proposer(symmetric_offsets, repeats=False)], price, deadline)
 
 
-def exact_frame(fit: Fit) -> Iterator[Fit]:
+def exact_frame(draft: Draft) -> Iterator[Draft]:
     """The code in the exact frame, if it nearly fills its frame."""
-    if fit.frame is not None and _is_meant(fit.shown, fit.frame):
-        yield replace(fit, frame=replace(fit.frame, sigma_px=EXACT_PX))
+    if draft.frame is not None and _is_meant(draft.shown, draft.frame):
+        yield replace(draft, frame=replace(draft.frame, sigma_px=EXACT_PX))
 
 
-def symmetric_offsets(fit: Fit) -> Iterator[Fit]:
+def symmetric_offsets(draft: Draft) -> Iterator[Draft]:
     """Symmetric offsets in the place of nearly symmetric ones. Offsets in the middle of the canvas go to the better
     side of it. If the frame is meant to be filled, all offsets are scaled to fill it."""
-    objective, now, frame = fit.objective, fit.shown, fit.frame
+    objective, now, frame = draft.objective, draft.shown, draft.frame
     maps = mirrored_offsets(now.maps, 2 / objective.side * SYMMETRIC_PX)
     if not objective.params.rounding.symmetric or bool((maps == now.maps).all()):
         return
@@ -102,56 +104,56 @@ def symmetric_offsets(fit: Fit) -> Iterator[Fit]:
         linear, offset = found.maps[:, :4], found.maps[:, 4:] * frame.enlargement(found.maps, found.probabilities)
         sizes = [torch.cat([linear, offset * (1 + nudge)], 1) for nudge in NUDGES]
         found = min(found, *(within.judge(size, now.weights) for size in sizes), key=error_of)
-    yield replace(fit, shown=replace(found, error=objective.error(found.image)))
+    yield replace(draft, shown=replace(found, error=objective.error(found.image)))
 
 
-def simple_entries(fit: Fit) -> Iterator[Fit]:
+def simple_entries(draft: Draft) -> Iterator[Draft]:
     """Simple matrices in the place of all that are near one. This may bring further ones near."""
-    now, maps, fixed = fit.shown, fit.shown.maps.clone(), fit.fixed
-    if not fit.objective.params.rounding.matrices:
+    now, maps, fixed = draft.shown, draft.shown.maps.clone(), draft.fixed
+    if not draft.objective.params.rounding.matrices:
         return
-    spread = Spread.of(now, fit.objective)
+    spread = Spread.of(now, draft.objective)
     for i, one in enumerate(now.maps):
         simple = None if _matrix(i) <= fixed else spread.rounded(one)
         if simple is not None:
             maps[i], fixed = simple, fixed | _matrix(i)
-    if fixed > fit.fixed:
-        yield replace(fit, shown=fit.objective.judge(maps, now.weights), fixed=fixed)
+    if fixed > draft.fixed:
+        yield replace(draft, shown=draft.objective.judge(maps, now.weights), fixed=fixed)
 
 
-def axis_line(i: int, deadline: Deadline, fit: Fit) -> Iterator[Fit]:
+def axis_line(i: int, deadline: Deadline, draft: Draft) -> Iterator[Draft]:
     """A line along an axis in the place of map i, if it nearly is one. The likeliest lines are polished alone."""
-    tried = fit.objective.params.rounding.lines_tried
-    if not tried or _matrix(i) & fit.fixed:
+    tried = draft.objective.params.rounding.lines_tried
+    if not tried or _matrix(i) & draft.fixed:
         return
-    lines = Spread.of(fit.shown, fit.objective).lines(fit.shown.maps[i])
-    hasty = replace(fit, objective=fit.objective.hasty())
+    lines = Spread.of(draft.shown, draft.objective).lines(draft.shown.maps[i])
+    hasty = replace(draft, objective=draft.objective.hasty())
     likely = [(polished(hasty.objective, each, LINE_STEPS, [i], deadline=deadline, jacobian=FromPoints, fixed=fixed),
                fixed) for each, fixed in _likeliest(hasty, i, lines, tried)]
     if likely:
         rough, fixed = min(likely, key=lambda found: found[0].error)
-        found = polished(fit.objective, fit.objective.judge(rough.maps, rough.weights), LINE_STEPS, [i],
+        found = polished(draft.objective, draft.objective.judge(rough.maps, rough.weights), LINE_STEPS, [i],
                          deadline=deadline, jacobian=FromRenderings, fixed=fixed)
-        yield replace(fit, shown=found, fixed=fixed)
+        yield replace(draft, shown=found, fixed=fixed)
 
 
-def simple_scale(i: int, fit: Fit) -> Iterator[Fit]:
+def simple_scale(i: int, draft: Draft) -> Iterator[Draft]:
     """A simple scale for map i, if it is a line along an axis."""
-    known = frozenset(j for k, j in fit.fixed if k == i)
+    known = frozenset(j for k, j in draft.fixed if k == i)
     if len(known & frozenset(range(4))) == 3:
-        line = Line(fit.shown.maps[i], *(frozenset(range(4)) - known), fixed=known)
-        (found, fixed), *_ = _likeliest(fit, i, Spread.of(fit.shown, fit.objective).rescaled(line), 1)
-        yield replace(fit, shown=found, fixed=fit.fixed | _matrix(i))
+        line = Line(draft.shown.maps[i], *(frozenset(range(4)) - known), fixed=known)
+        (found, fixed), *_ = _likeliest(draft, i, Spread.of(draft.shown, draft.objective).rescaled(line), 1)
+        yield replace(draft, shown=found, fixed=draft.fixed | _matrix(i))
 
 
-def _likeliest(fit: Fit, i: int, lines: Iterable[Line], count: int) -> list[tuple[Rendered, Fixed]]:
+def _likeliest(draft: Draft, i: int, lines: Iterable[Line], count: int) -> list[tuple[Rendered, Fixed]]:
     """The codes, with their fixed entries, of the `count` lines that give the nearest renderings in the place of map
     i."""
     tried = []
     for line in lines:
-        maps = fit.shown.maps.clone()
+        maps = draft.shown.maps.clone()
         maps[i] = line.one
-        tried.append((fit.objective.judge(maps, fit.shown.weights), fit.fixed | {(i, j) for j in line.fixed}))
+        tried.append((draft.objective.judge(maps, draft.shown.weights), draft.fixed | {(i, j) for j in line.fixed}))
     return sorted(tried, key=lambda found: found[0].error)[:count]
 
 

@@ -17,7 +17,7 @@ from .. import maps as affine
 from ..maps import WeightedMaps
 from ..params.rounding import RoundingParams
 from .doubles import without_doubles
-from .loop import Fit
+from .loop import Draft
 
 ORDERS = range(2, 9)     # of the rotations that are tried as symmetries: people build fractals from such polygons
 AXES_DEGREES = 7.5       # between the axes of the reflections that are tried
@@ -26,17 +26,17 @@ LIT_ABOVE = 0.25         # grey level above which a pixel belongs to the shape w
 LIKENESS = 0.93          # minimum F1 within a pixel between a shape and its image under a symmetry
 
 
-def simplest_code(fit: Fit) -> Iterator[Fit]:
+def simplest_code(draft: Draft) -> Iterator[Draft]:
     """The code whose maps rotate least, without doubles: mirrored, two maps of a symmetric shape may be one."""
-    objective, shown = fit.objective, fit.shown
+    objective, shown = draft.objective, draft.shown
     maps = simplest(shown.maps, symmetries(objective.image.cpu(), objective.params.rounding))
     single = without_doubles(WeightedMaps(maps, shown.weights), objective.params, len(objective.image), objective.seed)
-    yield fit.judged(single.maps, single.weights)
+    yield draft.judged(single.maps, single.weights)
 
 
-def other_simplest_code(fit: Fit) -> Iterator[Fit]:
+def other_simplest_code(draft: Draft) -> Iterator[Draft]:
     """`simplest_code`, unless the code is that already."""
-    yield from (each for each in simplest_code(fit) if not torch.equal(each.shown.maps, fit.shown.maps))
+    yield from (each for each in simplest_code(draft) if not torch.equal(each.shown.maps, draft.shown.maps))
 
 
 def symmetries(image: Tensor, params: RoundingParams) -> list[Tensor]:

@@ -9,7 +9,7 @@ from ....runtime.seeds import derive
 from ..camera.tones import camera_of
 from ..image.frame import FAR
 from ..simplify.drawn import simplest
-from ..simplify.loop import Fit
+from ..simplify.loop import Draft
 from ..simplify.rounding import begun, rounded
 from ..state import Candidate, State
 from .base import Stage
@@ -37,12 +37,12 @@ class Rounding(Stage):
         found = state.found
         if self._is_far(found):
             return found
-        last = self._rounded(Fit(self.objective, self.objective.judge(found.maps, found.weights)))
+        last = self._rounded(Draft(self.objective, self.objective.judge(found.maps, found.weights)))
         shown = last.shown
         weights = None if shown.weights is None else shown.probabilities
         return Candidate(shown.maps, weights, shown.error, shown.error, camera_of(last.objective.levels))
 
-    def _rounded(self, start: Fit) -> Fit:
+    def _rounded(self, start: Draft) -> Draft:
         return rounded(begun(start.objective, start.shown), self.problem.deadline)
 
     def _is_far(self, found: Candidate) -> bool:
@@ -63,7 +63,7 @@ class DrawnRounding(Rounding):
         super().open(state)
         self.objective = self.objective.hasty()  # the camera is less certain than the points of one rendering
 
-    def _rounded(self, start: Fit) -> Fit:
+    def _rounded(self, start: Draft) -> Draft:
         return simplest(start, self.problem.deadline)
 
     def _is_far(self, found: Candidate) -> bool:

@@ -24,9 +24,9 @@ FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"coun
        "growth": {"enabled": False}}
 BRIEF = {  # a search goes through all its steps, but does not polish what it has found for long
     "image": {"last_renderings": 1, "reduced_renderings": 1}, "refine": {"steps": 30},
-    "moves": {"polish_ends": 1, "polish_starts": 0, "polish_rest": 1}, "saturation": {"trajectories": 500},
+    "moves": {"polish_ends": 1, "polish_starts": 0}, "saturation": {"trajectories": 500},
     "gauss_newton": {"rendered_steps": 1, "strides": [1.0, 2.0], "last_patience": 1},
-    "canonical": {"polish": 1, "lines_tried": 1, "nudges": [0.0]}, "growth": {"enabled": False}}
+    "rounding": {"polish": 1, "lines_tried": 1}, "growth": {"enabled": False}}
 
 
 def merged(first: dict, second: dict) -> dict:

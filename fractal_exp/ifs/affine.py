@@ -75,6 +75,11 @@ def random_matrices(count: int, smallest: float, largest: float, ratio: float, g
 
 
 
+def images(maps: Tensor, points: Tensor) -> Tensor:
+    """Where maps (n,6) send points (P,2): (n,P,2)."""
+    return points @ maps[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + maps[:, None, 4:]
+
+
 def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
     """Maps (…,6) of these matrices (…,2,2) that send the point source (…,2) to image (…,2)."""
     offset = image - (matrices @ source[..., None])[..., 0]

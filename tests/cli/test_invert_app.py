@@ -155,7 +155,7 @@ def test_it_finds_a_code_itself(folder, capsys):
     leaf((0, 100, 0)).save("leaf.png")
     app.main(["leaf.png", "--resolution", "64", "--set", "rounds=1", "search.restarts=1", "search.moves=1",
               "search.detail_moves=1", "moves.count=1", "moves.drawn_count=1", "growth.enabled=false",
-              "canonical.enabled=false", "camera.tiles=false", "camera.pen_px=1.0", "camera.blur_px=0.5"])
+              "rounding.enabled=false", "camera.tiles=false", "camera.pen_px=1.0", "camera.blur_px=0.5"])
     out = capsys.readouterr().out
     assert "verdict    " in out and "coloured: levels run" in out
     assert len(Inversion.load("leaf-fractal").code) >= 2

@@ -11,6 +11,7 @@ from ...ifs.affine import (  # noqa: F401
     composed,
     compositions,
     from_code,
+    images,
     inverse,
     largest_singular,
     normalized,

@@ -16,7 +16,7 @@ from .maps import WeightedMaps
 
 VERSION = 16   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
-STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "last digits",
+STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "rounding",
           "growth")   # in order; the last three come after all rounds
 
 

@@ -13,12 +13,12 @@ from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
 from fractal_exp.methods.collage.moves import search as search_module
 from fractal_exp.methods.collage.moves.search import ImageSearch
+from fractal_exp.methods.collage.moves.tools import MISSING
 from fractal_exp.methods.collage.pipeline import Pipeline
-from fractal_exp.methods.collage.simplify.rounding import Rounding
 from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.stages.plan import plan_of
-from fractal_exp.methods.collage.stages.rounding import LastDigits
+from fractal_exp.methods.collage.stages.rounding import Rounding
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -31,7 +31,7 @@ def test_the_lit_pixels_of_a_binary_image_may_fall_short_of_its_frame():
     image = torch.zeros(128, 128)
     image[40:88, 30:98] = 1  # 68 of the 96 pixels of a frame
     assert objective(image, BINARY).firm_frame() is not None
-    assert objective(image, BINARY, frame={"binary_shortest": 0.8}).firm_frame() is None
+    assert objective(image[:, 60:], BINARY).firm_frame() is None, "less than a half"
     assert objective(image, BINARY, frame={"firm": ()}).firm_frame() is None
     assert objective(image).firm_frame() is None, "an image with greys"
     assert objective(image, BINARY).own_frame() is None, "what is nearly right is polished without"
@@ -91,10 +91,10 @@ def test_the_framed_error_is_that_of_the_code_and_of_the_code_that_fills_the_fra
 
 
 def test_a_firm_polish_that_the_code_does_not_need_is_left_out(pulled):
-    image, _, maps = pulled
-    given = objective(image, BINARY, frame={"firm_above": 1000.0, "firm_only": 1000.0})
-    wrong = given.judge(maps)
-    assert firmly_framed(given, wrong) is wrong
+    image, right, _ = pulled
+    given = objective(image, BINARY)
+    exact = given.judge(right)
+    assert firmly_framed(given, exact) is exact
 
 
 def test_firm_polishes_end_once_the_code_is_nearly_right(pulled, monkeypatch):
@@ -116,12 +116,10 @@ def test_a_firm_polish_keeps_the_code_of_least_framed_error(pulled):
     assert firmly_framed(given, wrong) is wrong
 
 
-def test_a_firm_polish_that_the_image_refuses_or_that_comes_too_late_is_not_kept(pulled):
+def test_a_firm_polish_that_comes_too_late_is_not_made(pulled):
     image, _, maps = pulled
-    given = objective(image, BINARY, frame={"firm_worse": 0.01})
-    wrong = given.judge(maps)
-    assert firmly_framed(given, wrong) is wrong
     given = objective(image, BINARY)
+    wrong = given.judge(maps)
     assert firmly_framed(given, wrong, Deadline(0)) is wrong is not firmly_framed(given, wrong)
 
 
@@ -146,7 +144,7 @@ def test_missing_maps_cost_as_much_in_the_framed_score_as_in_the_score(pulled):
     image, right, wrong = pulled
     given = ImageSearch(objective(image, BINARY, maps=len(right)), BINARY.measure(image), noise=1.0)
     few, full = (given.judged(tied(maps)) for maps in (right[:-1], wrong))
-    assert given.framed_score(few) > PARAMS.moves.missing > given.framed_score(full)
+    assert given.framed_score(few) > MISSING > given.framed_score(full)
 
 
 def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled):
@@ -217,7 +215,7 @@ def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
     grey, binary = triangle[1], (triangle[1] > 0.25).float()
     assert ends(grey, 40) == pytest.approx([0.35, 0.95, 0.95, 0.95])
     assert ends(binary, 40) == pytest.approx([0.35, 0.85, 0.85, 0.85])
-    for options in ({"enabled": False}, {"firm": ()}, {"binary_shortest": 1.0, "shortest": 1.0}):
+    for options in ({"enabled": False}, {"firm": ()}):
         assert ends(binary, 40, frame=options) == pytest.approx([0.35, 0.95, 0.95, 0.95])
 
 
@@ -263,7 +261,7 @@ def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(tria
              on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
     assert [(key.round, key.stage) for key in done][:2] == [(0, "image"), (1, "restart")]
     seconds[0] = 75
-    assert ImageMoves(given, 0).latest_start.passed and not LastDigits(given, 2).latest_start.passed
+    assert ImageMoves(given, 0).latest_start.passed and not Rounding(given, 2).latest_start.passed
 
 
 @pytest.mark.parametrize(("levels", "growth", "share", "another"), [

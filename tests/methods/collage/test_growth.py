@@ -60,8 +60,8 @@ def stage(image: torch.Tensor, seconds: float | None = None, levels: str = "auto
 def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
     """The state after a search that ended with a blob, and the stages that came after."""
     told = []
-    some = stage(image, **merged({"canonical": {"enabled": False}}, options))
-    done = State(done=Key(some.problem.rounds, "last digits"), best=tied(BLOB))
+    some = stage(image, **merged({"rounding": {"enabled": False}}, options))
+    done = State(done=Key(some.problem.rounds, "rounding"), best=tied(BLOB))
     pipeline = Pipeline(plan_of(some.problem), done, on_move=lambda *_: None,
                         on_stage=lambda each, _: told.append(each.name))
     pipeline.run()

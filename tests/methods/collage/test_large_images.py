@@ -27,7 +27,7 @@ def whole_large(triangle):
 def test_a_large_picture_interrupted_at_the_end_of_a_stage_goes_on_bit_for_bit(triangle, whole_large, tmp_path, stage):
     (_, image), (told, whole) = triangle, whole_large
     ends = [progress.stage for progress in told if progress.code is not None]
-    assert ends[-5:] == ["detail", "approach", "image", "full size", "last digits"]
+    assert ends[-5:] == ["detail", "approach", "image", "full size", "rounding"]
 
     def interrupt(progress):
         if progress.code is not None and progress.stage == stage:
@@ -48,7 +48,7 @@ def test_a_large_picture_takes_the_rounds_it_is_given(triangle):
     assert given.image.shape == (320, 320) and given.full_side == 640
     names = [stage.name for stage in plan_of(given).stages]
     once = ["search", "detail", "approach", "image"]
-    assert names == ["search"] * 3 + once + ["search"] * 2 + once + ["full size", "last digits"]
+    assert names == ["search"] * 3 + once + ["search"] * 2 + once + ["full size", "rounding"]
 
 
 @pytest.mark.parametrize("kind", ["grey", pytest.param("binary", marks=pytest.mark.slow)])
@@ -66,4 +66,4 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     whole = problem(given.image)
     names = [each.name for each in plan_of(whole).stages]
     sought = [] if kind == "binary" else ["construction"]   # grey levels that were reduced look like a drawing's
-    assert names == ["search", "search", "detail", *sought, "image", "last digits"]
+    assert names == ["search", "search", "detail", *sought, "image", "rounding"]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import CAMERA, PARAMS, objective, params
+from collage_helpers import CAMERA, objective
 
 from fractal_exp import codes, suite
 from fractal_exp.cameras.points import attractor_points
@@ -40,7 +40,7 @@ def test_the_light_along_a_line_tells_which_way_it_lies(degrees):
     shown = given.judge(maps)
     points = attractor_points(maps, shown.probabilities, 50_000, 0)
     rest = given.without(shown, [stem])
-    found = profiled(maps[stem], float(shown.probabilities[stem]), points, light(image, rest.image), PARAMS.lines)[0]
+    found = profiled(maps[stem], float(shown.probabilities[stem]), points, light(image, rest.image), 2)[0]
     assert found.dtype == maps.dtype
     row = direction @ found[:4].view(2, 2)  # along the line
     assert float(row @ direction / row.norm()) > math.cos(math.radians(15))
@@ -68,13 +68,12 @@ def test_a_course_follows_its_line_over_the_pixels():
 @pytest.mark.parametrize("line", [[0.0] * 6, [0.0, 0, 0, 0, 0.3, 0.1]])
 def test_an_image_that_is_a_point_has_no_profile(line):
     points, black = torch.rand(100, 2), torch.zeros(64, 64)
-    assert profiled(torch.tensor(line), 0.1, points, light(black, black), PARAMS.lines).shape == (0, 6)
+    assert profiled(torch.tensor(line), 0.1, points, light(black, black), 2).shape == (0, 6)
 
 
 def test_the_ways_a_line_may_lie_are_contractive():
     flat = torch.rand(100, 2) * torch.tensor([0.001, 1])  # other directions would have to stretch it
     bright = torch.zeros(64, 64)
     bright[32] = 0.05
-    found = profiled(torch.tensor([0.0, 0.9, 0, 0, 0, 0]), 0.1, flat, light(bright, torch.zeros(64, 64)),
-                     params(lines={"count": 9}).lines)
+    found = profiled(torch.tensor([0.0, 0.9, 0, 0, 0, 0]), 0.1, flat, light(bright, torch.zeros(64, 64)), 9)
     assert len(found) > 0 and float(affine.largest_singular(found).max()) < 1

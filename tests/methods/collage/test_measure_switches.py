@@ -1,4 +1,4 @@
-"""Each part of the search on the measure, of the camera and of the last digits can be switched off."""
+"""Each part of the search on the measure, of the camera and of rounding can be switched off."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.camera import polish_under
 from fractal_exp.methods.collage.measure.births import candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population
-from fractal_exp.methods.collage.simplify.rounding import Rounding
+from fractal_exp.methods.collage.simplify.rounding import begun, with_simple_numbers
 from fractal_exp.methods.collage.simplify.symmetry import symmetries
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.runtime.deadline import NO_DEADLINE
@@ -54,8 +54,7 @@ def test_random_maps_mirror_unless_that_is_off(reflections, triangle):
     search = measure_search(masses, births={"reflections": reflections})
     measure, births = search.measure, params.births
     born = [candidates(measure.bins, measure.bins, measure, (0.1, 0.5), 40, 20, births, random()),
-            reoriented(torch.tensor([0.5, 0.1, 0, 0.4, 0, 0]), measure, PARAMS.moves, random(),
-                       reflections=reflections),
+            reoriented(torch.tensor([0.5, 0.1, 0, 0.4, 0, 0]), measure, 24, random(), reflections=reflections),
             Population(masses, 3, params.updated(population={"first": 48})).maps]
     for maps in born:   # descent turns over a few of a population
         share = float((determinants(maps) < 0).float().mean())
@@ -65,19 +64,18 @@ def test_random_maps_mirror_unless_that_is_off(reflections, triangle):
 def test_no_number_is_rounded_where_that_is_off(triangle):
     image = suite.target(replace(triangle[0], probabilities=None), 128)
     start = objective(image).judge(affine.from_code(triangle[0]) * (1 + 1e-5))
-    for options, rounded in ({}, True), ({"matrices": False, "axis_lines": False}, False):
-        maps, fixed = Rounding(objective(image, canonical=options)).simplified(start)
-        assert bool(fixed) == rounded
-        assert rounded or maps is start
+    for options, rounded in ({}, True), ({"matrices": False, "lines_tried": 0}, False):
+        found = with_simple_numbers(begun(objective(image, rounding=options), start))
+        assert bool(found.fixed) == rounded
+        assert rounded or found.shown is start
 
 
 def test_a_shape_without_symmetries_has_the_identity(triangle):
     image = triangle[1].cpu()
-    found, alone = (symmetries(image, PARAMS.canonical.updated(symmetries=on)) for on in (True, False))
+    found, alone = (symmetries(image, PARAMS.rounding.updated(symmetries=on)) for on in (True, False))
     assert len(found) > 1 and len(alone) == 1
     assert torch.equal(found[0], alone[0])
-    mirrors = symmetries(image, PARAMS.canonical.updated(symmetry_orders=[]))
-    assert len(mirrors) == 1 + 3 and bool((determinants(torch.stack(mirrors[1:])) < 0).all())
+    assert sum(float(determinants(each)) < 0 for each in found) == 3, "the mirrors of a triangle"
 
 
 def test_no_stroke_is_sought_where_that_is_off():

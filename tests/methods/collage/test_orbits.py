@@ -9,7 +9,7 @@ from collage_helpers import CAMERA, PARAMS, objective
 from fractal_exp import ops
 from fractal_exp.cameras.levels import Density
 from fractal_exp.errors import InputError
-from fractal_exp.methods.collage.moves.root import rooted
+from fractal_exp.methods.collage.moves.root import HOPELESS_MAPS, rooted
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.ops.collage import orbit_bins, pushforward
@@ -80,7 +80,7 @@ def scribble() -> torch.Tensor:
 
 @pytest.mark.parametrize("more", [0, 1])
 def test_roots_of_one_of_many_maps_are_not_tried_where_the_image_may_be_of_no_code(scribble, more):
-    count = PARAMS.moves.root_maps + more
+    count = HOPELESS_MAPS + more
     maps = random_codes(1, count)[0][0]
     maps[0, :4] = torch.tensor([0.8, 0.1, -0.1, 0.7])  # has roots
 

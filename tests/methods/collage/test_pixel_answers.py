@@ -1,6 +1,8 @@
 """Known answers of what is told from pixels: errors of equal variance, misfits, steps, simple numbers."""
 
 
+from types import SimpleNamespace
+
 import pytest
 import torch
 from collage_helpers import PARAMS, measure_search, objective
@@ -11,11 +13,13 @@ from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.frame import Frame
 from fractal_exp.methods.collage.image.jacobian import FromPoints
 from fractal_exp.methods.collage.image.objective import stabilize
-from fractal_exp.methods.collage.simplify.simple_maps import Spread
+from fractal_exp.methods.collage.simplify.loop import Price
+from fractal_exp.methods.collage.simplify.removal import pruned
+from fractal_exp.methods.collage.simplify.simple_maps import RENDERED, Spread
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.suite import target
 
-FRAME = Frame(128, PARAMS.frame.sigma_px, PARAMS.frame.beyond_px)
+FRAME = Frame(128)
 
 
 @pytest.mark.parametrize("chance", [0.05, 0.3, 0.9])
@@ -57,10 +61,10 @@ def test_a_matrix_turns_about_the_mean_of_the_attractor():
 
 
 def spread(pixel=2 / 256):
-    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel, PARAMS.canonical, 0.9995)
+    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel, RENDERED, 0.9995)
 
 
-@pytest.mark.parametrize(("pixels", "near"), [(0.8 * PARAMS.canonical.near_px, True), (0.04, True), (0.1, False)])
+@pytest.mark.parametrize(("pixels", "near"), [(0.8 * RENDERED.near_px, True), (0.04, True), (0.1, False)])
 def test_a_matrix_is_rounded_if_that_moves_the_attractor_by_a_twentieth_of_a_pixel_at_most(pixels, near):
     one = torch.tensor([0.5, 0.25, 0, 0.5, 0.3, -0.2])
     one[0] += pixels * 2 / 256 / 0.4  # times the attractor's standard deviation: by so many pixels
@@ -70,6 +74,26 @@ def test_a_matrix_is_rounded_if_that_moves_the_attractor_by_a_twentieth_of_a_pix
         torch.testing.assert_close(found[:4], torch.tensor([0.5, 0.25, 0, 0.5]))
         sent = [each[:4].view(2, 2) @ spread().mean.float() + each[4:] for each in (one, found)]
         torch.testing.assert_close(*sent, atol=1e-6, rtol=0)
+
+
+class Priced:
+    """A picture whose error rises by the worth of each map that is gone."""
+
+    params, subpixels = PARAMS, 1
+
+    @staticmethod
+    def without(drawn, gone):
+        worths = [worth for i, worth in enumerate(drawn.maps) if i not in gone]
+        return SimpleNamespace(maps=worths, error=drawn.error + sum(drawn.maps[i] for i in gone))
+
+
+def test_maps_go_that_are_not_worth_their_price():
+    drawn = SimpleNamespace(maps=[0.5, 0.09, 0.3, -0.2, 0.11], error=1.0)
+    assert pruned(Priced, drawn, Price(0.1)).maps == [0.5, 0.3, 0.11]
+    assert pruned(Priced, drawn, Price(0.0)).maps == [0.5, 0.09, 0.3, 0.11]
+    assert len(pruned(Priced, drawn, Price(10.0)).maps) == 2
+    asked = type("Asked", (Priced,), {"params": PARAMS.updated(maps=4)})
+    assert len(pruned(asked, drawn, Price(10.0)).maps) == 4
 
 
 def test_every_step_of_a_search_and_every_seed_tries_something_else():

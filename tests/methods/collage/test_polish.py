@@ -15,8 +15,10 @@ from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
 from fractal_exp.methods.collage.measure.births import reoriented
 from fractal_exp.methods.collage.moves import reorient
+from fractal_exp.methods.collage.moves.new_map import THIN
 from fractal_exp.methods.collage.moves.search import ImageSearch
-from fractal_exp.methods.collage.simplify.pruning import Price, pruned_in_frame
+from fractal_exp.methods.collage.simplify.loop import Price
+from fractal_exp.methods.collage.simplify.removal import pruned_in_frame
 from fractal_exp.methods.collage.state import Candidate
 
 
@@ -96,10 +98,9 @@ def test_a_line_is_reoriented_by_its_rendering(fern, monkeypatch):
     maps, stem = affine.from_code(code), int(code.linear.det().abs().argmin())
     measure = binned(DENSITY.measure(image), 64)
     thin = [affine.thinness(each, measure) for each in maps]
-    assert thin[stem] < PARAMS.moves.thin < min(thin[:stem] + thin[stem + 1:])
+    assert thin[stem] < THIN < min(thin[:stem] + thin[stem + 1:])
     wrong = maps.clone()
-    one = PARAMS.updated(moves={"candidates": 1, "kept": 1, "rendered": 1}).moves
-    wrong[stem] = reoriented(maps[stem], measure, one, torch.Generator().manual_seed(4))[0]
+    wrong[stem] = reoriented(maps[stem], measure, 1, torch.Generator().manual_seed(4))[0]
     search = image_search(image)
     shown = search.objective.judge(wrong)
     monkeypatch.setattr(reorient, "small_maps", lambda shown, g, count=1: [stem])
@@ -119,14 +120,11 @@ def test_the_last_polish_leaves_a_true_code_where_it_is(fern):
 def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
     code, image = fern
     maps = affine.from_code(code)
-    search = image_search(image)
-    picture = search.objective
+    picture = objective(image)
     fewer = picture.without(picture.judge(maps, torch.tensor([0.1, 0.5, 0.2, 0.2])), [3])
-    now = search.candidate(fewer)
-    shown = search._shown
     for number in range(6):
-        search._shown = shown
-        again = ImageSearch(picture, search.masses, noise=0.1)
+        search, again = (ImageSearch(picture, DENSITY.measure(image), noise=0.1) for _ in range(2))
+        now = search.candidate(fewer)
         live = search.step(now, number)
         resumed = again.step(Candidate(now.maps, now.weights, now.error, now.score), number)
         assert torch.equal(live.maps, resumed.maps) and torch.equal(live.probabilities, resumed.probabilities)
@@ -135,10 +133,11 @@ def test_a_resumed_search_knows_weights_of_its_own_as_the_live_one_does(fern):
 def test_a_polished_code_loses_what_neither_picture_nor_frame_asks_for(triangle):
     maps = torch.cat([affine.from_code(triangle[0]), torch.tensor([[0.01, 0, 0, 0.01, 0.2, 1.2]])])
     maps = affine.from_code(attractor.normalize(affine.to_code(maps)))  # the last map is a tip that decides the box
-    picture = objective(suite.target(affine.to_code(maps), 128))
+    picture = objective(suite.target(affine.to_code(maps), 128), maps=3)
     drawn = picture.judge(maps)
     price = 1.5 * (picture.without(drawn, [3]).error - drawn.error)
-    blind = pruned_in_frame(picture, drawn, Price(price), 3, near=False)
+    blind = pruned_in_frame(picture, drawn, Price(price), near=False)
     assert torch.equal(blind.maps, maps[:3]) and blind.error == picture.judge(maps[:3]).error
-    assert pruned_in_frame(picture, drawn, Price(price), 3, near=True) is drawn
-    assert pruned_in_frame(picture, drawn, Price(price), 4, near=False) is drawn  # as many as there must be
+    assert pruned_in_frame(picture, drawn, Price(price), near=True) is drawn
+    asked = objective(picture.image, maps=4)
+    assert pruned_in_frame(asked, drawn, Price(price), near=False) is drawn  # as many as there must be

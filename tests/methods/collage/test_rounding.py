@@ -1,23 +1,27 @@
-"""The last digits of codes: simple numbers, lines along the axes, symmetric offsets, the frame filled exactly."""
+"""Rounding: simple numbers, lines along the axes, symmetric offsets, the frame filled exactly."""
 
 import math
 from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import PARAMS, objective, problem
+from collage_helpers import objective, problem
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.gauss_newton import polished
-from fractal_exp.methods.collage.simplify.rounding import Rounding
-from fractal_exp.methods.collage.simplify.simple_maps import Spread, mirrored_offsets, simple_matrices
+from fractal_exp.methods.collage.simplify.rounding import begun, rounded
+from fractal_exp.methods.collage.simplify.simple_maps import (
+    OFF_MIDDLE,
+    RENDERED,
+    Spread,
+    mirrored_offsets,
+    simple_matrices,
+)
 from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
-
-EDGE = PARAMS.canonical.off_middle
 
 
 def pictured(code, side=128):
@@ -37,7 +41,7 @@ def off(maps, pixels, side=128):
 ])
 def test_simple_matrices_are_found_beside_them(matrix):
     true = torch.tensor(matrix, dtype=torch.float64)
-    found = simple_matrices(true + torch.tensor([[1e-3, -1e-3], [5e-4, -5e-4]]), PARAMS.canonical)
+    found = simple_matrices(true + torch.tensor([[1e-3, -1e-3], [5e-4, -5e-4]]), RENDERED.denominators)
     assert found.shape == (3, 2, 2)
     assert float((found - true).abs().amax((1, 2)).min()) < 1e-6
 
@@ -45,17 +49,17 @@ def test_simple_matrices_are_found_beside_them(matrix):
 def test_a_code_of_simple_numbers_gets_them(triangle):
     maps, picture = pictured(triangle[0])
     start = picture.judge(off(maps, 0.02))
-    found = Rounding(picture)(start)
+    found = rounded(begun(picture, start)).shown
     assert torch.equal(found.maps[:, :4], maps[:, :4].round(decimals=2))
     assert found.error < 0.5 * start.error
-    assert found.maps[0, 4] == -found.maps[1, 4] and abs(float(found.maps[2, 4])) <= EDGE
+    assert found.maps[0, 4] == -found.maps[1, 4] and abs(float(found.maps[2, 4])) <= OFF_MIDDLE
 
 
 def test_a_code_of_the_suite_keeps_its_numbers_and_fills_its_frame():
     maps, picture = pictured(suite.random_suite(1, 101)[0])
     start = picture.judge(maps * (1 + 1e-4))
-    found = Rounding(picture)(start)
-    assert all(float((simple_matrices(one, PARAMS.canonical) - one).abs().amax((1, 2)).min()) > 1e-5
+    found = rounded(begun(picture, start)).shown
+    assert all(float((simple_matrices(one, RENDERED.denominators) - one).abs().amax((1, 2)).min()) > 1e-5
                for one in found.maps[:, :4].unflatten(1, (2, 2)))
     assert torch.allclose(found.maps, maps, atol=2e-3)
     frame = picture.own_frame()
@@ -68,10 +72,10 @@ def test_what_is_near_to_simple_numbers_stays_where_the_image_tells(triangle):
     code = replace(triangle[0], linear=triangle[0].linear * 0.985)
     maps, picture = pictured(code)
     start = picture.judge(maps)
-    assert Spread.of(start, picture, picture.params.canonical).rounded(maps[0]) is None
-    picture = objective(picture.image, renderings=2, canonical={"near_px": 2.0})
-    assert Spread.of(start, picture, picture.params.canonical).rounded(maps[0]) is not None
-    found = Rounding(picture)(start)
+    spread = Spread.of(start, picture)
+    assert spread.rounded(maps[0]) is None
+    assert replace(spread, precision=replace(RENDERED, near_px=2.0)).rounded(maps[0]) is not None
+    found = rounded(begun(picture, start)).shown
     assert float((found.maps - maps).abs().max()) < 1e-3
 
 
@@ -80,11 +84,21 @@ def test_a_stem_becomes_a_line_along_its_axis():
     crooked = maps.clone()
     crooked[0] = torch.tensor([-0.0003, -0.0013, 0.0605, 0.1957, maps[0, 4] + 0.0004, -0.604])
     start = picture.judge(crooked)
-    found = Rounding(picture)(start)
+    found = rounded(begun(picture, start)).shown
     stem = found.maps[0, :4]
     assert int((stem != 0).sum()) == 1 and bool((stem[:2] == 0).all())
     assert found.error < start.error
     assert torch.allclose(found.maps[1:, :4], maps[1:, :4], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_dust_on_the_edges_of_pixels_is_moved_to_their_better_side():
+    maps, picture = pictured(codes.known("cantor_dust"), 256)
+    start = picture.judge(off(maps * (1 - 3e-4), 0.003, 256))
+    found = rounded(begun(picture, start)).shown
+    assert torch.allclose(found.maps[:, :4], maps[:, :4], atol=1e-7)
+    assert found.maps[:, 4:].abs().unique().numel() <= 2
+    assert found.error < 0.1 * start.error
 
 
 @pytest.mark.parametrize(("scale", "end"), [
@@ -95,16 +109,27 @@ def test_a_stem_whose_end_is_not_seen_fills_the_frame(scale, end):
     crooked = off(maps, 0.01)
     crooked[0] = torch.tensor([5e-4, 1e-4, -3e-4, scale, 3e-4, end])
     start = picture.judge(crooked)
-    found = Rounding(picture)(start)
+    found = rounded(begun(picture, start)).shown
     frame = picture.own_frame()
     before, after = (float(frame.misfit(drawn.maps, drawn.probabilities).abs().max()) for drawn in (start, found))
     assert after < 0.002 < 0.04 < before
     assert found.error < 0.1 * start.error
 
 
+def test_lines_are_none_of_maps_with_wide_images(triangle):
+    maps, picture = pictured(triangle[0])
+    spread = Spread.of(picture.judge(maps), picture)
+    assert not list(spread.lines(maps[0]))
+    upright = torch.tensor([0, 0, 0.001, 0.4, 0.0005, 0.1])
+    lines = list(spread.lines(upright))
+    assert all(line.one[0] == line.one[1] == 0 and line.scale in (2, 3) for line in lines)
+    across = [float(line.one[4]) / OFF_MIDDLE for line in lines]
+    assert {round(each) for each in across if abs(each) < 2} == {-1, 1}
+
+
 def test_no_line_or_rounding_is_proposed_that_does_not_contract():
     spread = torch.diag(torch.tensor([1e-4, 0.1], dtype=torch.float64))
-    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, PARAMS.canonical, 0.9995)
+    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, RENDERED, 0.9995)
     lines = list(tall.lines(torch.tensor([0, 0.001, 0, 0.9, 0, 0])))
     assert lines and all(float(line.one[:4].abs().max()) < 1 for line in lines)
     assert all(line.scale == 3 for line in lines)  # the width is too little to be stretched that far
@@ -132,21 +157,21 @@ def test_the_last_stage_ends_the_work_and_keeps_codes_that_are_far_off(triangle,
         maps = off(affine.from_code(triangle[0]).float(), pixels)
         stage, found = plan_of(given).last[-1], Candidate(maps, None, 0.0)
         done = stage.close(stage.open(State(best=found, before=found)))
-        assert stage.name == "last digits" and done.before is None
+        assert stage.name == "rounding" and done.before is None
         assert torch.equal(done.result.maps, maps) == kept
 
 
 def test_nothing_is_rounded_when_time_is_up(triangle):
     maps, picture = pictured(triangle[0])
     start = picture.judge(off(maps, 0.02))
-    assert torch.equal(Rounding(picture, Deadline(1e-9))(start).maps, start.maps)
+    assert torch.equal(rounded(begun(picture, start), Deadline(1e-9)).shown.maps, start.maps)
 
 
 def test_offsets_become_symmetric_only_where_all_nearly_are():
     near, far = torch.zeros(4, 6), torch.zeros(4, 6)
     near[:, 4], near[:, 5] = torch.tensor([0.3, -0.3004, 1e-4, -2e-5]), torch.tensor([0.2, 0.2001, -0.5, 0.1])
     far[:, 4] = torch.tensor([0.3, -0.3004, 0.2, -2e-5])
-    found = mirrored_offsets(near, 0.1 * 2 / 128, EDGE)
-    assert torch.allclose(found[:, 4], torch.tensor([0.3002, -0.3002, EDGE, -EDGE]), atol=1e-7)
+    found = mirrored_offsets(near, 0.1 * 2 / 128)
+    assert torch.allclose(found[:, 4], torch.tensor([0.3002, -0.3002, OFF_MIDDLE, -OFF_MIDDLE]), atol=1e-7)
     assert torch.equal(found[:, 5], near[:, 5])
-    assert torch.equal(mirrored_offsets(far, 0.1 * 2 / 128, EDGE), far)
+    assert torch.equal(mirrored_offsets(far, 0.1 * 2 / 128), far)

@@ -50,7 +50,7 @@ def test_the_stages_of_a_round_come_in_order(triangle):
     stages = plan.stages
     places = [stage.key.place for stage in stages]
     assert places == sorted(set(places))
-    assert stages[-1].name == "last digits"
+    assert stages[-1].name == "rounding"
 
 
 @pytest.mark.slow

@@ -8,22 +8,20 @@ from drawn_helpers import at, triangles
 from fractal_exp import codes
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots, Drawn
-from fractal_exp.cameras.points import attractor_points
 from fractal_exp.ifs import attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.simplify import needless, parents
+from fractal_exp.methods.collage.simplify.doubles import without_doubles
+from fractal_exp.methods.collage.simplify.drawn import simplest
 from fractal_exp.methods.collage.simplify.flat import on_their_line
-from fractal_exp.methods.collage.simplify.likeness import likeness_of, without_unseen
-from fractal_exp.methods.collage.simplify.needless import without_needless
-from fractal_exp.methods.collage.simplify.parents import with_fewer_maps, with_parents, without_contained
-from fractal_exp.methods.collage.simplify.pruning import Price, without_doubles
-from fractal_exp.methods.collage.simplify.symmetry import simplest, symmetries
-from fractal_exp.methods.collage.stages import drawn as last_stages
-from fractal_exp.methods.collage.stages.drawn import DrawnLastDigits
-from fractal_exp.methods.collage.stages.problem import SearchProblem
+from fractal_exp.methods.collage.simplify.likeness import likeness_of
+from fractal_exp.methods.collage.simplify.loop import Draft, Price, Proposer, maps_polished, simplified
+from fractal_exp.methods.collage.simplify.parents import fewer, parents, uncontained
+from fractal_exp.methods.collage.simplify.removal import unseen, without_least, without_needless
+from fractal_exp.methods.collage.simplify.symmetry import simplest as least_turned
+from fractal_exp.methods.collage.simplify.symmetry import symmetries
 
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
@@ -31,13 +29,34 @@ GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
 PEN = pen_camera(0.0, 1.0 * PIXEL, 0.5 * PIXEL)
 CULCITA, CYCLOSORUS = (attractor.normalize(codes.known(name)) for name in ("culcita", "cyclosorus"))
 CANTOR = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])  # maps
+WORTH = Price(share=0.1)
 INK, THICK_INK = dot_camera(0.24, 0.5 * PIXEL), dot_camera(0.15, 0.8 * PIXEL)
 
 
 def inked(camera=INK, code=CULCITA, **options) -> ImageObjective:
     """Dots of a fern, looked at with this camera."""
     params, image = PARAMS.updated(**options), Dots(CAMERA, torch.zeros(SIDE, SIDE), INK).render(code, SIDE, 0)
-    return ImageObjective(image, Dots(params.camera, image, camera), params)
+    return ImageObjective(image, with_camera(levels_of(image, DRAWN, params.camera), camera), params)
+
+
+def penned(code, pen=PEN, **options) -> ImageObjective:
+    """A drawing with this pen, looked at with this pen."""
+    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(code, SIDE, 0)
+    return ImageObjective(image, with_camera(levels_of(image, DRAWN, CAMERA), pen), PARAMS.updated(**options))
+
+
+def fitted(judge, code, weights=None, **options) -> Draft:
+    """The code as an image with these parameters sees it."""
+    judge = ImageObjective(judge.image, judge.levels, judge.params.updated(**options))
+    return Draft(judge, judge.judge(code, weights))
+
+
+def with_fewer(fit: Draft, way=fewer) -> Draft:
+    return simplified(fit, [Proposer(way, maps_polished(4))], WORTH)
+
+
+def without_unseen(fit: Draft) -> Draft:
+    return simplified(fit, unseen(fit.objective.params), Price.of_drawn(fit.objective))
 
 
 def with_compositions() -> affine.WeightedMaps:
@@ -50,27 +69,25 @@ def with_compositions() -> affine.WeightedMaps:
 
 
 def test_the_symmetries_of_a_triangle_are_found():
-    group = symmetries(at(triangles(4)), PARAMS.canonical)
+    group = symmetries(at(triangles(4)), PARAMS.rounding)
     assert len(group) == 6
     assert torch.equal(group[0][:4], torch.tensor([1.0, 0, 0, 1]))
 
 
 def test_of_the_codes_of_a_symmetric_shape_the_textbook_has_the_simplest():
-    group = symmetries(at(triangles(5)), PARAMS.canonical)
+    group = symmetries(at(triangles(5)), PARAMS.rounding)
     maps = affine.from_code(GASKET)
     turned = torch.stack([affine.composed(one, group[k]) for one, k in zip(maps, (1, 3, 5), strict=True)])
     assert not torch.allclose(turned, maps, atol=0.01)
-    assert torch.allclose(simplest(turned, group, PARAMS.canonical), maps, atol=0.02)
+    assert torch.allclose(least_turned(turned, group), maps, atol=0.02)
 
 
 def test_a_map_takes_the_place_of_its_compositions():
     dragon = attractor.normalize(codes.known("heighway_dragon"))
     first, second = affine.from_code(dragon)
     parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 0.5 * PIXEL, 0.0)).render(dragon, SIDE, 0)
-    levels = Drawn(CAMERA, image, pen_camera(0.0, 0.5 * PIXEL, 0.0))
-    judge = ImageObjective(image, levels, PARAMS)
-    best = min(with_parents(judge, judge.judge(parts)), key=lambda each: each.error)
+    judge = penned(dragon, pen_camera(0.0, 0.5 * PIXEL, 0.0))
+    best = min((each.shown for each in parents(fitted(judge, parts))), key=lambda each: each.error)
     assert sorted(best.maps.tolist()) == [pytest.approx(each, abs=1e-4) for each in sorted([first.tolist(),
                                                                                             second.tolist()])]
 
@@ -78,16 +95,17 @@ def test_a_map_takes_the_place_of_its_compositions():
 def test_doubles_are_one_map_with_both_weights():
     maps = affine.from_code(GASKET)
     doubled = torch.cat([maps, maps[:1] + 0.3 * PIXEL * torch.tensor([0, 0, 0, 0, 1.0, 1])])
-    points = attractor_points(maps, torch.full((3,), 1 / 3), 2000, 0)
-    kept, weights = without_doubles(doubled, torch.tensor([.3, .3, .3, .1]), points, 2 * PIXEL)
-    assert torch.equal(kept, maps)
-    assert weights.tolist() == pytest.approx([.4, .3, .3])
+    found = without_doubles(affine.WeightedMaps(doubled, torch.tensor([.3, .3, .3, .1])), PARAMS, SIDE, 0)
+    assert torch.equal(found.maps, maps)
+    assert found.weights.tolist() == pytest.approx([.4, .3, .3])
+    assert without_doubles(found, PARAMS, SIDE, 0) is found
 
 
 def test_a_map_must_lower_the_error_by_its_price():
     assert Price(0.1).score(1.0, 3) == pytest.approx(1.3)
-    assert Price(0.0, 0.1).score(1.0, 2) == pytest.approx(1.21)
-    assert Price(0.0, 0.1).spares(1.05, 1.0) and not Price(0.0, 0.1).spares(1.2, 1.0)
+    assert WORTH.score(1.0, 2) == pytest.approx(1.21)
+    assert WORTH.score(1.05, 2) < WORTH.score(1.0, 3) < WORTH.score(1.2, 2)
+    assert Price(noise=0.5).score(0.1, 3) == Price(noise=0.5).score(0.4, 2) == 0.5
 
 
 def test_what_maps_do_across_a_line_does_not_keep_their_parent_from_being_found():
@@ -96,11 +114,9 @@ def test_what_maps_do_across_a_line_does_not_keep_their_parent_from_being_found(
     cantor = affine.to_code(torch.stack([first, second]))
     parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
     parts[:, [1, 3]] = torch.tensor([[0.7, 0.1], [-0.4, 0.9], [-0.4, 0.3]])  # what y does cannot be seen
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, PIXEL, 0.0)).render(cantor, SIDE, 0)
-    judge = ImageObjective(image, Drawn(CAMERA, image, pen_camera(0.0, PIXEL, 0.0)), PARAMS)
-    fewer = with_fewer_maps(judge, judge.judge(parts), Price(0.0, 0.1), 4)
-    assert len(fewer.maps) == 2
-    lines = fewer.maps[:, [0, 4]].abs()  # a set that is its own mirror image: either sign
+    found = with_fewer(fitted(penned(cantor, pen_camera(0.0, PIXEL, 0.0)), parts)).shown
+    assert len(found.maps) == 2
+    lines = found.maps[:, [0, 4]].abs()  # a set that is its own mirror image: either sign
     assert torch.allclose(lines, torch.tensor([[1 / 3, 0.5]]).expand(2, 2), atol=0.01)
 
 
@@ -132,79 +148,65 @@ def test_an_attractor_on_a_line_is_known_though_points_take_long_to_reach_it():
 def test_a_map_that_nobody_sees_is_left_out_and_those_of_the_code_stay():
     maps = affine.from_code(GASKET)
     tiny = torch.tensor([[.02, 0, 0, .02, *maps[0, 4:]]])  # within the image of the first
-    pen = pen_camera(0.0, 0.5 * PIXEL, 0.0)
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(GASKET, SIDE, 0)
-    judge = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS)
-    shown = judge.judge(torch.cat([maps, tiny]))
-    found = without_unseen(judge, shown, 0)
+    judge, every = penned(GASKET, pen_camera(0.0, 0.5 * PIXEL, 0.0)), torch.cat([maps, tiny])
+    found = without_unseen(fitted(judge, every)).shown
     assert len(found.maps) == 3
     assert torch.allclose(found.maps, maps, atol=PIXEL)
-    assert len(without_unseen(judge, shown, 4).maps) == 4
-    none = PARAMS.updated(canonical={"drawn_worse": 0.1, "drawn_noise": 0})
-    exact = ImageObjective(image, Drawn(CAMERA, image, pen), none)
-    assert len(without_unseen(exact, exact.judge(shown.maps), 0).maps) == 4, "no code has a tenth of the error"
-    rough = ImageObjective(image, Drawn(CAMERA, image, pen), PARAMS.updated(canonical={"drawn_worse": 0.1}))
-    assert len(without_unseen(rough, rough.judge(shown.maps), 0).maps) == 3, "less than the noise of a picture"
+    assert len(without_unseen(fitted(judge, every, maps=4)).shown.maps) == 4
 
 
-def test_maps_within_the_image_of_a_larger_one_give_it_their_weights(monkeypatch):
+def test_maps_within_the_image_of_a_larger_one_give_it_their_weights():
     judge, many = inked(), with_compositions()
-    shown = judge.judge(many.maps, many.weights)
-    found = without_contained(judge, shown, 2)
-    assert torch.equal(found.maps, affine.from_code(CULCITA))
-    assert torch.allclose(found.probabilities, CULCITA.probabilities)
-    assert [len(without_contained(judge, shown, least).maps) for least in (6, 8)] == [6, 8]
-    assert without_contained(judge, found, 2) is found
-    tied = judge.judge(many.maps)
-    assert without_contained(judge, tied, 2).weights is None
-    monkeypatch.setattr(parents, "with_parents", lambda *_: [])
-    assert len(with_fewer_maps(judge, shown, Price(0.0, 0.1), 4).maps) == 4
-    assert with_fewer_maps(inked(moves={"needless": None}), shown, Price(0.0, 0.1), 4) is shown
+    fit = fitted(judge, many.maps, many.weights)
+    (found,) = uncontained(fit)
+    assert torch.equal(found.shown.maps, affine.from_code(CULCITA))
+    assert torch.allclose(found.shown.probabilities, CULCITA.probabilities)
+    asked = [list(uncontained(fitted(judge, many.maps, many.weights, maps=count))) for count in (6, 8)]
+    assert [len(each.shown.maps) for each in asked[0]] == [6] and not asked[1] and not list(uncontained(found))
+    (tied,) = uncontained(fitted(judge, many.maps))
+    assert tied.shown.weights is None
+    assert len(with_fewer(fit, uncontained).shown.maps) == 4
 
 
 def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
     judge, many = inked(THICK_INK), with_compositions()
-    seen = judge, judge.judge(many.maps, many.weights)
-    assert len(without_unseen(*seen, 0).maps) > 4, "with this camera, the code without them looks worse"
-    objective, found = without_needless(seen, 0)
-    assert torch.allclose(found.maps, affine.from_code(CULCITA), atol=PIXEL)
-    assert found.error < 0.02 * seen[1].error and objective.levels is found.levels
-    assert objective.levels.camera.gain == pytest.approx(INK.gain, rel=0.1)
-    assert len(without_needless(seen, 8)[1].maps) == 8
-    assert without_needless((objective, found), 0)[1] is found, "all are needed"
-    assert len(without_needless(seen, 0, contained=True)[1].maps) == 4
-    kept = inked(THICK_INK, moves={"needless": None})
-    assert len(without_needless((kept, seen[1]), 0)[1].maps) == 8
+    fit = fitted(judge, many.maps, many.weights)
+    assert len(without_unseen(fit).shown.maps) > 4, "with this camera, the code without them looks worse"
+    found = without_needless(fit, uncontained, without_least)
+    assert torch.allclose(found.shown.maps, affine.from_code(CULCITA), atol=PIXEL)
+    assert found.shown.error < 0.02 * fit.shown.error and found.objective.levels is found.shown.levels
+    assert found.objective.levels.camera.gain == pytest.approx(INK.gain, rel=0.1)
+    assert without_needless(found, uncontained, without_least) is found, "all are needed"
+    assert len(without_needless(fit, uncontained).shown.maps) == 4
+    for options in {"maps": 8}, {"moves": {"needless": None}}:
+        kept = fitted(judge, many.maps, many.weights, **options)
+        assert without_needless(kept, uncontained, without_least) is kept
 
 
 @pytest.mark.parametrize("camera", [INK, THICK_INK])
 def test_a_map_that_is_hardly_seen_stays(camera):
     judge = inked(camera, CYCLOSORUS)
-    shown = judge.judge(affine.from_code(CYCLOSORUS), CYCLOSORUS.probabilities)
-    assert without_needless((judge, shown), 0)[1] is shown
-    loose = inked(camera, CYCLOSORUS, moves={"needless": 0.002})
-    assert len(without_needless((loose, shown), 0)[1].maps) == 3, "the stem"
+    code = affine.from_code(CYCLOSORUS), CYCLOSORUS.probabilities
+    fit, loose = fitted(judge, *code), fitted(judge, *code, moves={"needless": 0.002})
+    assert without_needless(fit, uncontained, without_least) is fit
+    assert len(without_needless(loose, uncontained, without_least).shown.maps) == 3, "the stem"
 
 
-def test_single_maps_are_needless_too(monkeypatch):
-    monkeypatch.setattr(needless, "without_contained", lambda judge, shown, least: shown)
+def test_single_maps_are_needless_too():
     judge, many = inked(THICK_INK), with_compositions()
-    seen = judge, judge.judge(many.maps, many.weights)
-    least = len(without_unseen(*seen, 0).maps) - 1
-    objective, found = without_needless(seen, least)
-    assert len(found.maps) == least
-    assert found.error <= 1.5 * seen[1].error and likeness_of(found, objective) > 0.99
+    fit = fitted(judge, many.maps, many.weights)
+    least = len(without_unseen(fit).shown.maps) - 1
+    found = without_needless(fitted(judge, many.maps, many.weights, maps=least), without_least)
+    assert len(found.shown.maps) == least
+    assert found.shown.error <= 1.5 * fit.shown.error and likeness_of(found.shown, found.objective) > 0.99
 
 
 def test_two_maps_that_a_symmetry_makes_one_are_one():
     maps = affine.from_code(GASKET)
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
     doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
-    levels, params = Drawn(CAMERA, Drawn(CAMERA, None, PEN).render(GASKET, SIDE, 0)), PARAMS.updated(
-        moves={"parent_maps": 0, "pruning": False, "unseen": None})  # nothing else leaves maps out
-    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
-    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), params)
-    found = stage._rounded(stage.objective.judge(doubled))
+    only = {"parent_maps": 0, "pruning": False, "unseen": None, "needless": None}   # nothing else leaves maps out
+    found = simplest(fitted(penned(GASKET), doubled, moves=only)).shown
     assert len(found.maps) == 3
     assert torch.allclose(found.maps[:, :4], torch.tensor([0.5, 0, 0, 0.5]).expand(3, 4), atol=0.01)
 
@@ -212,43 +214,21 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
 def test_a_number_of_maps_that_was_asked_for_stays():
     maps = affine.from_code(GASKET)
     doubled = torch.cat([maps, maps[:1]])
-    asked = PARAMS.updated(maps=4)
-    levels = Drawn(CAMERA, Drawn(CAMERA, None, PEN).render(GASKET, SIDE, 0))
-    stage = DrawnLastDigits(SearchProblem(levels.picture, levels, asked))
-    stage.objective = ImageObjective(levels.picture, Drawn(CAMERA, levels.picture, PEN), asked)
-    assert len(stage._rounded(stage.objective.judge(doubled)).maps) == 4
+    assert len(simplest(fitted(penned(GASKET), doubled, maps=4)).shown.maps) == 4
 
 
-def last_stage(picture, pen_px):
-    """The last stage, which sees codes with this pen."""
-    params = PARAMS.updated(canonical={"matrices": False})
-    levels = levels_of(picture, DRAWN, CAMERA)
-    stage = DrawnLastDigits(SearchProblem(picture, levels, params))
-    seen = with_camera(levels, pen_camera(0.0, pen_px * PIXEL, 0.0))
-    stage.objective = ImageObjective(picture, seen, params)
-    return stage
-
-
-def last_digits(picture, code, pen_px):
-    """What the last stage makes of a code."""
-    stage = last_stage(picture, pen_px)
-    return stage._rounded(stage.objective.judge(code)).maps
+def simplest_of(picture, code, pen_px):
+    """The simplest code of a picture, which is first looked at with this pen."""
+    levels = with_camera(levels_of(picture, DRAWN, CAMERA), pen_camera(0.0, pen_px * PIXEL, 0.0))
+    judge = ImageObjective(picture, levels, PARAMS)
+    return simplest(fitted(judge, code, rounding={"matrices": False})).shown.maps
 
 
 def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
     picture = Drawn(CAMERA, None, pen_camera(0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
-    assert torch.allclose(last_digits(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
-
-
-def test_what_the_polish_does_across_a_line_is_undone(monkeypatch):
-    bent = CANTOR + torch.tensor([0, 0.1, 0, 0.2, 0, 0])  # the same along the line
-    monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, judge.judge(bent)))
-    picture = Drawn(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
-    stage = last_stage(picture, pen_px=1)
-    _, found = stage._on_line((stage.objective, stage.objective.judge(bent)))
-    assert torch.allclose(found.maps, CANTOR, atol=0.001)
+    assert torch.allclose(simplest_of(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
 def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
@@ -256,28 +236,18 @@ def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
     rise = 0.0125
     curve = torch.tensor([[0.5, -rise, rise, 0.5, -0.375, 0], [0.5, rise, -rise, 0.5, 0.375, 0]])
     picture = Drawn(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
-    assert torch.allclose(last_digits(picture, curve, pen_px=1), curve, atol=1e-3)
+    assert torch.allclose(simplest_of(picture, curve, pen_px=1), curve, atol=1e-3)
 
 
 def test_parents_are_found_though_points_take_long_to_reach_a_line():
     """Cantor's set: f1, and what f2 makes of f1 and of itself. The maps hardly contract across the line."""
     first, second = torch.tensor([[1 / 3, 0.1, 0, 0.99, -0.5, 0], [1 / 3, -0.1, 0, 0.99, 0.5, 0]])
     parts = torch.stack([first, affine.composed(second, first), affine.composed(second, second)])
-    picture = Drawn(CAMERA, None, PEN).render(affine.to_code(CANTOR), SIDE, 0)
-    judge = ImageObjective(picture, Drawn(CAMERA, picture, PEN), PARAMS)
-    assert any(len(each.maps) == 2 for each in with_parents(judge, judge.judge(parts)))
+    assert any(len(each.shown.maps) == 2 for each in parents(fitted(penned(affine.to_code(CANTOR)), parts)))
 
 
-@pytest.mark.parametrize("contained", [True, False])
-def test_the_last_stage_leaves_needless_maps_out(monkeypatch, contained):
-    """Contained ones before the polish with all cameras, any after it."""
-    monkeypatch.setattr(last_stages, "sharpened", lambda judge, found, deadline: (judge, found))
-    tried = last_stages.without_needless
-    monkeypatch.setattr(last_stages, "without_needless", lambda seen, *args, **options: (
-        tried(seen, *args, **options) if options.get("contained", False) is contained else seen))
-    many, levels = with_compositions(), inked().levels
-    only = PARAMS.updated(moves={"parent_maps": 0, "pruning": False}, canonical={"matrices": False})
-    for params, expected in (only, 4), (only.updated(maps=8), 8):
-        stage = DrawnLastDigits(SearchProblem(levels.picture, levels, params))
-        stage.objective = ImageObjective(levels.picture, Dots(CAMERA, levels.picture, THICK_INK), params)
-        assert len(stage._rounded(stage.objective.judge(many.maps, many.weights)).maps) == expected
+def test_the_simplest_code_has_no_needless_maps():
+    many, judge = with_compositions(), inked(THICK_INK)
+    only = {"moves": {"parent_maps": 0, "pruning": False}, "rounding": {"matrices": False}}
+    for asked, expected in (None, 4), (8, 8):
+        assert len(simplest(fitted(judge, many.maps, many.weights, maps=asked, **only)).shown.maps) == expected

@@ -22,9 +22,11 @@ from fractal_exp.methods.collage import method
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import MOST_MAPS, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.simplify.drawn import simplest, without_width
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
+from fractal_exp.methods.collage.simplify.loop import Draft
 from fractal_exp.methods.collage.stages.construction import Construction, is_construction
-from fractal_exp.methods.collage.stages.drawn import DrawnLastDigits, DrawnMoves
+from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
@@ -70,11 +72,11 @@ def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])
     start = torch.cat([maps, affine.composed(maps[1], mirror)[None]])
     start[1:, :4] *= 0.985
-    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS))
-    stage.objective = judged(image, "coverage", pen_camera(0.0, 0.75 * PIXEL, 0.0))
-    found = stage._rounded(stage.objective.judge(start))
-    assert len(found.maps) == 3
-    assert (stage.objective.levels.camera.depth, stage.objective.levels.camera.thinning) == (DEPTH, 0)
+    objective = judged(image, DRAWN, pen_camera(0.0, 0.75 * PIXEL, 0.0))
+    found = simplest(Draft(objective, objective.judge(start)))
+    assert len(found.shown.maps) == 3
+    camera = found.objective.levels.camera
+    assert (camera.depth, camera.thinning) == (DEPTH, 0)
 
 
 def test_strokes_without_width_draw_the_same():
@@ -91,12 +93,12 @@ def test_strokes_without_width_draw_the_same():
 def test_a_code_seen_as_strokes_ends_without_their_widths():
     image, wide = drawing(), affine.from_code(tree())
     wide[0, :2] = torch.tensor([0.02, 0.0])
-    stage = DrawnLastDigits(SearchProblem(image, levels_of(image, DRAWN, CAMERA), PARAMS))
     for camera, thin in ((stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL), True),
                          (pen_camera(0.0, 0.8 * PIXEL, 0.0), False)):
-        stage.objective = judged(image, "coverage", camera)
-        found = stage._without_width(stage.objective.judge(wide))
-        assert (float(affine.smaller_singular(found.maps)[0]) < 1e-6) == thin
+        objective = judged(image, DRAWN, camera)
+        proposed = [each.shown.maps for each in without_width(Draft(objective, objective.judge(wide)))]
+        assert len(proposed) == thin
+        assert not thin or float(affine.smaller_singular(proposed[0])[0]) < 1e-6
 
 
 @pytest.mark.slow

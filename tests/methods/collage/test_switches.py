@@ -5,17 +5,16 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from collage_helpers import COVERAGE, DENSITY, image_search, measure_search, objective, params, problem, random, tied
+from collage_helpers import DENSITY, image_search, measure_search, objective, params, problem, random, tied
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image.objective import reduced
 from fractal_exp.methods.collage.measure.search import PRUNE
 from fractal_exp.methods.collage.moves import new_map
-from fractal_exp.methods.collage.simplify.likeness import without_unseen
-from fractal_exp.methods.collage.simplify.pruning import Price, pruned
+from fractal_exp.methods.collage.simplify.loop import Price
+from fractal_exp.methods.collage.simplify.removal import pruned, unseen
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State
@@ -33,8 +32,8 @@ def doubled():
 @pytest.mark.parametrize(("pruning", "left"), [(True, 3), (False, 4)])
 def test_maps_that_are_not_worth_their_price_stay_without_pruning(doubled, pruning, left):
     maps, image = doubled
-    picture = objective(image, moves={"pruning": pruning})
-    assert len(pruned(picture, picture.judge(maps), Price(10.0), least=3).maps) == left
+    picture = objective(image, moves={"pruning": pruning}, maps=3)
+    assert len(pruned(picture, picture.judge(maps), Price(10.0)).maps) == left
 
 
 @pytest.mark.parametrize(("options", "left"), [({}, 3), ({"search": {"pruning": False}}, 4),
@@ -65,11 +64,8 @@ def test_without_cleaning_every_step_is_a_move(doubled):
     assert {stage.move(State(current=now, step=step)).now.score for step in range(stage.most_moves)} == {1.0}
 
 
-def test_a_map_that_nobody_sees_stays_if_none_is_to_be_dropped(doubled):
-    maps, image = doubled
-    picture = objective(image, COVERAGE, moves={"unseen": None})
-    shown = picture.judge(maps)
-    assert without_unseen(picture, shown, 0) is shown
+def test_a_map_that_nobody_sees_stays_if_none_is_to_be_dropped():
+    assert unseen(params()) and not unseen(params(moves={"unseen": None}))
 
 
 def test_a_reduced_image_is_only_shrunk_if_nothing_is_to_be_rendered(doubled):
@@ -77,17 +73,6 @@ def test_a_reduced_image_is_only_shrunk_if_nothing_is_to_be_rendered(doubled):
     off, code = params(image={"reduced_renderings": 0}), affine.to_code(maps)
     assert torch.equal(reduced(image, 16, code, DENSITY, off, 0), DENSITY.shrunk(image, 16))
     assert not torch.equal(reduced(image, 16, code, DENSITY, params(), 0), DENSITY.shrunk(image, 16))
-
-
-def test_no_parameter_is_tried_by_itself_if_that_is_off(doubled, monkeypatch):
-    maps, image = doubled
-    monkeypatch.setattr(gauss_newton, "_stride", lambda *_: None)
-    for is_on in (True, False):
-        tried = []
-        monkeypatch.setattr(gauss_newton, "_one_by_one", lambda _, shown, *__, to=tried: to.append(1) or shown)
-        picture = objective(image, gauss_newton={"one_by_one": is_on})
-        gauss_newton.polished(picture, picture.judge(maps[:3]), 1, [0])
-        assert bool(tried) == is_on
 
 
 @pytest.mark.parametrize(("scores", "wanted"), [((), True), ((0.5,), True), ((0.5, 0.6), True), ((0.5, 0.505), False),

@@ -12,6 +12,15 @@ from ....ifs.attractor import FRAME_SIDE, visible_tips
 from .. import maps as affine
 from ..params.image import FrameParams
 
+SHORTEST = 0.93         # minimum span of the lit pixels, relative to the frame's side, for an image to fill its frame
+BINARY_SHORTEST = 0.55  # the same for the firm polishes of a binary image, which does not show faint tips
+LONGEST = 1.17          # maximum span; the lit pixels may also lie off the canvas's centre by as much
+SIGMA_PX = 0.05         # misfit, pixels, that counts as much as the counting error of one pixel
+BEYOND_PX = 1.0         # misfit, pixels, above which the loss is linear (Huber 1964)
+FAR = 30.0              # noise ratio from which the frame is ignored, except by firm polishes, and codes not rounded
+FIRM_ABOVE = 1.2        # noise ratio above which a code counts as not nearly right: it is polished firmly in the frame
+FIRM_ONLY = 2.0         # noise ratio above which a round ends with that: parts of a pixel do not matter yet
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -20,22 +29,21 @@ class Frame:
     which misses faint tips such as a fern's stem by some pixels. Lit pixels may exceed the frame, because the visible
     box leaves out the rarest tips.
 
-    side: pixels per side of the image; sigma_px, beyond_px: see `FrameParams`.
+    side: pixels per side of the image; sigma_px: misfit that counts as much as the counting error of one pixel.
     """
 
     side: int
-    sigma_px: float
-    beyond_px: float
+    sigma_px: float = SIGMA_PX
 
     @classmethod
     def of(cls, image: Tensor, levels: Levels, params: FrameParams) -> Frame | None:
         """The frame that an image (R,R) fills, or None. Linear images and pictures that others drew have no frame."""
-        return None if levels.is_linear or not levels.is_exact else cls._of(image, params, params.shortest)
+        return None if levels.is_linear or not levels.is_exact else cls._of(image, params, SHORTEST)
 
     @classmethod
     def firm_of(cls, image: Tensor, levels: Levels, params: FrameParams) -> Frame | None:
         """The frame of a binary image (R,R), of which its lit pixels may fall far short; None for all other images."""
-        return None if levels.is_graded or not params.firm else cls._of(image, params, params.binary_shortest)
+        return None if levels.is_graded or not params.firm else cls._of(image, params, BINARY_SHORTEST)
 
     @classmethod
     def _of(cls, image: Tensor, params: FrameParams, shortest: float) -> Frame | None:
@@ -46,10 +54,10 @@ class Frame:
             return None
         spans = [2 * float(each[-1] + 1 - each[0]) / side for each in lit]
         off = [abs(float(each[-1] + 1 + each[0]) / side - 1) for each in lit]
-        fills = shortest * FRAME_SIDE < max(spans) < params.longest * FRAME_SIDE
-        if not fills or max(off) >= (params.longest - 1) * FRAME_SIDE:
+        fills = shortest * FRAME_SIDE < max(spans) < LONGEST * FRAME_SIDE
+        if not fills or max(off) >= (LONGEST - 1) * FRAME_SIDE:
             return None
-        return cls(side, params.sigma_px, params.beyond_px)
+        return cls(side)
 
     def firmer(self, factor: float) -> Frame:
         """The same frame with a larger weight."""
@@ -89,8 +97,8 @@ class Frame:
     def penalty(self, misfit: Tensor) -> tuple[float, Tensor]:
         """Huber's loss of a misfit (3,), in counting errors of a pixel, and the residual weights (3,) that follow from
         it. A large misfit weighs less than its square, so it cannot spoil a code that is wrong for other reasons."""
-        size = misfit.abs() / self.beyond_px
-        value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (self.beyond_px / self.sigma_px) ** 2
+        size = misfit.abs() / BEYOND_PX
+        value = torch.where(size < 1, size.square(), 2 * size - 1).sum() * (BEYOND_PX / self.sigma_px) ** 2
         return float(value), size.clamp_min(1).rsqrt() / self.sigma_px
 
 

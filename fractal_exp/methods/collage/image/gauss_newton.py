@@ -13,9 +13,20 @@ import torch
 from torch import Tensor
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from .frame import Frame
+from .frame import FIRM_ABOVE, Frame
 from .jacobian import FromCounts, FromPoints, Jacobian
 from .objective import ImageObjective, Rendered
+
+DAMPING = 1e-2           # of the first step, relative to the diagonal of the normal equations
+LEAST_DAMPING = 1e-4     # below it, steps become noise
+DAMPING_DOWN = 5.0       # factor by which damping is divided after a step that lowers the error
+DAMPING_UP = 30.0        # factor by which it is multiplied after a step that does not
+TRIES = 2                # dampings tried in a step
+LITTLE = 0.005           # relative gain below which a step counts as without gain
+PATIENCE = 1             # steps without gain, in a row, after which a polish ends; see `GaussNewtonParams` for the last
+FRAME_WORSE = 1.05       # factor on the error up to which a code fitted into the frame is kept
+FIRM_WORSE = 2.0         # the same for firm polishes, of binary images that hardly show tips
+FIRM_STEPS = 6           # of each firm polish
 
 
 def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
@@ -23,8 +34,8 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
              alone: bool = False, fixed: Collection[tuple[int, int]] = (), camera: bool = False) -> Rendered:
     """The code after at most `steps` Levenberg-Marquardt steps. It is never worse than before.
 
-    moving: the maps that may move, None: all; patience: steps without gain, in a row, before the end, None: as in
-    `GaussNewtonParams`; jacobian: its class, None: `FromPoints`, or `FromCounts` for linear grey levels; alone: whether
+    moving: the maps that may move, None: all; patience: steps without gain, in a row, before the end, None:
+    `PATIENCE`; jacobian: its class, None: `FromPoints`, or `FromCounts` for linear grey levels; alone: whether
     each parameter is tried by itself if all together lead nowhere, as is always done for a single map; fixed: entries
     (map, column) that stay; camera: whether the open values of the camera move as well, so that the result may have
     other levels. A fixed offset needs a fixed matrix row, because matrices act about the attractor's mean.
@@ -34,25 +45,25 @@ def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: 
               if not {(i, j) for j in range(6)} <= set(fixed)]
     if not moving or not params.enabled:
         return rendered
-    patience = params.patience if patience is None else patience
+    patience = PATIENCE if patience is None else patience
     jacobian = jacobian or (FromCounts if objective.levels.is_linear else FromPoints)
-    damping, idle = params.damping, 0
+    damping, idle = DAMPING, 0
     for number in range(steps):
         if deadline.passed or idle == patience:
             break
         objective = objective.seen_with(rendered.levels) if camera else objective
         change = jacobian(objective, rendered, moving, number, fixed, camera)
         before = rendered.error
-        for _ in range(params.tries):
+        for _ in range(TRIES):
             better = _stride(objective, rendered, change, change.solve(damping))
             if better:
-                rendered, damping = better, max(damping / params.damping_down, params.least_damping)
+                rendered, damping = better, max(damping / DAMPING_DOWN, LEAST_DAMPING)
                 break
-            damping *= params.damping_up
+            damping *= DAMPING_UP
         else:
-            if params.one_by_one and (alone or len(moving) == 1):
+            if alone or len(moving) == 1:
                 rendered = _one_by_one(objective, rendered, change, deadline)
-        idle = idle + 1 if before - rendered.error < params.little * before else 0
+        idle = idle + 1 if before - rendered.error < LITTLE * before else 0
     return rendered
 
 
@@ -66,7 +77,7 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
         found = polished(within, within.judge(start.maps, start.weights), steps, patience=patience,
                          deadline=deadline, fixed=fixed)
         seen = objective.error(found.image)
-        if seen <= objective.params.frame.worse * start.error:
+        if seen <= FRAME_WORSE * start.error:
             return replace(found, error=seen)
     return polished(objective, start, steps, patience=patience, deadline=deadline, fixed=fixed)
 
@@ -74,16 +85,16 @@ def fitted_into_frame(objective: ImageObjective, start: Rendered, steps: int, fr
 def firmly_framed(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Rendered:
     """The code of a binary image, polished with ever larger weights of its frame, until it is nearly right. Each
     polish begins with the code of the one before. The result is the code of least `framed_error` that has at most
-    `firm_worse` times the error of the first code, and is hopeless only if the first code was."""
-    params, hopeless, frame = objective.params.frame, objective.is_hopeless, objective.firm_frame()
+    `FIRM_WORSE` times the error of the first code, and is hopeless only if the first code was."""
+    hopeless, frame = objective.is_hopeless, objective.firm_frame()
     if frame is None:
         return found
-    best, least, most = found, objective.framed_error(found), params.firm_worse * found.error
-    for factor in params.firm:
-        if deadline.passed or best.error < params.firm_above * objective.noise(best.code):
+    best, least, most = found, objective.framed_error(found), FIRM_WORSE * found.error
+    for factor in objective.params.frame.firm:
+        if deadline.passed or best.error < FIRM_ABOVE * objective.noise(best.code):
             break
         within = objective.within(frame.firmer(factor))
-        fitted = polished(within, within.judge(found.maps, found.weights), params.firm_steps,
+        fitted = polished(within, within.judge(found.maps, found.weights), FIRM_STEPS,
                           patience=objective.params.gauss_newton.last_patience, deadline=deadline)
         found = replace(fitted, error=objective.error(fitted.image))
         framed = objective.framed_error(found)

@@ -26,6 +26,18 @@ from .objective import ImageObjective, Rendered
 WEIGHT = 6                 # the column of a map's probability, after its six entries
 CAMERA = 7                 # stands for a value of the camera: (index of the value, CAMERA, step)
 BILINEAR = 1 / 12          # variance, cells², that bilinear bins add, compared with sharp bins
+LONGEST_PX = 2.0           # maximum step of a parameter, pixels of displacement
+LEAST_SPREAD = 1e-3        # canvas units, of the attractor's standard deviation: the unit of steps of a matrix
+LOG_STEP = 0.1             # in the logarithm of a probability, a gain or a gamma: counts as much as a pixel
+LEAST_WEIGHT = 1e-3        # lower limit of a probability that moves, as a share of the largest
+LETTERS = 8                # terms of the series of a probability's effect that are summed
+MARGIN = 1 / 8             # of the canvas's side, by which the grid of a linear image extends beyond each edge: blur
+WINDOW = 3                 # cells per side of the window in which grey levels are related to masses
+STEP_PX = 0.05             # finite difference of a parameter in a Jacobian from points
+STROKE_EFFECT = 1e-3       # share of the largest sum of squared derivatives below which a parameter of strokes stays:
+#                            the width of a stroke has no effect until the map is no longer flat
+NUDGE_PX = 0.05            # finite difference of a parameter in a Jacobian from renderings
+BINARY_NUDGE_PX = 0.3      # the same for a binary image, which changes by whole pixels
 ROWS = 2**21               # numbers of a Jacobian that are multiplied at once, to limit the memory
 
 
@@ -38,13 +50,13 @@ class Jacobian(ABC):
                  fixed: Collection[tuple[int, int]] = (), camera: bool = False):
         self.params = objective.params.gauss_newton
         self.maps, self.side = rendered.maps, objective.side
-        self.least_effect = 0.0 if objective.levels.is_whole else self.params.stroke_effect
+        self.least_effect = 0.0 if objective.levels.is_whole else STROKE_EFFECT
         self.seed = derive(objective.seed, "jacobian", number)
         self.count = int(self.params.points_per_cell * self.side**2)
         self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed)
         self.game = trajectories(self.count)
         self.mean = self.points.mean(0).tolist()
-        spread = self.points.std(0).clamp_min(self.params.least_spread).tolist()
+        spread = self.points.std(0).clamp_min(LEAST_SPREAD).tolist()
         pixel = 2 / objective.side
         self.weights = rendered.weights
         self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
@@ -69,9 +81,9 @@ class Jacobian(ABC):
 
     def camera_units(self, levels: Levels) -> list[tuple[int, int, float]]:
         """Open values of the camera, by their places in `Levels.values`: lengths move by pixels, logarithms of other
-        values by steps of `log_step`."""
+        values by steps of `LOG_STEP`."""
         pixel = 2 / self.side
-        return [(levels.values.index(name), CAMERA, pixel if name in LENGTHS else self.params.log_step)
+        return [(levels.values.index(name), CAMERA, pixel if name in LENGTHS else LOG_STEP)
                 for name in levels.open_values]
 
     def weighed(self, step: Tensor) -> Tensor | None:
@@ -101,7 +113,7 @@ class Jacobian(ABC):
         self.gradient -= columns @ (misfit * weights) / counted
 
     def solve(self, damping: float) -> Tensor:
-        """The step of each parameter: pixels, or multiples of `log_step` for logarithms."""
+        """The step of each parameter: pixels, or multiples of `LOG_STEP` for logarithms."""
         effects = self.square.diagonal()
         ridge = damping * effects + 1e-9 * effects.max() + 1e-12
         ridge[effects < self.least_effect * effects.max()] = 1e6 * effects.max()  # these stay
@@ -112,7 +124,7 @@ class Jacobian(ABC):
         return self._limited(self.gradient / self.square.diagonal().clamp_min(1e-12))
 
     def _limited(self, step: Tensor) -> Tensor:
-        return step.clamp(-self.params.longest_px, self.params.longest_px)
+        return step.clamp(-LONGEST_PX, LONGEST_PX)
 
     def moved(self, step: Tensor) -> Tensor:
         """The maps (N,6) after a step. A matrix acts about the attractor's mean."""
@@ -146,7 +158,7 @@ class FromPoints(Jacobian):
 
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
         known = point_bins(self.points, self.side)
-        greys, step = objective.grids(rendered.image), self.params.step_px
+        greys, step = objective.grids(rendered.image), STEP_PX
         smooth = self._smooth(greys[0]).clamp(max=1 - 0.5 / objective.subpixels)
         kappa = -(1 - smooth).log() / self._smooth(known).clamp_min(1e-12)
         kappa = torch.where(known > 0, kappa, 0)
@@ -164,7 +176,7 @@ class FromPoints(Jacobian):
             yield columns, objective.levels.stabilizing_slope(grey, objective.subpixels * 4**k)
 
     def _smooth(self, image: Tensor) -> Tensor:
-        return avg_pool2d(image[None], self.params.window, 1, self.params.window // 2)[0]
+        return avg_pool2d(image[None], WINDOW, 1, WINDOW // 2)[0]
 
 
 class FromCounts(Jacobian):
@@ -173,7 +185,7 @@ class FromCounts(Jacobian):
     d mu = f_i#mu - mu + T d mu. This series ends once the maps have contracted its terms below a cell."""
 
     def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
-        return [] if self.weights is None else [(i, WEIGHT, self.params.log_step) for i in moving]
+        return [] if self.weights is None else [(i, WEIGHT, LOG_STEP) for i in moving]
 
     def weighed(self, step: Tensor) -> Tensor | None:
         if self.weights is None:
@@ -182,12 +194,12 @@ class FromCounts(Jacobian):
         for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
             if j == WEIGHT:
                 moved[i] += value * unit
-        return (moved - moved.max()).exp().clamp_min(self.params.least_weight)
+        return (moved - moved.max()).exp().clamp_min(LEAST_WEIGHT)
 
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        levels, side, step = objective.levels, self.side, self.params.step_px
+        levels, side, step = objective.levels, self.side, STEP_PX
         assert isinstance(levels, Linear)
-        margin = math.ceil(side * self.params.margin)
+        margin = math.ceil(side * MARGIN)
         size = side + 2 * margin  # points just off the canvas are blurred into it
         scale = rendered.maps.new_tensor([1, 1, 1, 1, side / size, side / size])
         entries = [k for k, (_, j, _) in enumerate(self.units) if j != WEIGHT]
@@ -196,9 +208,8 @@ class FromCounts(Jacobian):
         known, columns = bins[0], list((bins[1:] - bins[0]) / step)
         for i, j, unit in self.units:
             if j == WEIGHT:
-                columns.append(unit * rendered.probabilities[i] * _shifted(known, rendered.maps * scale,
-                                                                           rendered.probabilities, i,
-                                                                           self.params.letters))
+                shifted = _shifted(known, rendered.maps * scale, rendered.probabilities, i)
+                columns.append(unit * rendered.probabilities[i] * shifted)
         canvas = slice(margin, margin + side)
         sigma = max(0.0, levels.blur_px(side) ** 2 - BILINEAR) ** 0.5
         bins = blurred(torch.stack([known, *columns]), sigma)[:, canvas, canvas]
@@ -210,12 +221,12 @@ class FromCounts(Jacobian):
             yield columns, levels.stabilizing_slope(grey, objective.subpixels * 4**k)
 
 
-def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int, letters: int) -> Tensor:
+def _shifted(measure: Tensor, maps: Tensor, probabilities: Tensor, chosen: int) -> Tensor:
     """The change of a code's invariant measure (G,G) with the probability of one map, relative to the others, through
-    words of so many letters."""
+    words of `LETTERS` letters."""
     step = _pushed(measure, maps[chosen, None], probabilities.new_ones(1)) - measure
     change = step.clone()
-    for _ in range(letters - 1):
+    for _ in range(LETTERS - 1):
         step = _pushed(step, maps, probabilities)
         change += step
     return change
@@ -234,7 +245,7 @@ class FromRenderings(Jacobian):
     but also correct where an image ends at the edge of a pixel, which bins cannot show."""
 
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        nudge = self.params.nudge_px if objective.levels.is_graded else self.params.binary_nudge_px
+        nudge = NUDGE_PX if objective.levels.is_graded else BINARY_NUDGE_PX
         columns = [grid.new_empty(len(self.units), *grid.shape) for grid in objective.stable]
         for k in range(len(self.units)):
             fro, to = (objective.stabilized(self.rendering(objective, k, step)) for step in (-nudge, nudge))

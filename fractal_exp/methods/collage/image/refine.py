@@ -8,7 +8,12 @@ from ....ops.collage import Descent, descend
 from ....runtime.seeds import derive
 from ..bins import binned, grid_for
 from ..measure.saturation import saturation_corrected
-from .objective import ImageObjective, Rendered
+from .objective import ImageObjective, Rendered, error_of
+
+COARSEST = 128     # cells per side of the first grid; each further grid has twice as many
+GRIDS = 4          # grids that each error compares, each half as fine as the one before
+RATE = 0.002       # learning rate on the first grid, canvas units, halved on each further grid: maps are nearly right
+LARGEST = 0.9995   # largest singular value that a map may have
 
 
 def refined(objective: ImageObjective, masses: Tensor, maps: Tensor, weights: Tensor | None, seed: int) -> Rendered:
@@ -19,15 +24,15 @@ def refined(objective: ImageObjective, masses: Tensor, maps: Tensor, weights: Te
     """
     params, refine = objective.params, objective.params.refine
     best = now = objective.judge(maps, weights)
-    size, rate = refine.coarsest, refine.rate
+    size, rate = COARSEST, RATE
     finest = grid_for(masses.shape[0], refine.finest)
     while refine.steps and size <= finest:
-        how = Descent(refine.steps, rate=rate, largest=refine.largest, prior=0.0, tied=weights is None)
+        how = Descent(refine.steps, rate=rate, largest=LARGEST, prior=0.0, tied=weights is None)
         corrected = saturation_corrected(masses, now.code, objective.levels, params.saturation,
                                          derive(seed, "refine", size))
-        measure = binned(corrected, size, refine.grids)
+        measure = binned(corrected, size, GRIDS)
         moved, shares, _ = descend(now.maps[None], now.probabilities[None], measure, how)
         now = objective.judge(moved[0], None if weights is None else shares[0] / shares[0].sum())
-        best = min(best, now, key=lambda rendered: rendered.error)
+        best = min(best, now, key=error_of)
         size, rate = 2 * size, rate / 2
     return best

@@ -12,7 +12,6 @@ from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, push
 from ....runtime.params import Interval
 from .. import maps as affine
 from ..bins import halve
-from ..params.image import MoveParams
 from ..params.measure import BirthParams
 
 KEPT = 4                       # candidates that also descend on the fine grid; one of them is taken
@@ -31,6 +30,8 @@ BLOB_LEAST_WIDTH = 0.15        # standard deviation, cells, whose square is adde
 BLOB_STEPS = 3                 # of mean shift (Fukunaga and Hostetler 1975), which finds the centre of a blob
 ON_COARSE = Descent(40, rate=0.04, largest=0.98, prior=0.0)   # of all candidates on the coarse grid
 ON_FINE = Descent(15, rate=0.01, largest=0.98, prior=0.0)     # of the kept candidates on the fine grid
+LEAST_WIDTH = 1e-3   # canvas units, whose square is added to the covariance of the image of a map to reorient
+LARGEST = 0.97       # upper limit of the singular values of a reoriented map
 REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
 
 
@@ -102,19 +103,18 @@ def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: I
     return random.to(device)
 
 
-def reoriented(old: Tensor, measure: BinnedMeasure, params: MoveParams, generator: torch.Generator, *,
+def reoriented(old: Tensor, measure: BinnedMeasure, count: int, generator: torch.Generator, *,
                reflections: bool = True) -> Tensor:
-    """As many maps (n,6) as a move has candidates. They give the measure the same mean and covariance as the map `old`
+    """Random maps (count,6). They give the measure the same mean and covariance as the map `old`
     (6,), rotated and, if wanted, mirrored at random. A search at low resolution cannot tell these maps apart."""
-    count = params.candidates
     linear, covariance = old[:4].view(2, 2).cpu().double(), measure.covariance.cpu().double()
-    image = linear @ covariance @ linear.T + params.least_width**2 * torch.eye(2)
+    image = linear @ covariance @ linear.T + LEAST_WIDTH**2 * torch.eye(2)
     center = measure.mean.cpu().double()
     mean = linear @ center + old[4:].cpu().double()
     source = torch.linalg.cholesky(covariance + REGULAR * torch.eye(2))
     turn = affine.rotations(count, generator, reflections=reflections).double()
     matrices = torch.linalg.cholesky(image) @ turn @ torch.linalg.inv(source)
-    matrices = matrices * (params.largest / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
+    matrices = matrices * (LARGEST / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
     return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
 
 

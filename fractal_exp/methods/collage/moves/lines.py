@@ -14,7 +14,14 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..params.image import LineParams
+DIRECTIONS = 48   # of projection that are tried
+ENDS = 24         # places that are tried for each end of a line
+REACH = 0.5       # how far these places extend beyond the line's own ends, as a share of its length
+FINER = 9         # angles, and places for each end, that are tried between the neighbours of the best
+SHORTEST = 0.2    # length that is tried, as a share of the line's own
+BINS = 256        # of a projected measure
+ASIDE_PX = 1      # pixels on each side of a line that may show its light
+LARGEST = 0.98    # upper limit of the larger singular value of such a map
 
 
 class _Laid(NamedTuple):
@@ -77,9 +84,9 @@ class Light:
     points_per_pixel: float
 
 
-def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: LineParams) -> Tensor:
+def profiled(line: Tensor, share: float, points: Tensor, shown: Light, count: int) -> Tensor:
     """Maps (K,6) onto the same line as the map `line` (6,), but with other projections; best first, at most
-    `params.count`.
+    `count`.
 
     For each direction of projection that fits the light better than its neighbours, this is the map with the best ends.
     Empty if the image is a point. share: the map's share of the points; points (P,2): of the measure.
@@ -87,7 +94,7 @@ def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: L
     given, supersample = line, shown.supersample
     line, points, target, rest = (each.double().cpu() for each in (line, points, shown.target, shown.rest))
     course = CanvasLine.of(line, points)
-    wanted, there = (course.pixels(each, params.aside_px) for each in (target, rest))
+    wanted, there = (course.pixels(each, ASIDE_PX) for each in (target, rest))
     light, variance = _missing(wanted, there, supersample)
     cells = supersample * (1 + abs(course.slope))  # subpixels that the line crosses in a row
     thrown = shown.points_per_pixel * target.numel() * share
@@ -99,32 +106,32 @@ def profiled(line: Tensor, share: float, points: Tensor, shown: Light, params: L
 
     def best(angle: float, begins: Tensor, ends: Tensor) -> _Laid:
         begins, ends = (each.flatten() for each in torch.meshgrid(begins, ends, indexing="ij"))
-        long = ends - begins > params.shortest * length
+        long = ends - begins > SHORTEST * length
         begins, ends = begins[long], ends[long]
         direction = points.new_tensor([math.cos(angle), math.sin(angle)])
         projected = points @ direction
         places = (edges - begins[:, None]) / (ends - begins)[:, None]
-        hits = thrown * _cumulated(projected, places, params.bins).diff()
+        hits = thrown * _cumulated(projected, places, BINS).diff()
         lit = cells / supersample**2 * (1 - (-hits / cells).exp())
         lengths = (ends - begins) / (projected.max() - projected.min())  # of the row
         errors = ((lit - light).square() / variance).sum(1)
-        errors = errors.masked_fill(lengths * math.hypot(1, course.slope) > params.largest, torch.inf)
+        errors = errors.masked_fill(lengths * math.hypot(1, course.slope) > LARGEST, torch.inf)
         k = errors.argmin()
         row = direction * lengths[k]
         return _Laid(float(errors[k]), angle, begins[k], ends[k], course.map(row, begins[k] - (points @ row).min()))
 
     def finer(coarse: _Laid) -> _Laid:
-        around = torch.linspace(-1, 1, params.finer, dtype=torch.float64)
+        around = torch.linspace(-1, 1, FINER, dtype=torch.float64)
         return min((best(coarse.angle + turn * float(offset), coarse.begin + step * around, coarse.end + step * around)
                     for offset in around), key=lambda laid: laid.error)
 
-    turn, step = 2 * math.pi / params.directions, (1 + 2 * params.reach) / (params.ends - 1) * length
-    places = torch.linspace(-params.reach, 1 + params.reach, params.ends, dtype=torch.float64) * length + low
-    laid = [best(turn * k, places, places) for k in range(params.directions)]
+    turn, step = 2 * math.pi / DIRECTIONS, (1 + 2 * REACH) / (ENDS - 1) * length
+    places = torch.linspace(-REACH, 1 + REACH, ENDS, dtype=torch.float64) * length + low
+    laid = [best(turn * k, places, places) for k in range(DIRECTIONS)]
     errors = [each.error for each in laid]
     lowest = [k for k, error in enumerate(errors)
-              if error < math.inf and error <= min(errors[k - 1], errors[(k + 1) % params.directions])]
-    chosen = sorted(lowest, key=errors.__getitem__)[:params.count]
+              if error < math.inf and error <= min(errors[k - 1], errors[(k + 1) % DIRECTIONS])]
+    chosen = sorted(lowest, key=errors.__getitem__)[:count]
     return torch.stack([finer(laid[k]).map for k in chosen]).to(given) if chosen else given.new_zeros(0, 6)
 
 

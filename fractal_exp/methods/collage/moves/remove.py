@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import torch
 
 from ..image.objective import Rendered
 from .new_map import small_maps
+from .tools import Tools
 
-if TYPE_CHECKING:
-    from .search import ImageSearch
+MOST = 3   # maps that one move removes
 
 
-def is_open(search: ImageSearch, shown: Rendered) -> bool:
+def is_open(tools: Tools, shown: Rendered) -> bool:
     """True unless only two maps are left or their number is given."""
-    return len(shown.maps) > 2 and not search.params.maps
+    return len(shown.maps) > 2 and not tools.params.maps
 
 
-def neighbour(search: ImageSearch, shown: Rendered, g: torch.Generator) -> Rendered:
+def neighbour(tools: Tools, shown: Rendered, g: torch.Generator) -> Rendered:
     """The code without the removed maps, with the others polished."""
-    most = min(len(shown.maps) - 2, search.params.moves.remove_most)
+    most = min(len(shown.maps) - 2, MOST)
     gone = small_maps(shown, g, 1 + int(torch.randint(most, (), generator=g)))
-    return search.polished_all(search.objective.without(shown, gone), shown)
+    return tools.polished_all(tools.objective.without(shown, gone), shown)

@@ -15,7 +15,7 @@ from ....runtime.params import NAME, ParamError, Params, Positive
 from .growth import GrowthParams
 from .image import FrameParams, GaussNewtonParams, ImageParams, LineParams, MoveParams, RefineParams
 from .measure import BirthParams, PopulationParams, SaturationParams, SearchParams
-from .rounding import CanonicalParams
+from .rounding import RoundingParams
 from .stages import StageParams
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
@@ -45,7 +45,7 @@ class CollageParams(Params):
     lines: LineParams = LineParams()
     gauss_newton: GaussNewtonParams = GaussNewtonParams()
     frame: FrameParams = FrameParams()
-    canonical: CanonicalParams = CanonicalParams()
+    rounding: RoundingParams = RoundingParams()
     growth: GrowthParams = GrowthParams()
     stages: StageParams = StageParams()
 

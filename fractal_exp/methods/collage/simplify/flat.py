@@ -2,8 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import torch
 from torch import Tensor
+
+from ..image.objective import ImageObjective, Rendered
+from .loop import Draft
+
+FLAT_PX = 0.75   # standard deviation across a line, pixels, below which a shape is assumed to lie on the line
+
+
+def on_line(draft: Draft) -> Iterator[Draft]:
+    """Similarities in the place of the maps, if the shape lies on a line."""
+    flat = flattened(draft.objective, draft.shown)
+    if not torch.equal(flat, draft.shown.maps):
+        yield draft.judged(flat, draft.shown.weights)
+
+
+def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
+    """The maps (N,6) of a code after `on_their_line`."""
+    thinnest = 2 / len(objective.image) * FLAT_PX
+    return on_their_line(shown.maps.cpu(), shown.probabilities.cpu(), thinnest).to(shown.maps)
 
 
 def on_their_line(maps: Tensor, probabilities: Tensor, thinnest: float) -> Tensor:

@@ -6,89 +6,82 @@ contained map is such a g∘f beside g.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import torch
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
 from ....cameras.points import attractor_points
-from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....ifs.canvas import canvas_to_pixel
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
-from .flat import on_their_line
-from .pruning import Price
+from .flat import flattened
+from .loop import Draft
+from .removal import fewest
 from .symmetry import symmetries
 
-
-def with_fewer_maps(objective: ImageObjective, shown: Rendered, price: Price, steps: int,
-                    deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """Replace maps of the code by parents, one parent at a time, or remove all contained maps, as long as the score
-    falls at this price per map. Each code that is tried is polished for `steps` steps."""
-    while len(shown.maps) <= objective.params.moves.parent_maps and not deadline.passed:
-        fewer = with_parents(objective, shown)
-        if objective.params.moves.needless is not None:
-            fewer.append(without_contained(objective, shown, least=2))
-        tried = [polished(objective, each, steps, deadline=deadline) for each in fewer if each is not shown]
-        best = min([shown, *tried], key=lambda each: price.score(each.error, len(each.maps)))
-        if best is shown:
-            break
-        shown = best
-    return shown
+TRIED = 6         # parents, the largest ones: each is polished
+INSIDE = 0.97     # share of points: of the attractor's that a parent must send to lit pixels, and of a map's image that
+#                   lie within that of a larger map if the map is contained. Some points miss it by chance.
+POINTS = 20_000   # of the attractor, in this test
 
 
-def with_parents(objective: ImageObjective, shown: Rendered) -> list[Rendered]:
+def fewer(draft: Draft) -> Iterator[Draft]:
+    """Parents in the place of maps, or no contained maps, for a code of few maps whose number was not asked for."""
+    params = draft.objective.params
+    if not params.maps and len(draft.shown.maps) <= params.moves.parent_maps:
+        yield from parents(draft)
+        yield from () if params.moves.needless is None else uncontained(draft)
+
+
+def parents(draft: Draft) -> Iterator[Draft]:
     """One code for each parent, which replaces the maps whose images lie within its own. A parent is f∘h⁻¹ or f∘s∘h⁻¹,
     with maps f and h of the code and a symmetry s of the shape. It must be contractive and send the attractor to where
-    the image is lit. At most the `MoveParams.parent_tried` largest are tried."""
-    params, side = objective.params.moves, len(objective.image)
+    the image is lit."""
+    objective, shown = draft.objective, draft.shown
+    params, image, side = objective.params, objective.image.cpu(), len(objective.image)
     points, maps = _points(objective, shown), flattened(objective, shown).cpu()
-    found = _undone(maps, symmetries(objective.image.cpu(), objective.params.canonical),
-                    objective.params.gauss_newton.largest)
-    found = found[_inside(_images(found, points), objective.image.cpu() > 0) >= params.parent_inside]
-    found = found[affine.volumes(found).argsort(descending=True, stable=True)][:params.parent_tried]
-    images, judged = _images(maps, points), []
-    for parent, own in zip(found, _images(found, points), strict=True):
-        rest = _inside(images, _lit(own, side)) < params.parent_inside
+    found = _undone(maps, symmetries(image, params.rounding), params.gauss_newton.largest)
+    found = found[_inside(affine.images(found, points), image > 0) >= INSIDE]
+    found = found[affine.volumes(found).argsort(descending=True, stable=True)][:TRIED]
+    images = affine.images(maps, points)
+    for parent, own in zip(found, affine.images(found, points), strict=True):
+        rest = _inside(images, _lit(own, side)) < INSIDE
         weights = None
         if shown.weights is not None:
             own_share = shown.weights[~rest.to(shown.weights.device)].sum()
             weights = torch.cat([own_share[None], shown.weights[rest.to(shown.weights.device)]])
         if bool(rest.any()):
-            judged.append(objective.judge(torch.cat([parent[None], maps[rest]]).to(shown.maps), weights))
-    return judged
+            yield draft.judged(torch.cat([parent[None], maps[rest]]).to(shown.maps), weights)
 
 
-def without_contained(objective: ImageObjective, shown: Rendered, least: int) -> Rendered:
-    """The code without its contained maps, except that at least `least` maps stay. If all maps stay, `shown` itself.
+def uncontained(draft: Draft) -> Iterator[Draft]:
+    """The code without its contained maps, if there are any, except for as many as must stay.
 
     A map is contained if its image lies within the image of a larger map, as that of f∘g lies within that of f. Without
     it, the attractor is still the union of its images, so it is the same. The larger map gets its weight."""
-    inside, side = objective.params.moves.parent_inside, len(objective.image)
-    images, weights = _images(shown.maps.cpu(), _points(objective, shown)), shown.probabilities.cpu().clone()
+    objective, shown = draft.objective, draft.shown
+    images, weights = affine.images(shown.maps.cpu(), _points(objective, shown)), shown.probabilities.cpu().clone()
     order = affine.volumes(shown.maps.cpu()).argsort(stable=True)
-    shares = torch.stack([_inside(images, _lit(each, side)) for each in images], 1)   # of the rows in the columns
+    lit = [_lit(each, len(objective.image)) for each in images]
+    shares = torch.stack([_inside(images, each) for each in lit], 1)   # of the rows in the columns
     kept = order.tolist()
     for place, number in enumerate(order[:-1].tolist()):
         larger = order[place + 1:]
         most = shares[number, larger].argmax()
-        if shares[number, larger[most]] >= inside and len(kept) > least:
+        if shares[number, larger[most]] >= INSIDE and len(kept) > fewest(objective.params):
             weights[larger[most]] += weights[number]
             kept.remove(number)
     kept.sort()
-    own = None if shown.weights is None else weights[kept].to(shown.weights)
-    return objective.judge(shown.maps[kept], own) if len(kept) < len(order) else shown
-
-
-def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
-    """The maps (N,6) of a code after `on_their_line`."""
-    thinnest = 2 / len(objective.image) * objective.params.moves.flat_px
-    return on_their_line(shown.maps.cpu(), shown.probabilities.cpu(), thinnest).to(shown.maps)
+    if len(kept) < len(order):
+        yield draft.judged(shown.maps[kept], None if shown.weights is None else weights[kept].to(shown.weights))
 
 
 def _points(objective: ImageObjective, shown: Rendered) -> Tensor:
     """Points (P,2) of the attractor; not by maps that hardly contract across a line, which reach it slowly."""
-    return attractor_points(flattened(objective, shown), shown.probabilities, objective.params.moves.parent_points,
+    return attractor_points(flattened(objective, shown), shown.probabilities, POINTS,
                             derive(objective.seed, "parents")).cpu()
 
 
@@ -101,16 +94,11 @@ def _undone(maps: Tensor, group: list[Tensor], largest: float) -> Tensor:
     return every[affine.largest_singular(every) < largest]
 
 
-def _images(maps: Tensor, points: Tensor) -> Tensor:
-    """Where maps (n,6) send points (P,2): (n,P,2)."""
-    return points @ maps[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + maps[:, None, 4:]
-
-
 def _lit(points: Tensor, side: int) -> Tensor:
     """The pixels (R,R) of points (P,2)."""
     mask = torch.zeros(side, side, dtype=torch.bool)
-    column, row = _pixels(points, side)
-    mask[row.clamp(0, side - 1), column.clamp(0, side - 1)] = True
+    row, column = canvas_to_pixel(points, side).long().clamp(0, side - 1).unbind(-1)
+    mask[row, column] = True
     return mask
 
 
@@ -118,11 +106,7 @@ def _inside(points: Tensor, mask: Tensor) -> Tensor:
     """The shares (n,) of points (n,P,2) within a pixel of a mask (R,R)."""
     side = len(mask)
     wide = max_pool2d(mask.float()[None], 3, 1, 1)[0]
-    column, row = _pixels(points, side)
-    known = (column >= 0) & (column < side) & (row >= 0) & (row < side)
-    return (wide[row.clamp(0, side - 1), column.clamp(0, side - 1)] * known).mean(1)
-
-
-def _pixels(points: Tensor, side: int) -> tuple[Tensor, Tensor]:
-    column, row = ((points * points.new_tensor([1, -1]) + 1) * (side / 2)).long().unbind(-1)
-    return column, row
+    place = canvas_to_pixel(points, side).long()
+    known = ((place >= 0) & (place < side)).all(-1)
+    row, column = place.clamp(0, side - 1).unbind(-1)
+    return (wide[row, column] * known).mean(1)

@@ -7,43 +7,61 @@ write down the one whose maps rotate least and mirror only where they must.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 
 from .. import maps as affine
-from ..params.rounding import CanonicalParams
+from ..maps import WeightedMaps
+from ..params.rounding import RoundingParams
+from .doubles import without_doubles
+from .loop import Draft
+
+ORDERS = range(2, 9)     # of the rotations that are tried as symmetries: people build fractals from such polygons
+AXES_DEGREES = 7.5       # between the axes of the reflections that are tried
+TURN_TOLERANCE = 1e-3    # radians within which two maps count as rotating by the same angle
+LIT_ABOVE = 0.25         # grey level above which a pixel belongs to the shape whose symmetries are sought
+LIKENESS = 0.93          # minimum F1 within a pixel between a shape and its image under a symmetry
 
 
-def symmetries(image: Tensor, params: CanonicalParams) -> list[Tensor]:
+def simplest_code(draft: Draft) -> Iterator[Draft]:
+    """The code whose maps rotate least, without doubles: mirrored, two maps of a symmetric shape may be one."""
+    objective, shown = draft.objective, draft.shown
+    maps = simplest(shown.maps, symmetries(objective.image.cpu(), objective.params.rounding))
+    single = without_doubles(WeightedMaps(maps, shown.weights), objective.params, len(objective.image), objective.seed)
+    yield draft.judged(single.maps, single.weights)
+
+
+def other_simplest_code(draft: Draft) -> Iterator[Draft]:
+    """`simplest_code`, unless the code is that already."""
+    yield from (each for each in simplest_code(draft) if not torch.equal(each.shown.maps, draft.shown.maps))
+
+
+def symmetries(image: Tensor, params: RoundingParams) -> list[Tensor]:
     """The symmetries (6,) of the shape in an image (R,R) about its centroid, the identity first. A map counts as a
-    symmetry if the F1 within a pixel between shape and mapped shape is at least `params.symmetric_likeness`. Without
+    symmetry if the F1 within a pixel between shape and mapped shape is at least `LIKENESS`. Without
     `params.symmetries`, the identity alone."""
-    mask = (image > params.symmetric_level).float()
+    mask = (image > LIT_ABOVE).float()
     side = len(image)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
     centre = torch.stack([(image.sum(0) * axis).sum(), -(image.sum(1) * axis).sum()]) / image.sum()
-    about = [_about(matrix, centre) for matrix in _tried(params)]
-    return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= params.symmetric_likeness)]
+    about = [_about(matrix, centre) for matrix in (_tried() if params.symmetries else [_rotation(0.0, 1.0)])]
+    return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= LIKENESS)]
 
 
-def simplest(maps: Tensor, group: list[Tensor], params: CanonicalParams) -> Tensor:
+def simplest(maps: Tensor, group: list[Tensor]) -> Tensor:
     """The maps (N,6), each preceded by the symmetry of the group with which it rotates least. A reflection counts as
     more than any rotation."""
-    found = []
-    for one in maps:
-        options = [affine.composed(one, symmetry.to(one)) for symmetry in group]
-        found.append(min(options, key=lambda each: _turn(each, params.turn_tolerance)))
-    return torch.stack(found)
+    return torch.stack([min((affine.composed(one, symmetry.to(one)) for symmetry in group), key=_turn)
+                        for one in maps])
 
 
-def _tried(params: CanonicalParams) -> list[Tensor]:
+def _tried() -> list[Tensor]:
     """Rotations and reflections (2,2), the identity first."""
-    if not params.symmetries:
-        return [_rotation(0.0, 1.0)]
-    turns = sorted({0.0, *(round(math.tau * k / n, 9) for n in params.symmetry_orders for k in range(n))})
-    mirrors = torch.arange(0, 180, params.symmetry_axes_degrees).deg2rad().mul(2).tolist()
+    turns = sorted({0.0, *(round(math.tau * k / n, 9) for n in ORDERS for k in range(n))})
+    mirrors = torch.arange(0, 180, AXES_DEGREES).deg2rad().mul(2).tolist()
     return [*(_rotation(angle, 1.0) for angle in turns), *(_rotation(angle, -1.0) for angle in mirrors)]
 
 
@@ -56,13 +74,13 @@ def _about(matrix: Tensor, centre: Tensor) -> Tensor:
     return torch.cat([matrix.flatten(), centre - matrix @ centre])
 
 
-def _turn(one: Tensor, tolerance: float) -> tuple[bool, int]:
-    """Sort key: whether a map (6,) mirrors, and by how much it rotates, in units of the tolerance (radians). To the
+def _turn(one: Tensor) -> tuple[bool, int]:
+    """Sort key: whether a map (6,) mirrors, and by how much it rotates, in units of the tolerance. To the
     left counts as less than to the right."""
     a, b, c, d = one[:4].tolist()
     mirrored = a * d - b * c < 0
     turn = math.atan2(c + b, a - d) if mirrored else math.atan2(c - b, a + d)  # of the nearest orthogonal matrix
-    return mirrored, round(abs(turn) / tolerance) + (turn < 0)
+    return mirrored, round(abs(turn) / TURN_TOLERANCE) + (turn < 0)
 
 
 def _likeness(mask: Tensor, symmetry: Tensor) -> float:

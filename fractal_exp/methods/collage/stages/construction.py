@@ -10,14 +10,14 @@ from ....cameras.blur import blurred
 from ....cameras.kinds import with_camera
 from ....cameras.pens import Drawn
 from ....cameras.strokes import flat_maps
-from ....likeness import TILED_MAPS
+from ....likeness import ALIKE, TILED_MAPS
 from ....runtime.seeds import derive
 from ..image.camera import MOST_MAPS, STROKED, Fit, angle_of, in_turns, polish_under
 from ..image.objective import ImageObjective, Rendered
 from ..maps import WeightedMaps
 from ..measure.search import MeasureSearch, Regime
 from ..simplify.likeness import likeness_of
-from ..simplify.pruning import Price
+from ..simplify.loop import Price
 from ..state import Candidate, State
 from ..trees.registration import Registration, misfit_of
 from ..trees.trunk import with_trunk
@@ -35,7 +35,7 @@ TRUNK_STROKES = 4      # that take the place of a code's flat maps at most
 REGISTERED_KEPT = 2    # registered codes, those at the likeliest depths, that are then seen as strokes
 COARSE_SIDE = 128      # pixels of the image on which strokes are polished first, at most
 GAIN = 0.3             # strokes go on to the whole image if their squared angle is at most this share of the maps'
-ALIKE = 0.9            # least F1 within a pixel of a drawing by strokes that is taken
+DRAWN_ALIKE = 0.9      # least F1 within a pixel of a drawing by strokes that is taken
 
 
 @dataclass(frozen=True)
@@ -193,15 +193,15 @@ class Construction(Stage):
         if not is_construction(found):
             return False
         if has_strokes(found):
-            return self._likeness_of_drawing(found) >= ALIKE
-        return self._likeness_of_drawing(found) >= self.params.moves.alike \
+            return self._likeness_of_drawing(found) >= DRAWN_ALIKE
+        return self._likeness_of_drawing(found) >= ALIKE \
             and self._likeness(found) >= self.params.stages.unlike
 
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
-        price, alike = Price(0.0, self.params.moves.worth), self.params.moves.alike
+        price = Price(share=self.params.moves.worth)
         return (has_pen(found) and len(found.maps) < len(now.maps)
-                and not self._is_explained(now) and self._likeness(found) >= alike
+                and not self._is_explained(now) and self._likeness(found) >= ALIKE
                 and price.score(found.error, len(found.maps)) < price.score(now.error, len(now.maps)))
 
     def _likeness_of_drawing(self, found: Candidate) -> float:

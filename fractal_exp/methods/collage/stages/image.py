@@ -9,9 +9,11 @@ from ....cameras.kinds import with_camera
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ...base import time_is_up
+from ..image.frame import FAR, FIRM_ABOVE, FIRM_ONLY
 from ..image.gauss_newton import firmly_framed, fitted_into_frame
 from ..moves.search import ImageSearch
-from ..simplify.pruning import Price, pruned_in_frame
+from ..simplify.loop import Price
+from ..simplify.removal import pruned_in_frame
 from ..state import Candidate, State
 from .base import Stage
 
@@ -21,6 +23,7 @@ FULL_ENDS = 0.98       # share of the time limit at which the polish at full siz
 FULL_POLISH = 4        # Gauss-Newton steps at full size: the code is nearly right
 CROSSED_MOVES = 6      # moves after populations, instead of `moves.count`
 LATER_ROUNDS = 2.0     # noise ratio above which a third or fourth round begins; for a second, see `second_round`
+RECENT = 2 / 3         # share of the expected moves: the search goes on if the error was halved within so many
 
 
 class Approach(Stage):
@@ -54,7 +57,7 @@ class ImageMoves(Stage):
     @property
     def recent(self) -> int:
         """The search goes on if the error was halved within this many moves."""
-        return max(1, round(self.params.moves.recent * self.expected_moves))
+        return max(1, round(RECENT * self.expected_moves))
 
     @property
     def latest_start(self) -> Deadline:
@@ -125,7 +128,7 @@ class ImageMoves(Stage):
 
     def _is_nearly_right(self, candidate: Candidate) -> bool:
         """Whether a code needs no firm polish in the frame of a binary image."""
-        return self.search.noise_ratio(candidate) < self.params.frame.firm_above
+        return self.search.noise_ratio(candidate) < FIRM_ABOVE
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
         """The code, if rounding alone corrects it; None if another round is worth while."""
@@ -165,9 +168,9 @@ class FullSize(Stage):
                                            camera=best.camera)
         start = objective.judge(best.maps, best.weights)
         noise = objective.noise(start.code)
-        near = start.error < params.frame.far * noise
-        if objective.firm_frame() is None or start.error <= params.frame.firm_only * noise:
-            start = pruned_in_frame(objective, start, Price(params.moves.price * noise), params.maps or 0, near=near,
+        near = start.error < FAR * noise
+        if objective.firm_frame() is None or start.error <= FIRM_ONLY * noise:
+            start = pruned_in_frame(objective, start, Price(params.moves.price * noise), near=near,
                                     deadline=self.deadline)
             start = fitted_into_frame(objective, start, FULL_POLISH,
                                       objective.own_frame() if near else None, deadline=self.deadline)

@@ -9,7 +9,7 @@ from .base import Stage
 from .image import Approach, FullSize, ImageMoves
 from .measure import Detail, FromMixture, Restart
 from .problem import SearchProblem
-from .rounding import LastDigits
+from .rounding import Rounding
 
 
 class Plan:
@@ -18,7 +18,7 @@ class Plan:
     Pictures of another kind have a subclass, see `PLANS`.
     """
 
-    rounding: type[Stage] = LastDigits
+    rounding: type[Stage] = Rounding
 
     def __init__(self, problem: SearchProblem):
         self.problem, searches = problem, not problem.params.grows_at_once
@@ -52,7 +52,7 @@ class Plan:
         """Those that polish the best code of all rounds."""
         problem = self.problem
         full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []
-        return [*full, *([self.rounding(problem, problem.rounds)] if problem.params.canonical.enabled else [])]
+        return [*full, *([self.rounding(problem, problem.rounds)] if problem.params.rounding.enabled else [])]
 
 
 def plan_of(problem: SearchProblem) -> Plan:

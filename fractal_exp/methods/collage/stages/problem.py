@@ -13,7 +13,6 @@ from ....cameras.camera import Camera
 from ....cameras.estimate import estimated
 from ....cameras.kinds import with_camera
 from ....cameras.levels import Levels
-from ....cameras.points import attractor_points
 from ....ifs.code import IFS
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
@@ -22,7 +21,7 @@ from ..image.objective import ImageObjective, reduced
 from ..maps import WeightedMaps
 from ..moves.search import ImageSearch
 from ..params import CollageParams
-from ..simplify.pruning import without_doubles
+from ..simplify.doubles import without_doubles
 
 DENSITY_ROUNDS = 4      # where grey levels are a density
 BINARY_ROUNDS = 2       # on a binary image, if rounds continue from each other
@@ -193,12 +192,5 @@ class SearchProblem:
         return ImageSearch(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
 
     def without_doubles(self, found: WeightedMaps) -> WeightedMaps:
-        """The maps of a code without doubles (see `pruning.without_doubles`), if at least two others stay and no number
-        of maps is asked for."""
-        params = self.params
-        if params.maps:
-            return found
-        points = attractor_points(found.maps, found.probabilities, params.moves.parent_points, self.seed)
-        near = 2 / len(self.image) * params.moves.double_px
-        maps, weights = without_doubles(found.maps, found.probabilities, points, near)
-        return found if len(maps) < 2 or len(maps) == len(found.maps) else WeightedMaps(maps, weights)
+        """The code without its doubles."""
+        return without_doubles(found, self.params, len(self.image), self.seed)

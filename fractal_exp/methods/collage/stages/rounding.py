@@ -5,23 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....runtime.seeds import derive
-from ..image.objective import ImageObjective, Rendered
-from ..params.rounding import CanonicalParams
-from ..simplify.rounding import Rounding
+from ..image.frame import FAR
+from ..image.objective import ImageObjective
+from ..simplify.loop import Draft
+from ..simplify.rounding import begun, rounded
 from ..state import Candidate, State
 from .base import Stage
 
-DIGITS_END = 0.99   # share of the time limit from which the last digits are left as they are
+ENDS = 0.99        # share of the time limit from which codes are not rounded
+NEAR_ERROR = 0.5   # error up to which codes are rounded whatever the noise ratio: noise is low in large images
 
 
-class LastDigits(Stage):
+class Rounding(Stage):
     """Round a nearly right code to simple numbers and make it fill the frame exactly."""
 
-    name, ends_at = "last digits", DIGITS_END
-
-    @property
-    def canonical(self) -> CanonicalParams:
-        return self.params.canonical
+    name, ends_at = "rounding", ENDS
 
     def open(self, state: State) -> State:
         self.objective = self._objective_for(state.found)
@@ -36,18 +34,19 @@ class LastDigits(Stage):
     def _unless_far(self, found: Candidate) -> Candidate:
         if self._is_far(found):
             return found
-        last = self._rounded(self.objective.judge(found.maps, found.weights))
-        weights = None if last.weights is None else last.probabilities
-        return Candidate(last.maps, weights, last.error, last.error, self.objective.levels.camera)
+        last = self._rounded(Draft(self.objective, self.objective.judge(found.maps, found.weights)))
+        shown = last.shown
+        weights = None if shown.weights is None else shown.probabilities
+        return Candidate(shown.maps, weights, shown.error, shown.error, last.objective.levels.camera)
 
-    def _rounded(self, start: Rendered) -> Rendered:
-        return Rounding(self.objective, self.problem.deadline, self.canonical)(start)
+    def _rounded(self, start: Draft) -> Draft:
+        return rounded(begun(start.objective, start.shown), self.problem.deadline)
 
     def _is_far(self, found: Candidate) -> bool:
         """Whether the code is too far off for simple numbers to mean anything."""
         hasty = self.objective.hasty()
         shown = hasty.judge(found.maps, found.weights)
-        return shown.error > max(self.params.frame.far * hasty.noise(found.code), self.params.canonical.near_error)
+        return shown.error > max(FAR * hasty.noise(found.code), NEAR_ERROR)
 
     def close(self, state: State) -> State:
         return replace(state, best=state.current, before=None)

@@ -18,6 +18,7 @@ from ....cameras.strokes import TWIGS_PX, parts_of
 from ....ops.collage.reference import contract
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .. import maps as affine
+from ..image.gauss_newton import DAMPING, DAMPING_DOWN, DAMPING_UP, LEAST_DAMPING, TRIES
 from ..image.objective import ImageObjective, Rendered
 from .trunk import flat_maps_onto, lit_shape, middle_of, positions
 
@@ -112,21 +113,20 @@ class Registration:
         return depth
 
     def _fitted(self, tree: _Tree, depth: int) -> Registered:
-        params = self.params.gauss_newton
-        pairs, damping = self._pairs(tree, depth), params.damping
+        pairs, damping = self._pairs(tree, depth), DAMPING
         for _ in range(STEPS):
             if self.deadline.passed:
                 break
             reach = max(REACH_PX * self.pixel, *(FAR * np.median(each.distances) for each in pairs))
             before, (square, gradient) = _cost(pairs, reach), _normal_equations(pairs, reach)
-            for _ in range(params.tries):
+            for _ in range(TRIES):
                 step = np.linalg.solve(square + damping * np.diag(square.diagonal()), gradient)
-                moved = tree.moved(step, params.largest)
+                moved = tree.moved(step, self.params.gauss_newton.largest)
                 others = self._pairs(moved, depth)
                 if _cost(others, reach) < before:
-                    tree, pairs, damping = moved, others, max(damping / params.damping_down, params.least_damping)
+                    tree, pairs, damping = moved, others, max(damping / DAMPING_DOWN, LEAST_DAMPING)
                     break
-                damping *= params.damping_up
+                damping *= DAMPING_UP
             if _cost(pairs, reach) > (1 - LITTLE) * before:
                 break
         return self._as_maps(tree, float(sum((each.distances**2).mean() for each in pairs)))

@@ -25,7 +25,11 @@ from tqdm import tqdm
 
 from fractal_exp import suite
 from fractal_exp.cameras.kinds import levels_of
-from fractal_exp.evaluation.summary import bootstrap_interval
+from fractal_exp.evaluation import evaluate
+from fractal_exp.evaluation.code_error import code_error
+from fractal_exp.evaluation.summary import bootstrap_interval, without_empty
+from fractal_exp.ifs.code import IFS
+from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.amortized.method import Amortized
 from fractal_exp.methods.collage.maps import from_code
 from fractal_exp.methods.collage.stages.measure import Restart
@@ -35,11 +39,12 @@ from fractal_exp.runtime import threads
 from fractal_exp.runtime.checkpoint import Snapshot
 
 from . import archive
-from .ablation import SCORES, SEED, CoreTime, check_same, judged
+from .ablation import SEED, CoreTime
 from .record import machine
 
 OUTPUT = "benchmarks/results/collage_starts_{limit:g}s"
 RANDOM, NETWORK = "random maps", "network"
+SCORES = ["f1_box", "f1_frame", "exact", "seconds"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ def random_maps(image: Tensor, method: CoreTime) -> Given:
 def network(image: Tensor, method: CoreTime) -> Given:
     """The first restart with the network's maps, moved and pruned on its measure, in place of random maps."""
     code, params = Amortized().reconstruct(image).code, method.params
-    restart = Restart(SearchProblem(image, levels_of(image, params.levels, params.camera), params, method.seed))
+    restart = Restart(SearchProblem(image, levels_of(image, meaning_of(image), params.camera), params, method.seed))
     given = State(current=Candidate(from_code(code).float(), None, math.inf))
     restart.open(given)
     return Given(State(current=restart.search.resume(given.now)).snapshot())
@@ -86,6 +91,23 @@ def fit(start: str, fractal: int, limit: float, resolution: int) -> dict:
     return {"start": start, "fractal": fractal, "suite": SEED, "limit": limit, "resolution": resolution,
             **judged(code, truth, resolution), "seconds": round(seconds, 2), "code": archive.plain(code),
             **archive.here(), "machine": machine(), "date": time.strftime("%Y-%m-%d")}
+
+
+def judged(code: IFS, truth: IFS, resolution: int) -> dict:
+    """F1 in the frame of the code's own box and in the frame of the input, and whether the code is exact."""
+    boxed, framed = (without_empty(evaluate(code, truth, align=align, resolution=resolution))["f1"].mean()
+                     for align in ("bbox", "none"))
+    exact = code_error(code, truth, align="none", resolution=resolution).exact
+    return {"f1_box": round(float(boxed), 4), "f1_frame": round(float(framed), 4), "exact": bool(exact)}
+
+
+def check_same(fits: pd.DataFrame, limit: float, resolution: int, folder: Path) -> None:
+    """End with an error if a folder holds fits of another limit or resolution: they cannot be paired."""
+    for name, wanted in (("limit", limit), ("resolution", resolution)):
+        other = set(fits.get(name, ())) - {wanted}
+        if other:
+            raise SystemExit(f"{folder} holds fits with --{name} {', '.join(f'{each:g}' for each in sorted(other))}, "
+                             f"not {wanted:g}; name another folder with --output")
 
 
 def report(folder: Path) -> str:

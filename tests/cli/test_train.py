@@ -20,6 +20,7 @@ from train_helpers import TINY, train
 from fractal_exp import IFS, InputError
 from fractal_exp.cli import interruption
 from fractal_exp.cli import train as program
+from fractal_exp.inversion import Inversion
 from fractal_exp.tracking import read_artifact, read_series, runs_frame
 
 
@@ -48,11 +49,10 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "time/fit_seconds"}
     assert not (folder / "checkpoint.safetensors").exists()
     printed = capsys.readouterr().out
-    history = json.loads((folder / "history.json").read_text())
-    assert history["stopped"] == "all 6 iterations done" and [stage["name"] for stage in history["stages"]] == ["fit"]
+    found = Inversion.load(folder)
+    assert found.stopped == "all 6 iterations done" and [stage.name for stage in found.history] == ["fit"]
     assert "stopped    all 6 iterations done" in printed
-    verdict = history["verdict"]
-    assert verdict["kind"] != "recovered" and f"verdict    {verdict['words']} ({verdict['remedy']})" in printed
+    assert found.verdict.kind != "recovered" and f"verdict    {found.verdict}" in printed
     assert "no perceptual term in this objective" in printed and "inverted" in printed and str(folder) in printed
 
     uri = f"sqlite:///{tmp_path / 'mlflow.db'}"

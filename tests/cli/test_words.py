@@ -226,7 +226,7 @@ def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypat
         jobs = OverridesParser.create().parse_overrides(list(config.hydra.overrides.task))
         [[job]] = BasicSweeper.split_arguments(jobs, None)
         target = compose(study, [*job, *search]).target
-    assert set(target) == {"_target_", "path", "invert", "threshold", "clean", "crop"}
+    assert set(target) == {"_target_", "path", "invert", "threshold", "clean", "crop", "levels"}
     assert target._target_.endswith("Picture")
 
 

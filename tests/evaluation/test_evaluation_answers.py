@@ -14,6 +14,7 @@ from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual, evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.ifs import attractor
+from fractal_exp.images.reading import ReadImage
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.rendering.cache import ImageCache
 from fractal_exp.suite import random_suite, target
@@ -95,8 +96,8 @@ def options():
 
 def test_the_zoomed_picture_is_the_view_beyond_twice_that_shows_most(options):
     fern = codes.known("fern")
-    judged = judge(CodeReconstruction(attractor.normalize(fern)), Target(target(fern, 32), fern), options,
-                   Perceptual("none"), 1.0)
+    aim = Target(ReadImage.of_drawing(target(fern, 32), "density"), fern)
+    judged = judge(CodeReconstruction(attractor.normalize(fern)), aim, options, Perceptual("none"), 1.0)
     zoomed = judged.pictures["zoomed_target"]
     shown = float((zoomed > 0).float().mean())
     asked = Asked()

@@ -13,6 +13,7 @@ from fractal_exp import InputError, codes, invert
 from fractal_exp.cli import configuration
 from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual
+from fractal_exp.images.reading import ReadImage
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.configs import FILES, NETWORKS, hydra_config
@@ -76,7 +77,7 @@ def test_what_was_spent_is_judged_with_the_scores_and_the_truth_where_it_is_aske
     truth = codes.known("sierpinski_triangle")
     options = {"resolution": 32, "points_in_view": 20_000, "supersample": 4, "views": "attractor", "align": "bbox",
                "device": "cpu"}
-    target = Target(TARGET, truth)
+    target = Target(ReadImage.of_drawing(TARGET, "density"), truth)
     spent = judge(CodeReconstruction(truth, evaluations=700), target, options, Perceptual.load(), 2.0, ceiling=True)
     assert spent.scores["time/evaluations"] == 700 and spent.trivial["trivial/truth_f1"] > .9
     untold = judge(CodeReconstruction(truth), target, options, Perceptual.load(), 2.0)

@@ -11,6 +11,7 @@ from fractal_exp import InputError, codes, evaluation
 from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual, score
 from fractal_exp.ifs.code import View
+from fractal_exp.images.reading import ReadImage
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.super_resolution.enlarged import Enlarged
 from fractal_exp.methods.super_resolution.method import SuperResolution
@@ -77,7 +78,7 @@ def test_pieces_to_learn_from_are_the_same_place_fine_and_coarse():
 
 def test_views_that_it_cannot_show_are_left_out_and_counted():
     fourfold, whole = Enlarged(TARGET, 4.0), CodeReconstruction(TRUTH)
-    target, none = Target(TARGET, TRUTH), Perceptual.load()
+    target, none = Target(ReadImage.of_drawing(TARGET, "density"), TRUTH), Perceptual.load()
     judged = judge(fourfold, target, OPTIONS, none, 1.0, ceiling=True)
     assert judged.counts["views/left_out"] == 2 and len(judged.per_view) == 5
     assert judged.per_view["zoom"].max() <= 4 and "2 more are left out, as they are closer by" in judged.describe()

@@ -108,7 +108,6 @@ def test_no_move_is_made_where_all_are_switched_off(triangle):
     ({"moves": {"reorint": 1}}, "there is no parameter moves.reorint; did you mean 'reorient'"),
     ({"search": {"slack": 1.0}}, "search.slack must be at least 0 and below 1, got 1.0"),
     ({"search": {"restarts": 2.5}}, "search.restarts must be a whole number, got 2.5"),
-    ({"moves": {"sizes": [0.1, 0.2, 0.3]}}, "moves.sizes must be a list of 2 values, got [0.1, 0.2, 0.3]"),
     ({"frame": {"enabled": "yes"}}, "frame.enabled must be true or false, got 'yes'"),
     ({"saturation": 3}, "saturation must be a mapping of settings, got 3"),
     ({"maps": 3, "at_most": 4}, "give one of the number of maps (maps), its upper bound (at_most or bytes) and the "

@@ -23,8 +23,7 @@ from fractal_exp.methods.collage.params import CollageParams
 PAGES = [ROOT / "docs" / f"{name}.md" for name in ("method", "cameras", "growth")]
 PACKAGE = Path(fractal_exp.__file__).parent
 CONSTANTS = ["cameras", "methods/collage", "ops/collage", "ops/histogram", "ifs/affine.py", "ifs/attractor.py",
-             "ifs/code.py", "images/levels.py",
-             "verdict.py", "likeness.py"]   # where constants are sought
+             "ifs/code.py", "images/levels.py", "verdict.py", "likeness.py"]   # where constants are sought
 QUOTED = re.compile(r"`([a-z]\w*(?:\.[a-z]\w*)*) ?= ?((?:[-(\[\d]|true|false|null)[^`]*)`")
 FENCED = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 WORDS = {"true": True, "false": False, "null": None, "pi": math.pi}

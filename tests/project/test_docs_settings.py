@@ -1,8 +1,8 @@
 """The numbers on the pages of the method are those of the code.
 
-A page quotes a setting or a constant as `name=value`, or as `component.name=value` where several components have the
-name. A setting is a field of a parameter class. Any other name is a constant of a module, in capitals there, or a
-field of a class with a default.
+A page quotes a setting or a constant as `name=value`, or as `component.name=value` where several have the name and
+different values. A setting is a field of a parameter class. Any other name is a constant of a module, in capitals
+there, or a field of a class with a default; the component is then the name of the module's file, or of the class.
 """
 
 import ast
@@ -22,9 +22,8 @@ from fractal_exp.methods.collage.params import CollageParams
 
 PAGES = [ROOT / "docs" / f"{name}.md" for name in ("method", "cameras", "growth")]
 PACKAGE = Path(fractal_exp.__file__).parent
-CONSTANTS = ["cameras", "methods/collage", "ops/collage", "ops/histogram", "ifs/attractor.py", "ifs/code.py",
-             "images/levels.py",
-             "verdict.py", "likeness.py"]   # where constants are sought
+CONSTANTS = ["cameras", "methods/collage", "ops/collage", "ops/histogram", "ifs/affine.py", "ifs/attractor.py",
+             "ifs/code.py", "images/levels.py", "verdict.py", "likeness.py"]   # where constants are sought
 QUOTED = re.compile(r"`([a-z]\w*(?:\.[a-z]\w*)*) ?= ?((?:[-(\[\d]|true|false|null)[^`]*)`")
 FENCED = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 WORDS = {"true": True, "false": False, "null": None, "pi": math.pi}
@@ -62,7 +61,7 @@ def plain(value):
     """A value of the code as numbers, words and tuples. A descent is its steps, its rate and its limit."""
     if hasattr(value, "steps") and hasattr(value, "rate"):
         return value.steps, value.rate, value.largest
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple, range)):
         return tuple(map(plain, value))
     if hasattr(type(value), "model_fields"):
         return tuple(plain(getattr(value, name)) for name in type(value).model_fields)
@@ -88,6 +87,7 @@ def settings(params, prefix=""):
 
 @cache
 def every_setting():
+    """All settings of the method."""
     return [*settings(CollageParams())]
 
 
@@ -115,7 +115,7 @@ def constants(name):
 
 def meanings(name):
     """The values that a name may stand for: of settings, else of constants. A component before the name is that of a
-    setting, a constant that has the name as a field, or a part of the module or class of a constant."""
+    setting, a constant that has the name as a field, or the module or class of a constant."""
     component, _, last = name.rpartition(".")
     found = [value for full, value in every_setting() if full == name or not component and full.endswith(f".{name}")]
     if found and component:
@@ -124,7 +124,7 @@ def meanings(name):
     if held := [getattr(owner, last) for owner in owners if hasattr(owner, last)]:
         return held
     return found + [value for place, value in constants(last)
-                    if not component or component in place.lower().split(".")]
+                    if not component or f".{place.lower()}".endswith(f".{component}")]
 
 
 def mistakes(text):
@@ -132,7 +132,7 @@ def mistakes(text):
     wrong = []
     for name, stated in pairs(text):
         known = [plain(value) for value in meanings(name)]
-        if not any(same(value_of(stated), value) for value in known):
+        if not known or not all(same(value_of(stated), value) for value in known):
             wrong.append(f"{name} = {stated}, but " + (f"it is {' or '.join(map(str, known))}" if known
                                                        else "no setting or constant has this name"))
     return wrong
@@ -155,8 +155,10 @@ def test_the_pages_quote_most_numbers_of_the_method():
     ("`recent = 2 / 3`, `pruning = true`, `rounds = null`", []),
     ("`ORBITS = 15`, `orbits = 16`", []),                                # the first is no name of a setting
     ("`orbits = 15`", ["orbits = 15, but it is 16"]),                    # a constant of a module
-    ("`descent.largest = 0.995`", []),                                   # a default of a class
-    ("`thresholds.few_maps = 12`", []),                                  # a field of a constant
+    ("`construction.ends = 0.75`, `rounding.ends = 0.99`", []),          # of one of several modules
+    ("`ends = 24`", ["ends = 24, but it is 24 or 0.75 or 0.99"]),        # which of them?
+    ("`binnedmeasure.grids = 3`", []),                                   # a default of a class
+    ("`rendered.near_px = 0.05`", []),                                   # a field of a constant
     ("`no_such_name = 1`", ["no_such_name = 1, but no setting or constant has this name"]),
     ("```python\nno_such_name = 1\n`no_such_name = 1`\n```\n", []),      # an example, not a claim
 ])

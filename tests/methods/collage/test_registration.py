@@ -90,6 +90,7 @@ def test_nothing_is_registered_after_the_deadline():
     assert Registration(seen, Deadline(0.0)).fits(seen.judge(knocked(0.02))) == []
 
 
+@pytest.mark.slow
 def test_trees_are_registered_on_a_gpu_too():
     params = PARAMS.updated(camera={"likeliest": 1, "sharpened_steps": 1, "coarse_side": 64, "recursion_gain": 1.0})
     with pretended():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from collage_helpers import PARAMS
-from drawn_helpers import FOOT, PIXEL, SIDE, TOP, drawing, objective, stage, tree
+from drawn_helpers import FOOT, PIXEL, SIDE, TOP, drawing, objective, tree
 
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
@@ -13,7 +13,6 @@ from fractal_exp.methods.collage.camera.stroke_kernels import outline
 from fractal_exp.methods.collage.camera.strokes import flat_maps, parts_of
 from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.methods.collage.trees.trunk import _segments, flat_maps_onto, with_trunk
 
 
@@ -157,14 +156,3 @@ def test_a_trunk_does_not_exceed_the_maps_that_are_asked_for():
         seen = ImageObjective(image, levels_of(image, "coverage", PARAMS.camera), PARAMS.updated(at_most=most))
         found = with_trunk(seen, seen.judge(branches), 4)
         assert (found and len(found.maps)) == maps
-
-
-@pytest.mark.parametrize("least", [0.5, 0.999])
-def test_how_well_strokes_must_draw_the_picture_is_a_parameter(least):
-    image = drawing(6)
-    tried = stage(image, camera={"recursion_alike": least})
-    tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
-    found = Candidate(affine.from_code(tree(0.57)), None, 1.0, 1.0, ("strokes", 6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
-    shown, seen = tried._shown(found)
-    assert 0.5 < seen.likeness(shown.image) < 0.999
-    assert tried._is_explained(found) == (least == 0.5)

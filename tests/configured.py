@@ -1,5 +1,9 @@
 """Configurations of fractal-train as Hydra composes them."""
 
+import os
+from copy import deepcopy
+from functools import cache
+
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
@@ -25,8 +29,13 @@ def composed(*overrides: str):
         return compose("train", list(overrides))
 
 
-def plain(*overrides: str) -> dict:
+@cache
+def _resolved(folder: str, *overrides: str) -> dict:
     return OmegaConf.to_container(configuration.resolve(composed(*overrides)))
+
+
+def plain(*overrides: str) -> dict:
+    return deepcopy(_resolved(os.getcwd(), *overrides))  # paths are absolute
 
 
 def options(group: str) -> list[str]:

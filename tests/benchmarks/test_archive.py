@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from commands import run_here
 
 from benchmarks import archive, suite
 from fractal_exp.suite import random_suite
@@ -29,11 +30,10 @@ def test_codes_come_back_to_the_last_bit(tmp_path):
     assert archive.missing(tmp_path, range(4)) == [0, 2]
 
 
-def test_a_folder_holds_one_run(tmp_path, monkeypatch):
+def test_a_folder_holds_one_run(tmp_path):
     archive.append(tmp_path, fit())
-    monkeypatch.setattr("sys.argv", ["suite", "collage", "--kind", "binary", "--output", str(tmp_path)])
-    with pytest.raises(SystemExit, match="another run"):
-        suite.main()
+    status, printed = run_here(suite, "collage", "--kind", "binary", "--output", str(tmp_path))
+    assert status and "another run" in printed
 
 
 def test_a_line_that_a_kill_cut_short_is_left_out_and_the_next_begins_anew(tmp_path):

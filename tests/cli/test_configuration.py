@@ -40,7 +40,7 @@ def test_every_ablation_is_listed_here():
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
-@pytest.mark.parametrize("scale", ["laptop", "paper"])
+@pytest.mark.parametrize("scale", ["laptop", pytest.param("paper", marks=pytest.mark.slow)])
 def test_an_ablation_differs_from_the_full_method_by_what_it_names_alone(name, scale):
     full, ablated = plain(f"scale={scale}"), plain(f"scale={scale}", f"ablation={name}")
     assert ablated.pop("variant") == name and full.pop("variant") == "full"

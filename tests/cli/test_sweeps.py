@@ -59,8 +59,8 @@ def jobs_of(name: str, *overrides: str, crossed: bool = True) -> list[dict]:
         return jobs
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name == "collage_ablation" else [])
-                                  for name in NAMES])
+@pytest.mark.parametrize("name", [
+    name if name in ("function_count", "seeds") else pytest.param(name, marks=pytest.mark.slow) for name in NAMES])
 def test_the_jobs_of_every_sweep_pass_their_schema_and_have_rows(name):
     jobs = jobs_of(name, "sweep.count=2", crossed=False)
     labels = [(job["sweep"]["row"], job["sweep"]["sample"]) for job in jobs]

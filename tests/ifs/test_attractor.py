@@ -42,7 +42,7 @@ def random_code(seed: int, largest: float) -> IFS:
     return IFS((u * singular[:, None, :]) @ v, random.uniform(-1, 1, (count, 2)))
 
 
-def sample(code: IFS, count: int = 200_000) -> np.ndarray:
+def sample(code: IFS, count: int = 50_000) -> np.ndarray:
     """Attractor points, from a fixed point on, in float64."""
     random = np.random.default_rng(0)
     linear, offset = code.linear.double().numpy(), code.offset.double().numpy()

@@ -135,7 +135,8 @@ def test_box_in_closed_form(name):
     np.testing.assert_allclose(box_of(known(name)), BOXES[name], atol=1e-4)
 
 
-@pytest.mark.parametrize("name", AREAS)
+@pytest.mark.parametrize("name", [name if name in ("heighway_dragon", "koch_snowflake") else
+                                  pytest.param(name, marks=pytest.mark.slow) for name in AREAS])
 def test_area_in_closed_form(name):
     """Such an attractor carries its measure evenly, so the density in its interior is 1 / area."""
     points = chaos_points(known(name))

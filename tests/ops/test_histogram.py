@@ -51,7 +51,9 @@ def p_value(a: np.ndarray, b: np.ndarray) -> float:
     return stats.chi2_contingency(table[:, table.sum(0) > 0]).pvalue
 
 
-@pytest.mark.parametrize(("code", "view"), [case[1:] for case in WINDOWS], ids=[case[0] for case in WINDOWS])
+@pytest.mark.parametrize(("code", "view"), [
+    pytest.param(*case[1:], id=case[0], marks=[] if case[0] in ("fern", "suite 3") else pytest.mark.slow)
+    for case in WINDOWS])
 def test_the_same_distribution_as_rejection(code, view):
     code = attractor.normalize(code)
     twin = rejected(code, view)

@@ -3,16 +3,15 @@
 import json
 import multiprocessing
 import os
-import queue
 import signal
 
 import pytest
 import torch
-from studio_helpers import SIDE, TOKEN, deaf, served
+from studio_helpers import SIDE, TOKEN, served
 
 from fractal_exp import IFS, api, codes
 from fractal_exp.ifs import attractor
-from fractal_exp.studio.worker import Ready, Worker, _compile
+from fractal_exp.studio.worker import _compile
 
 
 def free(state) -> bool:
@@ -120,22 +119,6 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
         assert (studio.output / "mlflow.db").exists()
     else:
         assert "fractal-exp[study]" in saved["not_tracked"]
-
-
-@pytest.mark.slow
-def test_a_task_that_does_not_stop_is_ended_by_force_and_the_next_one_is_left_alone(monkeypatch):
-    monkeypatch.setattr("fractal_exp.studio.worker.PATIENCE", 0.5)
-    words = queue.Queue()
-    worker = Worker(words.put, deaf)
-    assert isinstance(words.get(timeout=90), Ready)
-    ends = []
-    for seconds, stopped in ((0.1, True), (1.0, False), (60, True)):
-        worker.do(seconds)
-        if stopped:
-            worker.stop()
-        ends.append(words.get(timeout=90).why)
-    worker.close()
-    assert ends[:2] == ["", ""] and "ended (signal 9)" in ends[2]
 
 
 def test_a_code_made_by_hand_is_judged_and_polished(studio, tab, triangle):

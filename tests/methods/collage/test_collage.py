@@ -92,7 +92,8 @@ def test_grey_levels_are_told_apart():
     assert meaning_of(samples.snowflake(256)) == "drawn"
 
 
-@pytest.mark.parametrize(("kind", "least"), [("grey", 0.9), ("binary", 0.6)])  # a binary picture carries no density
+@pytest.mark.parametrize(("kind", "least"), [  # a binary picture carries no density
+    ("grey", 0.9), pytest.param("binary", 0.6, marks=pytest.mark.slow)])
 def test_the_triangle_is_found(triangle, kind, least):
     code, _ = triangle
     image = suite.target(code, 128, kind)
@@ -123,11 +124,10 @@ def whole(triangle):
     return told, small().reconstruct(triangle[1], on_step=told.append).code
 
 
-def test_a_seed_repeats_and_another_differs(triangle, whole):
-    _, image = triangle
-    a, (b, c) = whole[1], (small(seed=seed).reconstruct(image).code for seed in (0, 1))
-    assert torch.equal(a.linear, b.linear) and torch.equal(a.offset, b.offset)
-    assert len(a) != len(c) or not torch.equal(a.linear, c.linear)
+def test_another_seed_finds_another_code(triangle, whole):
+    """That one seed repeats is seen where a search goes on after an interruption."""
+    one, other = whole[1], small(seed=1).reconstruct(triangle[1]).code
+    assert len(one) != len(other) or not torch.equal(one.linear, other.linear)
 
 
 def test_candidates_are_told_until_the_first_stage_has_ended(whole):
@@ -166,13 +166,13 @@ def test_weights_of_its_own_come_back_from_a_checkpoint_as_they_were():
     assert torch.equal(state.best.probabilities, own.probabilities)
 
 
-@pytest.mark.parametrize("size", [32, 33])
+@pytest.mark.parametrize("size", [pytest.param(32, marks=pytest.mark.slow), 33])
 def test_small_and_odd_pictures_are_taken(size):
     image = suite.target(codes.known("heighway_dragon"), size)  # two maps
     assert len(small().reconstruct(image).code) >= 2
 
 
-@pytest.mark.parametrize("stop", [1, pytest.param(4, marks=pytest.mark.slow), 8, 10, 12])
+@pytest.mark.parametrize("stop", [1, 10, *(pytest.param(stop, marks=pytest.mark.slow) for stop in (4, 8, 12))])
 def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, whole, tmp_path, stop):
     """In each island, the closing moves, the details, the picture."""
     (_, image), (_, whole) = triangle, whole
@@ -191,7 +191,6 @@ def test_a_search_interrupted_anywhere_goes_on_bit_for_bit(triangle, whole, tmp_
 def test_the_number_of_maps_can_be_fixed_or_bounded(triangle):
     image, five = (suite.target(code, 64) for code in (triangle[0], codes.known("vicsek")))
     assert len(small(maps=4, search={"moves": 12}).reconstruct(image).code) == 4
-    assert len(small(maps=3).reconstruct(five).code) == 3
     assert len(small(at_most=3).reconstruct(five).code) <= 3
 
 

@@ -27,6 +27,7 @@ def cantor_set():
     return image
 
 
+@pytest.mark.slow
 def test_a_simpler_code_takes_the_place_of_a_code_of_many_maps():
     tried = stage(cantor_set())
     state = State(best=Candidate(MANY, None, 1.0, 1.0))

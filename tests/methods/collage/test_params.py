@@ -22,6 +22,7 @@ from fractal_exp.runtime.params import Params
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
 PARTS = sorted(path.stem for path in (CONF / "without").glob("*.yaml"))
 FULL = "nothing"
+EACH_PART = [pytest.param(part, marks=[] if part in (FULL, "rounds") else pytest.mark.slow) for part in PARTS]
 
 
 configuration.register()
@@ -55,7 +56,7 @@ def test_a_scale_sets_the_sizes_of_collage_search_wherever_it_searches():
     assert composed("scale=smoke", "method.search.moves=3", "without=rounds")["method"]["search"]["moves"] == 3
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", EACH_PART)
 def test_leaving_a_part_out_changes_the_parameters_that_it_names_and_nothing_else(part):
     text = yaml.safe_load((CONF / "without" / f"{part}.yaml").read_text()) or {}
     changed, full = leaves(composed(f"without={part}")), leaves(composed())
@@ -68,7 +69,7 @@ def test_leaving_a_part_out_changes_the_parameters_that_it_names_and_nothing_els
 PASSING = {"search": {"moves": 1, "detail_moves": 1, "grid": 32, "detail_grid": 32}, "moves": {"count": 1}}
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", EACH_PART)
 def test_a_search_without_a_part_ends_with_a_code(part, triangle):
     options = (yaml.safe_load((CONF / "without" / f"{part}.yaml").read_text()) or {}).get("method", {})
     code = small(**merged(PASSING, options)).reconstruct(suite.target(triangle[0], 48)).code
@@ -86,7 +87,8 @@ AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
 }
 
 
-@pytest.mark.parametrize("options", AT_THE_END.values(), ids=AT_THE_END)
+@pytest.mark.parametrize("options", [pytest.param(options, id=name, marks=[] if name == "few" else pytest.mark.slow)
+                                     for name, options in AT_THE_END.items()])
 def test_a_search_at_the_ends_of_ranges_ends_with_a_code(options, triangle):
     code = small(**options).reconstruct(suite.target(triangle[0], 64)).code
     assert len(code) >= 1

@@ -183,7 +183,7 @@ def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
         assert without_needless(kept, uncontained, without_least) is kept
 
 
-@pytest.mark.parametrize("camera", [INK, THICK_INK])
+@pytest.mark.parametrize("camera", [pytest.param(INK, marks=pytest.mark.slow), THICK_INK])
 def test_a_map_that_is_hardly_seen_stays(camera):
     judge = inked(camera, CYCLOSORUS)
     code = affine.from_code(CYCLOSORUS), CYCLOSORUS.probabilities
@@ -224,6 +224,7 @@ def simplest_of(picture, code, pen_px):
     return simplest(fitted(judge, code, rounding={"matrices": False})).shown.maps
 
 
+@pytest.mark.slow
 def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
@@ -231,6 +232,7 @@ def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     assert torch.allclose(simplest_of(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
+@pytest.mark.slow
 def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
     """Two maps, each of which turns half of the curve a little, up and down again."""
     rise = 0.0125

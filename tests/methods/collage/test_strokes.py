@@ -197,7 +197,8 @@ def test_a_code_to_be_polished_is_not_replaced_by_a_search_for_a_tree():
     assert "construction" not in [stage.name for stage in plan_of(polishing).stages] and polishing.rounds == 1
 
 
-@pytest.mark.parametrize("depth", [8, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("depth", [8, 10])
 def test_a_lattice_of_few_steps_is_two_maps_seen_as_tiles(depth):
     """Heighway's dragon as lines: a lattice, not yet the filled attractor."""
     dragon = attractor.normalize(codes.known("heighway_dragon"))

@@ -13,7 +13,8 @@ from fractal_exp.cameras.strokes import flat_maps, parts_of
 from fractal_exp.ifs import attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.stages.construction import COARSE_SIDE, Construction
+from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.stages.construction import COARSE_SIDE
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.methods.collage.trees.trunk import BESIDE_PX, _segments, flat_maps_onto, with_trunk
 
@@ -146,21 +147,9 @@ def test_the_pen_outlines_segments():
     assert bool((torch.from_numpy(off)[~near] >= true[~near] - 1e-5).all()) and np.isinf(off).any()
 
 
-@pytest.mark.parametrize("likeness, ends", [(0.98, False), (0.99, True)])
-def test_strokes_that_draw_the_picture_less_well_do_not_end_the_search(monkeypatch, likeness, ends):
-    found = Candidate(affine.from_code(tree()), None, 1.0, 1.0, stroke_camera(5.0, 0.0, PIXEL, 0.0))
-    monkeypatch.setattr(Construction, "_likeness_of_drawing", lambda *_: likeness)
-    assert stage(drawing(5)).is_settled(State(best=found, current=found)) is ends
-
-
 def test_known_widths_are_scaled_with_the_image():
     camera = stage(drawing(5), camera={"pen_px": 1.5, "blur_px": 0.0})._coarse.params.camera
     assert (camera.pen_px, camera.blur_px) == (1.5 * COARSE_SIDE / SIDE, 0.0)
-
-
-def test_the_first_search_for_strokes_comes_before_those_for_tiles():
-    kinds = [each.camera for each in stage(drawing(5))._tries]
-    assert kinds == ["strokes", "coverage", "coverage", "strokes", "strokes"]
 
 
 @pytest.mark.parametrize("ratio, explained", [(0.57, False), (RATIO, True)])
@@ -170,3 +159,11 @@ def test_strokes_must_draw_the_picture_well(ratio, explained):
     tried.open(State(best=Candidate(affine.from_code(tree()), None, 1.0, 1.0)))
     found = Candidate(affine.from_code(tree(ratio)), None, 1.0, 1.0, stroke_camera(6.0, 0.0, 0.8 * PIXEL, 0.35 * PIXEL))
     assert tried._is_explained(found) is explained
+
+
+def test_a_trunk_does_not_exceed_the_maps_that_are_asked_for():
+    image, branches = drawing(6), affine.from_code(tree())[1:]
+    for most, maps in (3, 3), (9, 3), (2, None):
+        seen = ImageObjective(image, levels_of(image, DRAWN, PARAMS.camera), PARAMS.updated(at_most=most))
+        found = with_trunk(seen, seen.judge(branches), 4)
+        assert (found and len(found.maps)) == maps

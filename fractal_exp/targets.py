@@ -17,7 +17,8 @@ from .images import reading as images
 from .images import samples
 from .images.levels import Levels, meaning_of
 
-MEANINGS = {"grey": "density", "binary": "binary"}   # of the levels of drawn targets, by kind
+Kind = Literal["grey", "binary"]
+MEANINGS: dict[Kind, str] = {"grey": "density", "binary": "binary"}   # of the levels of drawn targets, by kind
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class TargetSource(ABC):
         """The target at (resolution, resolution). Raises `InputError` if it cannot be read or used."""
 
 
-def _drawn(code: IFS, resolution: int, kind: Literal["grey", "binary"], notes: tuple[str, ...]) -> Target:
+def _drawn(code: IFS, resolution: int, kind: Kind, notes: tuple[str, ...]) -> Target:
     image = suite.target(code, resolution, kind)
     return Target(images.ReadImage.of_drawing(image, MEANINGS[kind], notes), code)
 
@@ -59,13 +60,14 @@ class KnownCode(TargetSource):
     Raises `InputError` if the source gives none.
     """
 
-    def __init__(self, name: str = "fern", kind: Literal["grey", "binary"] = "grey",
+    def __init__(self, name: str = "fern", kind: Kind = "grey",
                  probabilities: Literal["area", "published"] = "area"):
         published = codes.known(name)
         if probabilities == "published" and published.probabilities is None:
             raise InputError(f"the source of {name!r} gives no probabilities; take target.probabilities=area")
         self.code = published if probabilities == "published" else replace(published, probabilities=None)
-        self.kind, self.label = kind, name if probabilities == "area" else f"{name}-{probabilities}"
+        self.kind: Kind = kind
+        self.label = name if probabilities == "area" else f"{name}-{probabilities}"
         self.notes = (published.meta["title"], f"probabilities: {probabilities}")
 
     def load(self, resolution: int) -> Target:
@@ -75,10 +77,11 @@ class KnownCode(TargetSource):
 class SuiteFractal(TargetSource):
     """Fractal `index` of the random suite of this seed, drawn grey or binary."""
 
-    def __init__(self, index: int = 0, seed: int = suite.SUITE_SEED, kind: Literal["grey", "binary"] = "grey"):
+    def __init__(self, index: int = 0, seed: int = suite.SUITE_SEED, kind: Kind = "grey"):
         if index < 0:
             raise InputError(f"a suite's fractals are numbered from 0, got index {index}")
-        self.code, self.kind = suite.random_suite(index + 1, seed)[index], kind
+        self.code = suite.random_suite(index + 1, seed)[index]
+        self.kind: Kind = kind
         self.label = f"suite{seed}-{index:03d}"
 
     def load(self, resolution: int) -> Target:

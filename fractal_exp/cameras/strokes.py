@@ -60,20 +60,20 @@ class Strokes(Drawn):
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
         """Pairs of a camera and the rendering (R,R) of the code with it; none for a code without strokes."""
-        params, known, pixel = self.params, self.camera.depth is not None, 2 / resolution
+        params, depth, pixel = self.params, self.camera.depth, 2 / resolution
         if not params.strokes:
             return
-        generations = self._generations(code, resolution, int(self.camera.depth) if known else DEEPEST)
-        first = len(generations) - 1 if known else 0
+        generations = self._generations(code, resolution, DEEPEST if depth is None else int(depth))
+        first = 0 if depth is None else len(generations) - 1
         pens, blurs = given(params.pen_px, PENS_PX), given(params.blur_px, STROKE_BLURS_PX)
-        for thinning, radius in product((bool(self.camera.thinning),) if known else (False, True), pens):
+        for thinning, radius in product((False, True) if depth is None else (bool(self.camera.thinning),), pens):
             off = _blank(resolution)
-            for depth, each in enumerate(generations):
+            for deep, each in enumerate(generations):
                 _draw(each, _width(each, thinning, radius), off)
-                if depth < first or each.length * resolution / 2 > TWIGS_PX[1]:
+                if deep < first or each.length * resolution / 2 > TWIGS_PX[1]:
                     continue
                 drawn = inked(off, 0.0)
-                yield from ((Camera(self.kind, depth=float(depth), thinning=float(thinning), pen=radius * pixel,
+                yield from ((Camera(self.kind, depth=float(deep), thinning=float(thinning), pen=radius * pixel,
                                     blur=sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
 
     def _generations(self, code: IFS, resolution: int, depth: int) -> list[_Generation]:

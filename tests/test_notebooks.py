@@ -12,7 +12,7 @@ from commands import run_here
 from jupyter_client import KernelManager
 from nbclient import NotebookClient
 
-from fractal_exp.cli import sweep
+from fractal_exp.cli.composed import sweep
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 SEARCH = {"rounds": 1, "search": {"restarts": 1, "moves": 3, "detail_moves": 1}, "moves": {"count": 1},

@@ -11,6 +11,7 @@ from hydra import compose, initialize_config_module
 from scipy.stats import spearmanr
 
 from fractal_exp import InputError, tracking
+from fractal_exp.cli import configuration
 from fractal_exp.cli import perceptual as app
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
@@ -143,7 +144,7 @@ def test_recipes_that_cannot_be_trained(change, message):
 
 
 def composed(*overrides):
-    app.register()
+    configuration.register()
     with initialize_config_module("fractal_exp.conf", version_base="1.3"):
         return compose("perceptual", list(overrides))
 

@@ -5,31 +5,26 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import pandas as pd
+import psutil
 import pytest
 import yaml
 from commands import run_here
-from hydra import compose, initialize_config_module
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from omegaconf import OmegaConf, open_dict
+from omegaconf import OmegaConf
 from test_configuration import ABLATIONS
 from test_words import said
 
 from fractal_exp import IFS, tracking
 from fractal_exp.cli import configuration
-from fractal_exp.cli import sweep as command
+from fractal_exp.cli.composed import sweep as command
 from fractal_exp.cli.jobs import job_name
 from fractal_exp.runtime.checkpoint import compare
 from fractal_exp.studies import report
 from fractal_exp.studies.published import TABLES
-from fractal_exp.tracking.store import process_start
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 NAMES = sorted(path.stem for path in SWEEPS.glob("*.yaml"))
@@ -37,35 +32,21 @@ TINY = ["scale=smoke", "resolution=32", "evaluation.resolution=32", "evaluation.
         "checkpoint_every=2", "anneal_every=3", "threads=1"]
 
 
-def jobs_of(name: str, *overrides: str, crossed: bool = True) -> list[dict]:
-    """The resolved configuration of every job of a sweep; unless crossed, of all rows on the first fractal and of the
-    first row on all."""
-    configuration.register()
-    common = ["sweep.folder=folder", "sweep.varies=[]", *overrides]
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        path = GlobalHydra.instance().config_loader().get_search_path()
-        path.prepend("sweeps", "pkg://fractal_exp.sweeps")  # as --config-dir does
-        loader = GlobalHydra.instance().hydra.config_loader = ConfigLoaderImpl(path)
-        whole = compose(name, common, return_hydra_config=True)
-        lines = [f"{key}={value}" for key, value in whole.hydra.sweeper.params.items()]
-        parsed = OverridesParser.create(config_loader=loader).parse_overrides(lines)
-        jobs, lists = [], BasicSweeper.split_arguments(parsed, None)[0]
-        for words in lists:
-            other = {word.split("=")[0] for word in set(words) - set(lists[0])}
-            if not crossed and "target.index" in other and len(other) > 1:
-                continue
-            config = compose(name, [*common, *words], return_hydra_config=True)
-            HydraConfig.instance().set_config(config)
-            with open_dict(config):
-                del config["hydra"]
-            jobs.append(OmegaConf.to_container(configuration.resolve(config)))
-        return jobs
+def jobs_of(name: str, *overrides: str) -> list[dict]:
+    """The resolved configuration of every job of a sweep."""
+    found = []
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as output:
+        patch.setattr("fractal_exp.cli.jobs.run_job",
+                      lambda config: found.append(OmegaConf.to_container(configuration.resolve(config))))
+        status, printed = run_here(command, name, *overrides, "tracking=none", f"output={output}")
+    assert status == 1 and found, printed  # there are no results
+    return found
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name == "collage_ablation" else [])
                                   for name in NAMES])
 def test_the_jobs_of_every_sweep_pass_their_schema_and_have_rows(name):
-    jobs = jobs_of(name, "sweep.count=2", crossed=False)
+    jobs = jobs_of(name, "sweep.count=2")
     labels = [(job["sweep"]["row"], job["sweep"]["sample"]) for job in jobs]
     assert len(labels) > 1 and len(set(labels)) == len(labels), "each job is one sample of one row"
     baseline = jobs[0]["sweep"]["baseline"]
@@ -112,7 +93,8 @@ def test_names_of_jobs_say_what_varies_and_stay_apart():
 
 def start(output: Path, *words: str, **environment: str) -> subprocess.Popen:
     environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"} | environment
-    line = [sys.executable, "-m", "fractal_exp.cli.sweep", words[0], *TINY, f"output={output}", *words[1:]]
+    line = [sys.executable, "-c", "from fractal_exp.cli.start import sweep; sweep()", words[0], *TINY,
+            f"output={output}", *words[1:]]
     return subprocess.Popen(line, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
 
 
@@ -147,6 +129,10 @@ def test_a_failing_job_is_shown_counted_and_stops_no_other(tmp_path):
     assert list(summary["row"][:2]) == ["0 maps", "3 maps"]
 
 
+def lives(pid: int) -> bool:
+    return psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+
+
 def wait_for(condition, what: str, process: subprocess.Popen, seconds: float = 120):
     deadline = time.monotonic() + seconds
     while not (found := condition()):
@@ -171,10 +157,8 @@ def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
     job = wait_for(in_work, "waited for a checkpoint", process)[0]
     os.kill(int((job / ".lock").read_text()), signal.SIGKILL)
     printed, _ = process.communicate(timeout=120)
-    assert process.returncode == 1 and "3 of 4 jobs finished; 1 failed" in printed, "a killed worker"
-    sweep, _ = stored(killed, "function_count")
-    assert sorted(sweep.jobs["status"]) == ["FAILED", *["FINISHED"] * 3] and sweep.jobs["row"].notna().all()
-    assert "its process ended without a word" in sweep.jobs.set_index("job")["reason"][job.name]
+    assert process.returncode == 1 and "the same command again goes on" in printed, "a killed worker ends the sweep"
+    assert "A worker process managed by the executor was unexpectedly terminated" in printed
 
     process = start(killed, *words)
 
@@ -188,7 +172,7 @@ def test_a_sweep_killed_in_its_parts_comes_to_the_same_table(tmp_path):
     process.send_signal(signal.SIGKILL)
     process.wait()
     deadline = time.monotonic() + 60
-    while alive := [pid for pid in workers if process_start(pid) is not None]:
+    while alive := [pid for pid in workers if lives(pid)]:
         assert time.monotonic() < deadline, f"{alive} outlive their parent"
         time.sleep(0.05)
 

@@ -20,7 +20,7 @@ from PIL import Image
 
 from fractal_exp import IFS, InputError
 from fractal_exp.cli import configuration, interruption
-from fractal_exp.cli import train as program
+from fractal_exp.cli.composed import train as program
 from fractal_exp.cli.train import fit
 from fractal_exp.tracking import read_artifact, read_series, runs_frame
 
@@ -44,8 +44,8 @@ def train(*overrides: str) -> dict[str, float]:
 
 
 def command(*arguments: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", "fractal_exp.cli.train", *TINY, *arguments], text=True,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    line = [sys.executable, "-c", "from fractal_exp.cli.start import train; train()", *TINY, *arguments]
+    return subprocess.Popen(line, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
 def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):

@@ -46,7 +46,7 @@ def convert(options: argparse.Namespace) -> None:
     if len(options.codes) > 1 and not format.several:
         raise InputError(f"a {format.key} file holds one code, got {len(options.codes)}; write a file for each, or "
                          f"all to one that holds several: {', '.join(_of_several())}")
-    codes = [FRAMES[options.frame](read_code(text)) for text in options.codes]
+    codes = [read_code(text, options.frame) for text in options.codes]
     path = formats.save(codes, Path(options.out), options.to)
     print(f"{path} ({format.key}, {', '.join(f'{len(code)} maps' for code in codes)})")
 

@@ -1,49 +1,24 @@
-"""`fractal-perceptual`: train the network of the perceptual distance `fractal` and write its weight file."""
+"""What `fractal-perceptual` does: train the network of the perceptual distance `fractal` and write its weight file."""
 
 from __future__ import annotations
 
 import json
-import sys
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import hydra
-from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from ..methods.base import check_device
 from ..perceptual import fractal_features
 from ..perceptual_training.training import Recipe, train
 from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
-from . import configuration, interruption, words
+from . import configuration
 from .folders import FitFolder
 from .progress import Reporter
 from .runs import Runs
-
-
-@dataclass
-class PerceptualConfig:
-    """The top level of `fractal-perceptual`; the recipe is typed by `Recipe`."""
-
-    recipe: Any = MISSING
-    tracking: Any = MISSING
-    scale: str = MISSING
-    device: str = "cpu"
-    threads: int | None = None
-    output: str = "outputs"
-    study: str = "perceptual"
-    name: str | None = None
-    resume: bool = False
-    checkpoint_every: int = 250
-
-
-def register() -> None:
-    """Make the top-level schema known to Hydra, under the name that conf/perceptual.yaml asks for."""
-    ConfigStore.instance().store(name="perceptual_schema", node=PerceptualConfig)
 
 
 def train_distance(config: DictConfig) -> Path:
@@ -109,25 +84,3 @@ def _file(folder: FitFolder) -> Path:
     fractal_features.load(path)
     print(f"  weights    {path}")
     return path
-
-
-@hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="perceptual")
-def _hydra_main(config: DictConfig) -> None:
-    try:
-        with words.one_line("fractal-perceptual"):
-            train_distance(config)
-    except KeyboardInterrupt:
-        print("\nfractal-perceptual: interrupted; the same command with resume=true goes on from its last checkpoint",
-              file=sys.stderr)
-        raise SystemExit(130) from None
-
-
-def main() -> None:
-    """The command line."""
-    interruption.listen()
-    register()
-    words.run("fractal-perceptual", _hydra_main, sys.argv[1:], "perceptual")
-
-
-if __name__ == "__main__":
-    main()

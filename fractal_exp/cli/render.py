@@ -93,7 +93,7 @@ def draw(options: argparse.Namespace) -> None:
     for name, value in DEFAULTS.items():
         if getattr(options, name) is None:
             setattr(options, name, value)
-    codes = [FRAMES[options.frame](read_code(text)) for text in options.code]
+    codes = [read_code(text, options.frame) for text in options.code]
     _choose_colours(codes, options)
     if options.points is not None:
         if not (math.isfinite(options.points) and options.points >= 1):

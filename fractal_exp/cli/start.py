@@ -4,8 +4,9 @@ from functools import partial
 
 from ..runtime.extras import start
 
-train = partial(start, "fractal-train", "fractal_exp.cli.train")
-sweep = partial(start, "fractal-sweep", "fractal_exp.cli.sweep")
+train = partial(start, "fractal-train", "fractal_exp.cli.composed", "train")
+sweep = partial(start, "fractal-sweep", "fractal_exp.cli.composed", "sweep")
+perceptual = partial(start, "fractal-perceptual", "fractal_exp.cli.composed", "perceptual")
 report = partial(start, "fractal-report", "fractal_exp.cli.report")
 evaluate = partial(start, "fractal-evaluate", "fractal_exp.cli.evaluate")
 invert = partial(start, "fractal-invert", "fractal_exp.cli.invert")
@@ -14,4 +15,3 @@ convert = partial(start, "fractal-convert", "fractal_exp.cli.convert")
 view = partial(start, "fractal-view", "fractal_exp.cli.view")
 studio = partial(start, "fractal-studio", "fractal_exp.cli.studio")
 suite = partial(start, "fractal-suite", "fractal_exp.cli.suite")
-perceptual = partial(start, "fractal-perceptual", "fractal_exp.cli.perceptual")

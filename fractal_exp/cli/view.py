@@ -38,7 +38,7 @@ def write(options: argparse.Namespace) -> None:
         if options.center is None or options.zoom is None:
             raise InputError("a first view needs both --center X Y and --zoom; leave both out for the whole")
         view = View(tuple(options.center), options.zoom)
-    code = FRAMES[options.frame](read_code(options.code))
+    code = read_code(options.code, options.frame)
     path = code.save_html(options.output or _default(options.code), view=view)
     print(f"{path} ({path.stat().st_size // 1000} kB); open it in a browser")
 

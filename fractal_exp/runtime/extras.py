@@ -9,8 +9,8 @@ from importlib.util import find_spec
 from ..errors import InputError
 
 EXTRAS = {  # the libraries that are imported where they are used -> the extra that brings them
-    "hydra": "study", "joblib": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study",
-    "omegaconf": "study", "pandas": "study", "pyarrow": "study", "skimage": "study", "yaml": "study",
+    "hydra": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study", "omegaconf": "study",
+    "pandas": "study", "psutil": "study", "pyarrow": "study", "skimage": "study", "yaml": "study",
     "lpips": "perceptual", "torchvision": "perceptual",
     "imageio": "video", "imageio_ffmpeg": "video",
     "anywidget": "notebook",
@@ -30,15 +30,14 @@ def remedy(library: str) -> str:
     return f"pip install 'fractal-exp[{EXTRAS[library]}]' brings it"
 
 
-def start(program: str, module: str) -> None:
-    """Run `main` of a module, the command line `program`; if a library of an extra is missing, say so in one line and
-    exit with status 2."""
+def start(program: str, module: str, function: str = "main") -> None:
+    """Run a function of a module, the command line `program`; if a library of an extra is missing, say so in one line
+    and exit with status 2."""
     try:
-        main = import_module(module).main
+        getattr(import_module(module), function)()
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
         if library not in EXTRAS:
             raise
         print(f"{program}: error: {library} is not installed; {remedy(library)}", file=sys.stderr)
         raise SystemExit(2) from None
-    main()

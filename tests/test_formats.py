@@ -17,7 +17,7 @@ from PIL import Image
 from fractal_exp import IFS, Colours, InputError, View, codes, render
 from fractal_exp.cli import convert
 from fractal_exp.cli import render as render_app
-from fractal_exp.cli.commands import read_code
+from fractal_exp.cli.code_names import read_code
 from fractal_exp.evaluation.metrics import f1
 from fractal_exp.ifs import attractor, formats
 from fractal_exp.ifs.formats import ply

@@ -8,7 +8,8 @@ from pathlib import Path
 from ..errors import InputError
 from ..ifs import formats
 from ..runtime import threads
-from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
+from .code_names import read_code
+from .commands import CODE_HELP, FRAMES, command, command_parser
 
 DESCRIPTION = """Write codes in another format, which the end of the file's name chooses:
 

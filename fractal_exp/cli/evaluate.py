@@ -102,8 +102,8 @@ def evaluate_codes(options: argparse.Namespace) -> None:
     pictured = [candidate for candidate in candidates if candidate.aim.picture is not None]
     lost = [candidate.name for candidate in candidates if candidate not in known + pictured]
     if len(lost) == len(candidates):
-        raise InputError(f"{', '.join(lost)}: fitted to pictures that are not kept, so there is nothing to judge by; "
-                         "name a truth with --truth")
+        raise InputError(f"{', '.join(lost)}: neither {records.TRUTH} nor {records.PICTURE} is kept; name a truth "
+                         "with --truth")
     distance = Perceptual.load(options.perceptual, options.perceptual_weights)
     for side, setting in {(options.resolution, "--resolution") for _ in known} | {
             (candidate.aim.picture.shape[-1], "the resolution of the fit") for candidate in pictured}:
@@ -119,7 +119,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         if pictured:
             parts.append(_write_inputs(_judge_pictures(pictured, options, distance, strips, run), folder, run))
         if lost:
-            parts.append(f"not judged, since fitted to pictures that are not kept: {', '.join(lost)}")
+            parts.append(f"not judged, since neither a truth nor a picture is kept: {', '.join(lost)}")
         if enlarged := without_code(options.codes):
             parts.append(f"not judged, since they found no code: {', '.join(enlarged)}; fractal-train has judged them, "
                          "see per_view.csv beside them")
@@ -208,17 +208,14 @@ def _write_inputs(table: pd.DataFrame, folder: Path, run: tracking.Tracker) -> s
     scores = table.drop(columns=["resolution", "input", "against", "perceptual"])
     means = scores.groupby("method", sort=False).mean(numeric_only=True).dropna(axis="columns", how="all")
     run.log({f"input/{name}": float(value) for name, value in means.loc[RESULT].items()})
-    count, coarse = int((table["method"] == RESULT).sum()), sorted(
-        table.loc[table["input"] == records.EIGHT_BITS, "fractal"].unique())
+    count = int((table["method"] == RESULT).sum())
     return "\n".join([
         f"{_codes(count)} of pictures against the input: the whole view at the input's own resolution, no truth is "
         "known",
         means.rename_axis(None).to_string(float_format="{:.3f}".format), "",
         "each result against its input",
         scores[scores["method"] == RESULT].drop(columns="method").set_index("fractal").rename_axis(None).dropna(
-            axis="columns", how="all").to_string(float_format="{:.3f}".format),
-        *([f"of inputs kept with 8 bits only, which may lose the faintest pixels: {', '.join(coarse)}"] if coarse
-          else [])])
+            axis="columns", how="all").to_string(float_format="{:.3f}".format)])
 
 
 def _write(per_view: pd.DataFrame, codes: pd.DataFrame, views: str, folder: Path, run: tracking.Tracker) -> str:

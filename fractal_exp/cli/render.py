@@ -24,7 +24,8 @@ from ..rendering.png import PngWriter
 from ..rendering.still import CHANNELS, MODES, render, render_tiles, tile_side, tone_map, white_level
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
-from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
+from .code_names import read_code
+from .commands import CODE_HELP, FRAMES, command, command_parser
 
 LARGEST = 16_384
 STILLS = {"bits": 8, "transparent": False}

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..ifs.code import View
-from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
+from .code_names import read_code
+from .commands import CODE_HELP, FRAMES, command, command_parser
 
 DESCRIPTION = """Write a code as a page to fly into: one HTML file that any browser opens, without a network.
 

@@ -53,7 +53,7 @@ mutations: $(READY) ## Make small mistakes in a copy of the code, one at a time,
 
 test-launchers: $(READY) ## Try Slurm, Ray, submitit and a PostgreSQL server for real (root on Debian: installs packages)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,launchers,server]'
-	@tests/slurm.sh start $(SLURM) && trap 'tests/slurm.sh stop $(SLURM)' EXIT; \
+	@tests/cli/slurm.sh start $(SLURM) && trap 'tests/cli/slurm.sh stop $(SLURM)' EXIT; \
 	  SLURM_CONF=$(SLURM)/slurm.conf $(BIN)/python -m pytest -m optional
 
 dashboard: $(READY) ## Serve the runs in the browser, best F1 first (PORT=5000, STUDY=name for another than the newest)

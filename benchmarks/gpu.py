@@ -283,7 +283,7 @@ def time_collage(sizes: Sizes, index: int) -> list[dict]:
 def check() -> dict:
     """Run the tests that need a GPU and keep how they closed."""
     command = [sys.executable, "-m", "pytest", "-m", "gpu", "-q", "-rs", "-p", "no:cacheprovider",
-               str(ROOT / "tests" / "test_cuda_gpu.py")]
+               str(ROOT / "tests" / "ops" / "test_cuda_gpu.py")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     print(done.stdout[-4000:], flush=True)
     passed = done.returncode == 0 and "skipped" not in done.stdout

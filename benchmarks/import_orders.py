@@ -1,12 +1,13 @@
-"""Whether it matters what is imported first, and who sets torch's threads: it should not.
+"""What it costs to import torch before the package, and whether it matters who sets torch's threads.
 
     python -m benchmarks.import_orders --record benchmarks/results/import_orders.jsonl
 
 Every measurement is a process of its own. In each round every order is measured once, so that whatever else the machine
 does falls on all of them. Timed are a chaos game of 2000 x 250, a torch operation on a million numbers, and both in
-turns; alone, and beside processes that keep half of the cores busy. The time of a process is the lower quartile of its
-repetitions. It is divided by the median over the orders of its round. The ratio of an order is the geometric mean over
-the rounds, with a 95% interval: single processes are slower by half now and then, whatever their order.
+turns, by the clock and in processor time, which counts threads that spin; alone, and beside processes that keep half of
+the cores busy. The time of a process is the lower quartile of its repetitions. It is divided by the median over the
+orders of its round. The ratio of an order is the geometric mean over the rounds, with a 95% interval: single processes
+are slower by half now and then, whatever their order.
 """
 
 from __future__ import annotations
@@ -44,12 +45,13 @@ numbers, room = torch.rand(2, 1 << 20, generator=generator)  # memory of its own
 def game(): ops.chaos_game(*code, seed=1)
 def operation(): torch.add(numbers, 1, out=room).sum()
 def both(): game(), operation()
-def time_of(call):
-    start = time.perf_counter()
+def time_of(call, clock):
+    start = clock()
     call()
-    return time.perf_counter() - start
+    return clock() - start
 both()
-print(json.dumps({call.__name__: 1e3 * statistics.quantiles([time_of(call) for _ in range(REPEATS)])[0]
+print(json.dumps({call.__name__ + name: 1e3 * statistics.quantiles([time_of(call, clock) for _ in range(REPEATS)])[0]
+                  for name, clock in (("", time.perf_counter), (", processor", time.process_time))
                   for call in (game, operation, both)}))
 """
 

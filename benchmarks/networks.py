@@ -18,9 +18,9 @@ from typing import Any
 import torch
 
 from fractal_exp.evaluation.summary import bootstrap_interval
-from fractal_exp.pretraining.configs import FILES
-from fractal_exp.pretraining.loop import Training
 from fractal_exp.runtime import threads
+from fractal_exp.training.codes import CodeTraining
+from fractal_exp.training.configs import FILES
 
 from . import record
 
@@ -28,7 +28,7 @@ from . import record
 def judged(name: str, weights: str | None) -> dict[str, Any]:
     """What the network of a method is worth on the held-out codes of its training."""
     module, class_name, _ = FILES[name]
-    kind: type[Training] = getattr(import_module(f"fractal_exp.pretraining.{module}"), class_name)
+    kind: type[CodeTraining] = getattr(import_module(f"fractal_exp.training.{module}"), class_name)
     asked = kind.method(weights=weights)
     recipe = asked.read().recipe
     fitting = kind.method(weights=weights, **{key: recipe[key] for key in kind.method.asked})

@@ -2,7 +2,7 @@
 
     python -m benchmarks.perceptual                                     mse, mip_mse, ssim and fractal
     python -m benchmarks.perceptual --lpips-squeeze squeezenet1_1.pth   and LPIPS-squeeze with these weights
-    python -m benchmarks.perceptual --weights mine.safetensors          another network of fractal-perceptual
+    python -m benchmarks.perceptual --weights mine.safetensors          a network of benchmarks.perceptual_training
     python -m benchmarks.perceptual --resolutions                       the cost alone, beside the last correlations
 
 Spearman's correlation of a distance with the displacement of the attractor's points (root mean square, points of one
@@ -30,13 +30,13 @@ from tqdm import tqdm
 from fractal_exp.methods.chaotic import losses
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
-from fractal_exp.perceptual_training import held_out
-from fractal_exp.perceptual_training.scores import intervals, spearman
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.seeds import derive
 
 from . import record
 from .losses import library_lpips, milliseconds, random_features
+from .perceptual_training import held_out
+from .perceptual_training.scores import intervals, spearman
 
 Distance = Callable[[Tensor, Tensor], Tensor]
 RESULT = record.RESULTS / "perceptual.jsonl"

@@ -25,11 +25,11 @@ import numpy as np
 import torch
 
 from fractal_exp import IFS, ops, suite
+from fractal_exp.cameras import tiles
+from fractal_exp.cameras.levels import Density
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.camera import tiles
-from fractal_exp.methods.collage.camera.levels import Density
-from fractal_exp.methods.collage.params import CameraParams, DescentParams
+from fractal_exp.methods.collage.params import CameraParams
 from fractal_exp.ops.backends import choose
 from fractal_exp.ops.collage import Descent, descend
 from fractal_exp.rendering.still import render_with_info
@@ -53,7 +53,7 @@ def best(call: Callable[[], object], repeats: int) -> float:
 
 def descents(image: torch.Tensor, flops: float, repeats: int) -> list[dict]:
     """On the device of the image, by its kernel and by plain torch."""
-    measure = binned(Density(CAMERA).measure(image), GRID, DescentParams())
+    measure = binned(Density(CAMERA).measure(image), GRID)
     rows, generator = [], torch.Generator().manual_seed(0)
     for name, (codes, maps) in BATCHES.items():
         start = 0.3 * torch.randn(codes, maps, 6, generator=generator).to(image.device)
@@ -98,7 +98,7 @@ def tilings(image: torch.Tensor, code: IFS, repeats: int) -> dict:
     """All sizes of tiles, by the kernels and by plain torch."""
     def call() -> None:
         for size in CAMERA.tiles_px:
-            tiles.tiled(image, code, 2 / SIDE * size, SIDE, CAMERA.pen_supersample, camera=CAMERA)
+            tiles.tiled(image, code, 2 / SIDE * size, SIDE, CAMERA.pen_supersample)
 
     kernel = best(call, repeats)
     with patch.multiple(tiles, collect=_collected, mark=_marked):

@@ -24,9 +24,9 @@ from torch import Tensor
 from tqdm import tqdm
 
 from fractal_exp import suite
+from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.evaluation.summary import bootstrap_interval
 from fractal_exp.methods.amortized.method import Amortized
-from fractal_exp.methods.collage.camera.tones import levels_of
 from fractal_exp.methods.collage.maps import from_code
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.stages.problem import SearchProblem
@@ -64,8 +64,9 @@ def network(image: Tensor, method: CoreTime) -> Given:
     """The first restart with the network's maps, moved and pruned on its measure, in place of random maps."""
     code, params = Amortized().reconstruct(image).code, method.params
     restart = Restart(SearchProblem(image, levels_of(image, params.levels, params.camera), params, method.seed))
-    restart.open(State())
-    return Given(State(current=restart.search.resume(Candidate(from_code(code).float(), None, math.inf))).snapshot())
+    given = State(current=Candidate(from_code(code).float(), None, math.inf))
+    restart.open(given)
+    return Given(State(current=restart.search.resume(given.now)).snapshot())
 
 
 STARTS: dict[str, Callable[[Tensor, CoreTime], Given]] = {RANDOM: random_maps, NETWORK: network}

@@ -6,6 +6,7 @@
     python -m docs.figures zoom      docs/images/zoom.webp, a film into a recovered code
     python -m docs.figures morph     docs/images/morph.webp, a film through several recovered codes
     python -m docs.figures stages    docs/images/stages.png: a target, and the code after each stage of collage search
+    python -m docs.figures elsewhere docs/images/elsewhere.png: pictures from elsewhere, and what was found in them
     python -m docs.figures failures  docs/images/failures.png: pictures that others drew, on which collage search fails
     python -m docs.figures comparisons  docs/images/comparisons*: all methods on six fractals, and quality over time
     python -m docs.figures retina outputs/fits   docs/images/retina.png, from what `make run` left
@@ -51,7 +52,17 @@ FILM = 23
 FILM_CENTER = ("-0.1944408947", "0.7147514659")  # on the border: a film into an eye changes all over, and packs badly
 MORPH = ("fern", "maple_leaf", "spiral", "tree")
 LEVELS = 16                       # grey levels of a picture's palette
-FAILURES = {"textbook": "f1_truth", "shapes": "f1_input"}   # the sets, and which F1 within a pixel tells failures
+RESULTS = ROOT / "benchmarks" / "results"
+# The sets, their folders of results, and which F1 within a pixel tells failures.
+FAILURES = {"textbook": ("pictures_textbook_120s", "f1_truth"), "shapes": ("pictures_shapes", "f1_input")}
+# A note, and the folder, the set and the picture.
+ELSEWHERE = [("a drawing in colour", "pictures_textbook_120s", "textbook", "pentigree-6-red"),
+             ("dots, as JPEG", "pictures_textbook_120s", "textbook", "maple_leaf_dots-red-jpeg"),
+             ("a plant of six steps", "pictures_trees", "trees", "weed_6_jpeg"),
+             ("a tree", "pictures_trees", "trees", "two_9_jpeg"),
+             ("a flame", "pictures_tone_curves", "tone_curves", "heighway_dragon-flame"),
+             ("a root, 128 maps", "pictures_shapes_128", "shapes", "root")]
+ELSEWHERE_ZOOM = 20
 FAILED, MOST_FAILURES = 0.9, 8
 STAGES_SUITE, STAGES_INDEX = 101, 7
 
@@ -145,6 +156,33 @@ def hero() -> None:
     _save(IMAGES / "hero.png", np.asarray(sheet))
 
 
+def elsewhere() -> None:
+    """A column for each of several pictures that others drew: the picture, the code found in it, and that code closer.
+    """
+    from benchmarks.pictures import fitting
+    from benchmarks.pictures.sets import SETS
+
+    side, gap, left, top = 190, 8, 118, 26
+    notes = ("a picture", "the code\nfound in it", f"that code,\n{ELSEWHERE_ZOOM} times\ncloser")
+    sheet = Image.new("RGB", (left + len(ELSEWHERE) * (side + gap), top + len(notes) * (side + gap)))
+    pen, font, small = ImageDraw.Draw(sheet), ImageFont.load_default(size=20), ImageFont.load_default(size=16)
+    for row, note in enumerate(notes):
+        middle = top + row * (side + gap) + side // 2
+        pen.multiline_text((12, middle), note, fill=(205, 205, 205), font=font, anchor="lm")
+    for column, (note, folder, kind, name) in enumerate(ELSEWHERE):
+        [line] = [each for each in fitting.read(RESULTS / folder) if each["picture"] == name]
+        code, source = fitting.code_of(line), SETS[kind].picture(name)
+        drawn = Image.open(source) if isinstance(source, Path) else Image.fromarray(_bytes(source))
+        closer = View(rich_point(code, end_zoom=ELSEWHERE_ZOOM), ELSEWHERE_ZOOM)
+        cells = [_square(drawn.convert("RGB")), *(_picture(render(code, view, resolution=2 * side))
+                                                  for view in (View(), closer))]
+        x = left + column * (side + gap)
+        pen.text((x + side // 2, top - 6), note, fill=(205, 205, 205), font=small, anchor="ms")
+        for row, cell in enumerate(cells):
+            sheet.paste(cell.resize((side, side), Image.Resampling.BOX), (x, top + row * (side + gap)))
+    _save(IMAGES / "elsewhere.png", np.asarray(sheet), 48)
+
+
 def zoom() -> None:
     """A film by `fractal-render`, packed as an animated WebP."""
     with tempfile.TemporaryDirectory() as folder:
@@ -198,8 +236,8 @@ def failures() -> None:
     from benchmarks.pictures import fitting, report
 
     worst = {}
-    for kind, score in FAILURES.items():
-        for line in fitting.read(ROOT / "benchmarks" / "results" / f"pictures_{kind}"):
+    for kind, (folder, score) in FAILURES.items():
+        for line in fitting.read(RESULTS / folder):
             family = line.get("family", line["picture"])
             if line["role"] == "reporting" and line[score] < min(FAILED, worst.get(family, (FAILED,))[0]):
                 worst[family] = line[score], kind, line
@@ -227,6 +265,19 @@ def _picture(image: Tensor) -> Image.Image:
     return Image.fromarray((image.sqrt() * 255).round().to(torch.uint8).numpy())
 
 
+def _bytes(image: np.ndarray) -> np.ndarray:
+    """The pixels of a picture as bytes; numbers that are none are in [0,1]."""
+    return image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
+
+
+def _square(picture: Image.Image) -> Image.Image:
+    """The picture on a square of the colour of its corner."""
+    side = max(picture.size)
+    square = Image.new("RGB", (side, side), picture.getpixel((0, 0)))
+    square.paste(picture, ((side - picture.width) // 2, (side - picture.height) // 2))
+    return square
+
+
 def _save(path: Path, image: np.ndarray, colours: int = LEVELS) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(image).quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
@@ -239,7 +290,7 @@ def _run(command: str, *arguments: str) -> None:
 
 if __name__ == "__main__":
     parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "morph": morph, "stages": stages,
-             "failures": failures, "comparisons": comparisons, "retina": retina}
+             "elsewhere": elsewhere, "failures": failures, "comparisons": comparisons, "retina": retina}
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     parts[sys.argv[1]](*map(Path, sys.argv[2:]))

@@ -7,6 +7,8 @@ A line `[parameters: package.module.Class]`, with a prefix for the names if one 
 table of the fields of that class. The class is a pydantic model or a dataclass; a field that holds another such class
 becomes a table of its own.
 
+A line `[table: MAKER FILE ...]` becomes a table of results: see `docs/tables.py`.
+
 Every code in docs/codes becomes a page to fly through, and a link `[code](codes/NAME.json)` gets one to it.
 """
 
@@ -30,6 +32,7 @@ DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 TOGETHER = re.compile(r"(<math[^>]*>(?:(?!</math>).)*</math>[.,;:)]+)", re.DOTALL)
 TAG = re.compile(r"\\tag\{(\w+)\}")
 CODE = re.compile(r"\[code\]\((codes/\w+)\.json\)")
+TABLE = re.compile(r"^\[table: (\w+)((?: [\w./-]+)*)\]$", re.MULTILINE)
 PARAMETERS = re.compile(r"^\[parameters: ([\w.]+)\.(\w+)(?: ([\w.]+))?\]$", re.MULTILINE)
 
 SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
@@ -49,7 +52,7 @@ def on_files(files: Any, *, config: Any) -> Any:
 def code_page(path: Path) -> str:
     """The HTML of a code's page, on the whole attractor, titled as the classic code of the file's name is."""
     from fractal_exp import IFS, codes
-    from fractal_exp.viewer import page
+    from fractal_exp.viewer.page import page
 
     code = IFS.load(path)
     title = codes.known(path.stem).meta.get("title") if path.stem in codes.names() else None
@@ -58,6 +61,9 @@ def code_page(path: Path) -> str:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Put tables in the place of lines that ask for them, and links to pages beside those to codes."""
+    from docs.tables import table
+
+    markdown = TABLE.sub(lambda found: table(found[1], *found[2].split()), markdown)
     markdown = CODE.sub(r"[code](\1.json), [fly through it](\1.html)", markdown)
     return PARAMETERS.sub(lambda found: parameter_tables(getattr(import_module(found[1]), found[2]), found[3] or ""),
                           markdown)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,31 +10,29 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from .errors import InputError, did_you_mean
 from .methods import METHODS, WITHOUT_CODE, check_options, load
-from .methods.base import CodeReconstruction, Method, OnStep, Progress, stop_reason
+from .methods.base import Method, OnStep, Progress
 from .runtime.extras import need
 
 if TYPE_CHECKING:
     import numpy as np
     from torch import Tensor
 
-    from .ifs.code import IFS
+    from .images.levels import Levels
     from .images.painted import Painted
     from .images.reading import ReadImage
     from .inversion import Inversion
-    from .methods.history import History
     from .runtime.checkpoint import Checkpoint
 
-INTERRUPTED = "interrupted"
-LAST_CODES = 4  # how many codes of an interrupted search are compared
-OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "crop", "seed", "seconds", "progress",
-       "on_step", "keep_interrupted", "checkpoint", "colour")  # arguments of `invert` itself, whatever the method
+OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "crop", "levels", "seed", "seconds",
+       "progress", "on_step", "keep_interrupted", "checkpoint", "colour")  # arguments of `invert`, whatever the method
 
 
 def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str = "collage", resolution: int = 256,
            frame: Literal["fit", "keep"] = "fit", invert: bool | Literal["auto"] = "auto",
-           threshold: float | None = None, clean: bool = True, crop: Sequence[int] | None = None, colour: bool = False,
-           seed: int = 0, seconds: float | None = None, progress: bool = False, on_step: OnStep | None = None,
-           keep_interrupted: bool = False, checkpoint: Checkpoint | None = None, **options: Any) -> Inversion:
+           threshold: float | None = None, clean: bool = True, crop: Sequence[int] | None = None,
+           levels: Levels = "auto", colour: bool = False, seed: int = 0, seconds: float | None = None,
+           progress: bool = False, on_step: OnStep | None = None, keep_interrupted: bool = False,
+           checkpoint: Checkpoint | None = None, **options: Any) -> Inversion:
     """Recover the code of the self-similar shape in a picture.
 
     image: a path, or an array or tensor that `fractal_exp.images.read_target` accepts. The shape is found, turned white
@@ -43,54 +41,46 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     `ReadImage` from `read_target` is used as it is. frame: "keep" keeps the frame of a square picture, such as one from
     `render`; fitting it again would resample its grey levels. A grey `suite.target` of this resolution stays as it is,
     unless it was rounded to 8 bits. For a binary one take "keep".
-    invert, threshold, clean, crop: see `read_target`. colour: give each map of the code found a colour and a blend, so
-    that the code is drawn in the picture's colours (see `ifs.Colours` and `colouring.fitted`). The search, and so the
-    shape, is the same without. It needs scikit-image. seconds: a time limit, after which the best code so far is
-    returned.
-    progress: show a bar. on_step: called with a `Progress` after every step. keep_interrupted: an interruption (Ctrl-C)
-    returns the best code so far, if there is one, instead of raising KeyboardInterrupt. checkpoint: where the work is
-    saved, also at an interruption, and where it goes on from if that says so; `seconds` count from now.
+    invert, threshold, clean, crop: see `read_target`. levels: what the grey levels mean, see
+    `images.levels.TargetImage`; with "linear", an array or tensor may hold counts or densities of any scale. colour:
+    give each map of the code found a colour and a blend, so that the code is drawn in the picture's colours (see
+    `ifs.Colours` and `colouring.fitted`). The search, and so the shape, is the same without. It needs scikit-image.
+    seconds: a time limit, after which the best code so far is returned. progress: show a bar. on_step: called with a
+    `Progress` after every step. keep_interrupted: an interruption (Ctrl-C) returns the best code so far, if there is
+    one, instead of raising KeyboardInterrupt. checkpoint: where the work is saved, also at an interruption, and where
+    it goes on from if that says so; `seconds` count from now.
 
     options go to the method. For "collage" they are the fields of `methods.collage.params.CollageParams`; a component
-    takes a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. With levels="linear", an array or tensor
-    may hold counts or densities of any scale. For "chaotic" they are the arguments of `methods.chaotic.method.laptop`,
-    such as maps (10), starts (10) and iterations (800). "evolutionary", "cuckoo", "learning_fractals_32" and
-    "learning_fractals_256", and the networks "neural_regression" and "amortized", which are trained beforehand, take
-    the fields of their own parameters (docs/comparisons.md).
+    takes a mapping: `invert("leaf.png", maps=4, rounds=1, moves={"root": 0})`. For "chaotic" they are the arguments of
+    `methods.chaotic.method.laptop`, such as maps (10), starts (10) and iterations (800). "evolutionary", "cuckoo",
+    "learning_fractals_32" and "learning_fractals_256", and the networks "neural_regression" and "amortized", which are
+    trained beforehand, take the fields of their own parameters (docs/comparisons.md).
 
     Returns an `Inversion`: the code, its likeness to the picture, a verdict, how it was found and why the method
     stopped. Raises `InputError`, before any work, if the image is unusable, the method or an option is unknown, or a
     value is out of range.
     """
+    from .images.levels import decided
     from .images.reading import ReadImage, read_target
-    from .methods.history import History
+    from .inversion import run
 
     build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step, colour)
     reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean, "crop": crop}
     if isinstance(image, ReadImage):
-        target, reading = image, {}
+        target, reading = image if levels == "auto" else replace(image, levels=decided(levels, image.image)), {}
     else:
-        if options.get("levels") == "linear" and not isinstance(image, str | Path):
+        if levels == "linear" and not isinstance(image, str | Path):
             image, reading["clean"] = _scaled(image), False  # its levels are numbers; there is no paper to clean
-        target = read_target(image, resolution, **reading)
+        target = read_target(image, resolution, levels=levels, **reading)
         reading["crop"] = target.crop  # plain numbers, whatever the sequence was
     built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
     painted = _painted(target) if colour else None
-    codes: list[IFS] = []
-    with _Bar(progress) as bar:
-        history = History([each for each in (on_step, bar, partial(_note, codes)) if each is not None])
-        try:
-            found = built.reconstruct(target.image, on_step=history, checkpoint=checkpoint)
-        except KeyboardInterrupt:
-            if not (keep_interrupted and codes):
-                raise
-            found = CodeReconstruction(_most_alike(codes, target.image, options, seed), INTERRUPTED)
-        took = history.seconds()
-    if not isinstance(found, CodeReconstruction):
-        raise TypeError(f"the method {method!r} returned a {type(found).__name__}, which is not a code")
     used = {"seed": seed, "seconds": seconds, **{key: value for key, value in reading.items() if value is not None},
-            **({"colour": True} if colour else {}), **options}
-    shape = _concluded(found, target, history, method, used, stop_reason(found, seconds, took), took)
+            **({"levels": levels} if levels != "auto" else {}), **({"colour": True} if colour else {}), **options}
+    with _Bar(progress) as bar:
+        steps = [each for each in (on_step, bar) if each is not None]
+        shape = run(target, built, name=method, options=used, seed=seed, checkpoint=checkpoint,
+                    keep_interrupted=keep_interrupted, on_step=partial(_tell, steps))
     return shape if painted is None else _coloured(shape, painted)
 
 
@@ -112,34 +102,6 @@ def _coloured(shape: Inversion, painted: Painted) -> Inversion:
     grey = ["the picture is grey, so the colours found are greys"] if painted.is_grey else []
     likeness = replace(shape.likeness, colour=colour_error(code, painted, seed))
     return replace(shape, code=code, likeness=likeness, notes=(*shape.notes, *grey))
-
-
-def _note(codes: list[IFS], progress: Progress) -> None:
-    if progress.code is not None:
-        codes.append(progress.code)
-
-
-def _most_alike(codes: list[IFS], image: Tensor, options: Mapping[str, Any], seed: int) -> IFS:
-    """The best of the codes at the ends of the last stages. The latest may not be the best: a round may start worse."""
-    from .inversion import Likeness
-
-    levels = options.get("levels", "auto")
-    return max(codes[-LAST_CODES:], key=lambda code: Likeness.of(code, image, levels=levels, seed=seed).f1_1px)
-
-
-def _concluded(found: CodeReconstruction, target: ReadImage, history: History, method: str, options: dict[str, Any],
-               stopped: str, seconds: float) -> Inversion:
-    """The result with its likeness and verdict."""
-    from .inversion import Inversion, Likeness, Verdict, warnings_of
-
-    likeness = Likeness.of(found.code, target.image, levels=options.get("levels", "auto"),
-                           camera=options.get("camera"), found=found.camera, seed=options["seed"])
-    verdict = Verdict.of(likeness, len(found.code), target.image, picture=target, stopped=stopped, options=options)
-    source = target.source if target.source is not None else target.image
-    return Inversion(
-        code=found.code, target=target, source=source, likeness=likeness, verdict=verdict, history=history.stages(),
-        stopped=stopped, seconds=seconds, method=method, options=options, notes=(*target.notes, *found.notes),
-        warnings=warnings_of(target, verdict, likeness, stopped), camera=found.camera, curve=found.curve)
 
 
 def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
@@ -174,6 +136,11 @@ def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnSt
     build = load(method)
     check_options(build, method, options, OWN)
     return build
+
+
+def _tell(steps: Sequence[OnStep], progress: Progress) -> None:
+    for on_step in steps:
+        on_step(progress)
 
 
 class _Bar:

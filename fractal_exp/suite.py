@@ -12,7 +12,7 @@ from torch import Tensor
 from .errors import InputError
 from .ifs import attractor
 from .ifs.code import IFS
-from .images.target_levels import TARGET_SUPERSAMPLE
+from .images.levels import TARGET_SUPERSAMPLE
 from .rendering.still import points_per_view, render
 
 TARGET_KINDS = ("grey", "binary")

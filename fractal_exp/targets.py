@@ -15,17 +15,22 @@ from .errors import InputError
 from .ifs.code import IFS
 from .images import reading as images
 from .images import samples
+from .images.levels import Levels, meaning_of
+
+MEANINGS = {"grey": "density", "binary": "binary"}   # of the levels of drawn targets, by kind
 
 
 @dataclass(frozen=True)
 class Target:
-    """An image (R,R) to invert; the code that drew it, if known; notes on what was done to it; and how it was read, if
-    it is a picture."""
+    """An image to invert, as it was read or drawn, and the code that drew it, if known."""
 
-    image: Tensor
+    read: images.ReadImage
     truth: IFS | None = None
-    notes: tuple[str, ...] = ()
-    picture: images.ReadImage | None = None
+
+    @property
+    def image(self) -> Tensor:
+        """(R,R) in [0,1]."""
+        return self.read.image
 
 
 class TargetSource(ABC):
@@ -36,6 +41,15 @@ class TargetSource(ABC):
     @abstractmethod
     def load(self, resolution: int) -> Target:
         """The target at (resolution, resolution). Raises `InputError` if it cannot be read or used."""
+
+
+def _drawn(code: IFS, resolution: int, kind: Literal["grey", "binary"], notes: tuple[str, ...]) -> Target:
+    image = suite.target(code, resolution, kind)
+    return Target(images.ReadImage.of_drawing(image, MEANINGS[kind], notes), code)
+
+
+def _sample(image: Tensor, note: str) -> Target:
+    return Target(images.ReadImage.of_drawing(image, meaning_of(image), (note,)))
 
 
 class KnownCode(TargetSource):
@@ -55,7 +69,7 @@ class KnownCode(TargetSource):
         self.notes = (published.meta["title"], f"probabilities: {probabilities}")
 
     def load(self, resolution: int) -> Target:
-        return Target(suite.target(self.code, resolution, self.kind), self.code, self.notes)
+        return _drawn(self.code, resolution, self.kind, self.notes)
 
 
 class SuiteFractal(TargetSource):
@@ -68,22 +82,22 @@ class SuiteFractal(TargetSource):
         self.label = f"suite{seed}-{index:03d}"
 
     def load(self, resolution: int) -> Target:
-        return Target(suite.target(self.code, resolution, self.kind), self.code, (f"{len(self.code)} maps",))
+        return _drawn(self.code, resolution, self.kind, (f"{len(self.code)} maps",))
 
 
 class Picture(TargetSource):
     """An image file. Its shape is found, centred and padded, see `fractal_exp.images.read_target`."""
 
     def __init__(self, path: str, invert: bool | Literal["auto"] = "auto", threshold: float | None = None,
-                 clean: bool = True, crop: Sequence[int] | None = None):
+                 clean: bool = True, crop: Sequence[int] | None = None, levels: Levels = "auto"):
+        self.levels: Levels = levels
         self.path, self.threshold, self.clean, self.crop = Path(path).absolute(), threshold, clean, crop
         self.invert: bool | Literal["auto"] = invert
         self.label = self.path.stem
 
     def load(self, resolution: int) -> Target:
-        read = images.read_target(self.path, resolution, invert=self.invert, threshold=self.threshold,
-                                  clean=self.clean, crop=self.crop)
-        return Target(read.image, None, read.notes, read)
+        return Target(images.read_target(self.path, resolution, invert=self.invert, threshold=self.threshold,
+                                         clean=self.clean, crop=self.crop, levels=self.levels))
 
 
 class RetinaVessels(TargetSource):
@@ -92,7 +106,7 @@ class RetinaVessels(TargetSource):
     label = "retina"
 
     def load(self, resolution: int) -> Target:
-        return Target(samples.retina_vessels(resolution), None, ("blood vessels of skimage.data.retina()",))
+        return _sample(samples.retina_vessels(resolution), "blood vessels of skimage.data.retina()")
 
 
 class Snowflake(TargetSource):
@@ -101,4 +115,4 @@ class Snowflake(TargetSource):
     label = "snowflake"
 
     def load(self, resolution: int) -> Target:
-        return Target(samples.snowflake(resolution), None, ("snowflake of the font DejaVu Sans",))
+        return _sample(samples.snowflake(resolution), "snowflake of the font DejaVu Sans")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from fractal_exp.cameras.camera import Camera
+from fractal_exp.cameras.kinds import KINDS, levels_of
+from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.camera.tones import LEVELS, guess_levels
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.methods.collage.method import Collage
@@ -17,16 +19,14 @@ from fractal_exp.methods.collage.state import Candidate
 
 PARAMS = CollageParams()
 CAMERA = PARAMS.camera
-DENSITY, COVERAGE, BINARY = (LEVELS[name](CAMERA) for name in ("density", "coverage", "binary"))
+DENSITY, COVERAGE, BINARY = (KINDS[name](CAMERA) for name in ("density", "coverage", "binary"))
 FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1,   # moves
        "growth": {"enabled": False}}
-FEW_PENS = {"pens_px": [0.5, 1.0], "blurs_px": [0.5], "tiles_px": [], "gains": [0.1]}  # that may have drawn a picture
 BRIEF = {  # a search goes through all its steps, but does not polish what it has found for long
     "image": {"last_renderings": 1, "reduced_renderings": 1}, "refine": {"steps": 30},
     "moves": {"polish_ends": 1, "polish_starts": 0, "polish_rest": 1}, "saturation": {"trajectories": 500},
     "gauss_newton": {"rendered_steps": 1, "strides": [1.0, 2.0], "last_patience": 1},
-    "canonical": {"polish": 1, "lines_tried": 1, "nudges": [0.0]}, "growth": {"enabled": False},
-    "camera": FEW_PENS}
+    "canonical": {"polish": 1, "lines_tried": 1, "nudges": [0.0]}, "growth": {"enabled": False}}
 
 
 def merged(first: dict, second: dict) -> dict:
@@ -40,10 +40,6 @@ def merged(first: dict, second: dict) -> dict:
 
 def params(**options) -> CollageParams:
     return PARAMS.updated(**options)
-
-
-def meaning(image: Tensor) -> str:
-    return guess_levels(image, CAMERA)
 
 
 def objective(image: Tensor, levels=DENSITY, seed: int = 0, renderings: int = 1, **options) -> ImageObjective:
@@ -60,8 +56,9 @@ def measure_search(masses: Tensor, grid: int = 64, seed: int = 0, smaller: float
 
 
 def problem(image: Tensor, **options) -> SearchProblem:
-    levels = LEVELS[options.pop("levels", meaning(image))].of(image, CAMERA)
-    return SearchProblem(image, levels, params(**merged(FEW, options)))
+    meaning = options.pop("levels", meaning_of(image))
+    given = params(**merged(FEW, options))
+    return SearchProblem(image, levels_of(image, meaning, given.camera), given)
 
 
 def small(**options) -> Collage:
@@ -77,3 +74,16 @@ def tied(maps: Tensor, error: float = 0.0) -> Candidate:
 
 def random(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
+
+
+def pen_camera(tile: float, radius: float, blur: float) -> Camera:
+    """The camera of lines and areas; tile: 0 for the attractor itself."""
+    return Camera("coverage", tile=tile, pen=radius, blur=blur)
+
+
+def dot_camera(gain: float, blur: float) -> Camera:
+    return Camera("dots", gain=gain, blur=blur)
+
+
+def stroke_camera(depth: float, thinning: float, radius: float, blur: float) -> Camera:
+    return Camera("strokes", depth=depth, thinning=thinning, pen=radius, blur=blur)

@@ -6,23 +6,32 @@ from __future__ import annotations
 import contextlib
 import io
 import sys
-from collections.abc import Callable
+from types import ModuleType
 
 import pytest
 
 
-def run_here(program: Callable[[], None], *words: str, server: str | None = None) -> tuple[int, str]:
-    """The status of a command of fractal_exp.cli with these words, and all that it prints, errors too. server: the
-    address of the one that keeps the runs."""
-    printed = io.StringIO()
+def run_here(program: ModuleType, *words: str, server: str | None = None) -> tuple[int, str]:
+    """The status of a module with a `main` that is called with these words, and all that it prints, errors too.
+    server: the address of the one that keeps the runs."""
+    printed, status = io.StringIO(), 0
     with (pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed),
-          contextlib.redirect_stderr(printed), pytest.raises(SystemExit) as end):
-        patch.setattr(sys, "argv", ["command", *words])
+          contextlib.redirect_stderr(printed)):
+        patch.setattr(sys, "argv", [program.__name__, *words])
         patch.setattr("fractal_exp.cli.interruption.listen", lambda: None)  # the signals are pytest's
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         if server is not None:
             patch.setenv("MLFLOW_TRACKING_URI", server)
-        program()
-    status = end.value.code or 0
+        try:
+            program.main()
+        except SystemExit as end:
+            status = end.code or 0
     assert isinstance(status, int), status
     return status, printed.getvalue()
+
+
+def said(program: ModuleType, *words: str) -> str:
+    """What a command prints that is refused its words."""
+    status, error = run_here(program, *words)
+    assert status == 2 and "Traceback" not in error, error
+    return error

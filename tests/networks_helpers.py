@@ -3,15 +3,15 @@
 from dataclasses import replace
 
 import pytest
-from hydra import compose, initialize_config_module
+from configured import composed
 
 from fractal_exp.cli import configuration
-from fractal_exp.pretraining.amortized import AmortizedTraining
-from fractal_exp.pretraining.loop import train
-from fractal_exp.pretraining.neural_regression import RegressionTraining
-from fractal_exp.pretraining.super_resolution import SuperResolutionTraining
 from fractal_exp.runtime import weights
 from fractal_exp.runtime.checkpoint import Checkpoint
+from fractal_exp.training.amortized import AmortizedTraining
+from fractal_exp.training.loop import train
+from fractal_exp.training.neural_regression import RegressionTraining
+from fractal_exp.training.super_resolution import SuperResolutionTraining
 
 REGRESSION = {"side": 16, "channels": [2, 4, 4], "hidden": 8, "codes": 12, "batch": 4, "epochs": 3, "held_out": 6}
 SUPER = {"width": 32, "groups": 1, "layers": 2, "heads": 2, "window": 4, "features": 2, "side": 32, "patch": 8,
@@ -50,12 +50,6 @@ def saved(path, name: str, **options):
     """The file of a network with its first weights."""
     training = TRAININGS[name](**options)
     return weights.save(path, name, training.network().state_dict(), training.recipe(), {"held_out": 1.0})
-
-
-def composed(*words: str):
-    configuration.register()
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return compose("train", list(words))
 
 
 def run(*words: str) -> dict[str, float]:

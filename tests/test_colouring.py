@@ -74,12 +74,6 @@ def test_colours_are_found_on_any_ground(drawn, ground):
     assert error < colour_error(replace(FERN, colours=TRUE), seen) + 0.2 < 6
 
 
-def test_the_same_seed_gives_the_same_colours(drawn):
-    seen = painted(drawn)
-    first, again = (fitted(FERN, seen, seed=4).colours for _ in range(2))
-    assert torch.equal(first.rgb, again.rgb) and torch.equal(first.blends, again.blends)
-
-
 def test_half_a_pixel_of_colour_is_no_paler_colour():
     """A disc of one colour with smooth edges: its edge pixels are partly covered, and wholly of that colour."""
     large = Image.new("RGB", (800, 800), "white")
@@ -104,23 +98,9 @@ def test_finer_pictures_are_compared_finely_and_one_without_its_source_in_greys(
     assert Painted.of(replace(target, source=None)).is_grey and not Painted.of(target).is_grey
 
 
-def test_a_picture_that_changed_is_refused(picture, tmp_path):
-    path = tmp_path / "fern.png"
-    Image.fromarray(picture).save(path)
-    target = read_target(path, 64)
-    Image.fromarray(picture[:100, :100]).save(path)
-    with pytest.raises(InputError, match="now has 100×100 pixels, but had 192×192"):
-        Painted.of(target)
-
-
 def test_no_colours_where_code_and_picture_share_no_pixel(picture):
     point = IFS(torch.zeros(1, 2, 2), torch.tensor([[0.9, 0.9]]))
     assert fitted(point, painted(picture)) is None
-
-
-def test_an_error_needs_colours(picture):
-    with pytest.raises(InputError, match="the code has no colours to draw"):
-        colour_error(FERN, painted(picture))
 
 
 class Knows(Method):
@@ -146,12 +126,6 @@ def test_invert_with_colour_keeps_the_shape(knows, picture, tmp_path):
     coloured.render(resolution=64, mode="colour", path=tmp_path / "fern.png")
     pixels = np.asarray(Image.open(tmp_path / "fern.png"))
     assert pixels.shape == (64, 64, 3) and pixels[0, 0].tolist() == [255, 255, 255]
-
-
-def test_a_grey_picture_gets_greys_and_a_note(knows, picture):
-    found = invert(picture[..., 1], resolution=192, frame="keep", colour=True)
-    assert float((found.code.colours.rgb.max(1).values - found.code.colours.rgb.min(1).values).max()) < 1e-3
-    assert any("the picture is grey" in note for note in found.notes)
 
 
 def test_colour_is_checked_before_any_work(picture, monkeypatch):

@@ -55,11 +55,11 @@ def check_method(class_path: str) -> None:
 
 def of_target(target: Target) -> Painted:
     """The colours of a target's picture. Raises `InputError` if it is none, or a grey one."""
-    if target.picture is None:
+    if target.read.source is None:
         raise InputError("colour=true takes the colours of a picture, and this target is drawn without any; give "
                          "picture=FILE, or leave colour out")
-    painted = Painted.of(target.picture)
+    painted = Painted.of(target.read)
     if painted.is_grey:
-        raise InputError(f"colour=true needs a picture in colour, and the shape in {target.picture.source} is grey; "
+        raise InputError(f"colour=true needs a picture in colour, and the shape in {target.read.source} is grey; "
                          "leave colour out, or give another picture")
     return painted

@@ -16,6 +16,7 @@ from . import interruption
 CODE_HELP = ("a code: a file (.json, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a classic "
              "(fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
 FRAMES = ("canvas", "own")
+LARGEST = 16_384  # pixels a side of a drawing
 
 
 class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):

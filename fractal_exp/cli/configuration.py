@@ -69,26 +69,9 @@ class TrainConfig:
     starts: int = MISSING
 
 
-@dataclass
-class PerceptualConfig:
-    """The top level of `fractal-perceptual`; the recipe is typed by its class."""
-
-    recipe: Any = MISSING
-    tracking: Any = MISSING
-    scale: str = MISSING
-    device: str = "cpu"
-    threads: int | None = None
-    output: str = "outputs"
-    study: str = "perceptual"
-    name: str | None = None
-    resume: bool = False
-    checkpoint_every: int = 250
-
-
 def register() -> None:
-    """Make the schemas known to Hydra, under the names that conf/train.yaml and conf/perceptual.yaml ask for."""
+    """Make the top-level schema known to Hydra, under the name that conf/train.yaml asks for."""
     ConfigStore.instance().store(name="train_schema", node=TrainConfig)
-    ConfigStore.instance().store(name="perceptual_schema", node=PerceptualConfig)
 
 
 def resolve(config: DictConfig) -> DictConfig:

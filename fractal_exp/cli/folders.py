@@ -6,7 +6,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,9 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS
 from ..images.reading import write_image
-from ..methods.history import StageRecord
 from ..runtime.checkpoint import compare
 from ..runtime.files import alone_in, check_scores, read_record, remove_partial, write_atomically
 from ..tracking.addresses import shown
-from ..verdict import Verdict
 from . import records
 
 PAGE = "code.html"
@@ -30,9 +28,9 @@ WHITE = 65535  # of 16 bits
 
 @dataclass(frozen=True)
 class FitFolder:
-    """truth.json or target.png, config.yaml, code.json, code.html, history.json (the stages, and why the fit stopped),
-    course.json (quality over time, where a sweep asks for it), per_view.csv, views/, checkpoint.safetensors while the
-    fit runs, finished.json after."""
+    """truth.json or target.png, config.yaml, code.json, code.html, inversion.json (all that is known of the code) and
+    its pictures, course.json (quality over time, where a sweep asks for it), per_view.csv, views/,
+    checkpoint.safetensors while the fit runs, finished.json after."""
 
     path: Path
 
@@ -105,13 +103,6 @@ class FitFolder:
             return kept
         levels = torch.maximum((image.double() * WHITE).round(), (image > 0).double()).numpy().astype(np.uint16)
         return write_image(kept, levels, bits=16)
-
-    def keep_history(self, stages: Sequence[StageRecord], stopped: str, verdict: Verdict | None = None) -> Path:
-        """Keep the stages of the fit, why it stopped and, of a code, the verdict, as history.json."""
-        path = self.path / "history.json"
-        write_atomically(path, json.dumps({"stopped": stopped, "verdict": verdict and asdict(verdict),
-                                           "stages": [asdict(stage) for stage in stages]}, indent=1).encode())
-        return path
 
     def keep_course(self, points: Sequence[Mapping[str, float]], seconds: float, f1: float) -> Path:
         """Keep the F1 of the codes on the way, and that of the result, as course.json: a list of seconds and f1."""

@@ -7,23 +7,21 @@ import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..api import INTERRUPTED, OWN, invert
 from ..errors import InputError
-from ..images.reading import read_target, write_image
-from ..inversion import Inversion
 from ..methods import METHODS
-from ..methods.base import Progress
 from ..runtime import threads
 from . import interruption
 from .commands import command, command_parser, make_folder
 
-LARGEST_OVERLAY = 4096  # pixels of the picture's longer side
-RENDERING = 1024        # pixels a side
+if TYPE_CHECKING:
+    from ..methods.base import Progress
+
+LEVELS = ("auto", "density", "linear", "dots", "tonemapped", "coverage", "binary")
 POLARITIES = {"auto": "auto", "true": True, "false": False}
-FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "seed", "seconds",
-                                         "colour")}
+FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "levels", "seed",
+                                         "seconds", "colour")}
 FLAGS["clean"] = "--as-it-is"
 
 DESCRIPTION = """Find the code of the self-similar shape on a picture: the few affine maps whose attractor it is.
@@ -34,7 +32,8 @@ recovered or approximated, or is not self-similar as far as can be seen, and wha
 
 Written to --output: code.json (for fractal-render), inversion.json (the code and all that is known of it), target.png
 (the picture as it was taken), redrawn.png (the code drawn like the picture, to compare with it), rendering.png (the
-code alone) and, for a picture of at most 4096 px a side, overlay.png (the code laid over the picture). Ctrl-C ends the
+code alone), code.html (a page of it) and, for a picture of at most 4096 px a side, overlay.png (the code laid over the
+picture). Ctrl-C ends the
 search and writes the best code so far.
 
 examples
@@ -43,7 +42,7 @@ examples
   fractal-invert scan.jpg --invert true --output scan        a black shape on white
   fractal-invert page.png --crop 40 60 340 380               the part from (40, 60) to (340, 380)
   fractal-invert leaf.png --colour                           and the colours of the maps
-  fractal-invert leaf.png --set search.moves=100 rounds=2    any parameter of collage search (docs/collage.md)"""
+  fractal-invert leaf.png --set search.moves=100 rounds=2    any parameter of collage search (docs/method.md)"""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -64,6 +63,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
     parser.add_argument("--crop", type=int, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
                         help="read this part of the picture alone, in pixels from its upper left corner")
+    parser.add_argument("--levels", choices=LEVELS, default="auto", help="what the grey levels mean (default: as "
+                                                                           "they look)")
     parser.add_argument("--colour", action="store_true", help="give the code the picture's colours too")
     parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
@@ -73,6 +74,12 @@ def main(arguments: list[str] | None = None) -> None:
 
 def invert_picture(options: argparse.Namespace) -> None:
     """Do what the command line asks for."""
+    from ..api import invert
+    from ..images.reading import read_target
+    from ..inversion import write
+    from ..inversion.road import INTERRUPTED
+    from ..inversion.writing import LARGEST_OVERLAY, OVERLAY
+
     interruption.listen()
     threads.use()
     settings = parse_settings(options.settings)
@@ -80,14 +87,17 @@ def invert_picture(options: argparse.Namespace) -> None:
         settings["maps"] = options.maps
     folder = _folder(options)
     picture = read_target(options.picture, options.resolution, invert=POLARITIES[options.invert],
-                          threshold=options.threshold, clean=not options.as_it_is, crop=options.crop)
+                          threshold=options.threshold, clean=not options.as_it_is, crop=options.crop,
+                          levels=options.levels)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
     found = invert(picture, method=options.method, colour=options.colour, seed=options.seed, seconds=options.seconds,
                    progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
     make_folder(folder)
     _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings)
-    written = _write(found, folder)
+    written = write(found, folder)
+    if OVERLAY not in written:
+        print(f"  no overlay: the picture has more than {LARGEST_OVERLAY} px a side")
     print(f"  verdict    {found.verdict.words}")
     if found.verdict.remedy:
         print(f"  may help   {found.verdict.remedy}")
@@ -104,6 +114,8 @@ def invert_picture(options: argparse.Namespace) -> None:
 
 def parse_settings(words: list[str]) -> dict[str, Any]:
     """KEY=VALUE as nested options: search.moves=10 as {"search": {"moves": 10}}. Raises `InputError` on other words."""
+    from ..api import OWN
+
     settings: dict[str, Any] = {}
     for word in words:
         key, equals, text = word.partition("=")
@@ -145,20 +157,6 @@ def _tell(progress: Progress) -> None:
     interruption.check()
     if progress.code is not None and not sys.stderr.isatty():
         print(f"  {100 * progress.fraction:3.0f}% {progress.describe()}", flush=True)
-
-
-def _write(found: Inversion, folder: Path) -> list[str]:
-    """All files, and their names."""
-    found.save(folder)
-    mode = "occupancy" if found.code.colours is None else "colour"
-    found.render(resolution=RENDERING, mode=mode, path=folder / "rendering.png")
-    write_image(folder / "redrawn.png", found.redrawn())
-    written = ["code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png"]
-    if max(found.placement.size) > LARGEST_OVERLAY:
-        print(f"  no overlay: the picture has more than {LARGEST_OVERLAY} px a side")
-        return written
-    found.overlay(folder / "overlay.png")
-    return [*written, "overlay.png"]
 
 
 def _print_list(lines: Iterable[str]) -> None:

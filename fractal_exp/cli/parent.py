@@ -1,4 +1,4 @@
-"""A worker ends with the process that began the sweep: joblib's own live on for a while after that was killed."""
+"""A worker ends with the process that began the sweep: joblib's own would finish what they are at."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import threading
 import time
 
-import psutil
+from ..tracking.store import is_alive
 
 POLL_SECONDS = 1.0
 ORPHANED = 143  # the exit status of a process that SIGTERM ended
@@ -25,10 +25,6 @@ def follow(pid: int | None) -> None:
 
 
 def _watch(pid: int) -> None:
-    try:
-        followed = psutil.Process(pid)
-        while followed.is_running() and followed.status() != psutil.STATUS_ZOMBIE:
-            time.sleep(POLL_SECONDS)
-    except psutil.NoSuchProcess:
-        pass
+    while is_alive(pid):
+        time.sleep(POLL_SECONDS)
     os._exit(ORPHANED)

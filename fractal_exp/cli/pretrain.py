@@ -11,10 +11,11 @@ from omegaconf import DictConfig, OmegaConf
 
 from ..errors import InputError
 from ..methods.base import check_device
-from ..pretraining.loop import Trained, Training, train
 from ..runtime import threads, weights
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.checks import check_seconds
+from ..training.codes import CodeTraining
+from ..training.loop import Trained, train
 from . import configuration
 from .folders import FitFolder
 from .progress import Reporter
@@ -44,7 +45,7 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
     check_seconds(config.seconds)
     threads.use(config.threads)
     settings = configuration.plain(config)
-    training: Training = configuration.build(config.pretraining)
+    training: CodeTraining = configuration.build(config.pretraining)
     runs: Runs = configuration.build(config.tracking)
     identity = {"pretraining": settings["pretraining"], "device": config.device}
     name = training.method.name
@@ -84,7 +85,7 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
     return scores
 
 
-def _keep(training: Training, trained: Trained, folder: FitFolder, seconds: float) -> Path:
+def _keep(training: CodeTraining, trained: Trained, folder: FitFolder, seconds: float) -> Path:
     """The file of the weights, read again: what is not finite must not count as finished."""
     recipe = training.recipe() | {"stopped": trained.stopped, "seconds": round(seconds)}
     path = weights.save(_path(training, folder), training.method.name, trained.tensors, recipe, trained.scores)
@@ -92,13 +93,13 @@ def _keep(training: Training, trained: Trained, folder: FitFolder, seconds: floa
     return path
 
 
-def _variant(training: Training) -> str:
+def _variant(training: CodeTraining) -> str:
     return "-as-released" if training.recipe().get("as_released") else ""
 
 
-def _path(training: Training, folder: FitFolder) -> Path:
+def _path(training: CodeTraining, folder: FitFolder) -> Path:
     return folder.path / f"{training.method.name}.safetensors"
 
 
-def _tell(training: Training, folder: FitFolder) -> None:
+def _tell(training: CodeTraining, folder: FitFolder) -> None:
     print(f"  weights    {_path(training, folder)}")

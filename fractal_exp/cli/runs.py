@@ -168,8 +168,7 @@ def _note(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:
         return f"{what}: row {tags['row']}, sample {tags['sample']} of the sweep {sweep['folder']}"
     if not HydraConfig.initialized():  # no command made it
         return what
-    program = "fractal-train" if "target" in settings else "fractal-perceptual"
-    return what + _command(program, *HydraConfig.get().overrides.task)
+    return what + _command("fractal-train", *HydraConfig.get().overrides.task)
 
 
 def _command(*words: str) -> str:

@@ -4,9 +4,8 @@ from functools import partial
 
 from ..runtime.extras import start
 
-train = partial(start, "fractal-train", "fractal_exp.cli.composed", "train")
-sweep = partial(start, "fractal-sweep", "fractal_exp.cli.composed", "sweep")
-perceptual = partial(start, "fractal-perceptual", "fractal_exp.cli.composed", "perceptual")
+train = partial(start, "fractal-train", "fractal_exp.cli.composed")
+sweep = partial(start, "fractal-sweep", "fractal_exp.cli.sweep")
 report = partial(start, "fractal-report", "fractal_exp.cli.report")
 evaluate = partial(start, "fractal-evaluate", "fractal_exp.cli.evaluate")
 invert = partial(start, "fractal-invert", "fractal_exp.cli.invert")

@@ -17,16 +17,14 @@ from ..evaluation import Perceptual
 from ..ifs.code import IFS
 from ..images.painted import Painted
 from ..images.reading import write_image
-from ..inversion import Likeness
-from ..methods.base import CodeReconstruction, Method, Reconstruction, stop_reason
-from ..methods.history import History
+from ..inversion import Inversion, Work, conclude, reconstruct, write
+from ..methods.base import CodeReconstruction, Method, Reconstruction
 from ..methods.super_resolution.enlarged import Enlarged
 from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.files import write_atomically
 from ..targets import Target
 from ..tracking import Tracker
-from ..verdict import Verdict
 from . import colours, configuration, interruption
 from .folders import PAGE, FitFolder
 from .judging import Judgement, check_options, judge, judge_course
@@ -79,7 +77,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
     target = source.load(config.resolution)
     painted = colours.of_target(target) if config.colour else None
-    method.check(target.image)
+    method.check(target.read)
     if target.truth is None:  # judged at its own resolution
         perceptual.check(target.image.shape[-1])
     else:
@@ -106,26 +104,24 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
         kept = folder.keep_target(target.image, target.truth)
         run.artifact(kept.name, kept)
         with Reporter(run, folder) as reporter:
-            history = History([reporter])
-            reconstruction = method.reconstruct(target.image, on_step=history,
-                                                checkpoint=replace(checkpoint, first=run.secure))
-            seconds = history.seconds()
+            work = reconstruct(target.read, method, seed=config.seed, on_step=reporter,
+                               checkpoint=replace(checkpoint, first=run.secure))
+        reconstruction = work.found
         found = _keep_found(folder, run, reconstruction)  # before anything else can go wrong
-        stopped = stop_reason(reconstruction, getattr(method, "seconds", None), seconds)
-        verdict = _verdict(reconstruction, target, stopped, config)
-        run.artifact("history.json", folder.keep_history(history.stages(), stopped, verdict))
+        inversion = _keep_inversion(folder, run, work, target, settings)
         sweep = config.sweep or {}
-        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, seconds,
+        judgement = judge(reconstruction, target, settings["evaluation"], perceptual, work.seconds,
                           ceiling=bool(sweep.get("ceiling")), in_frame=bool(sweep.get("in_frame")))
         if painted is not None and isinstance(reconstruction, CodeReconstruction):
             judgement = _keep_colours(folder, run, reconstruction, painted, config.seed, judgement)
         _keep(folder, run, judgement)
         if sweep.get("course") and target.truth is not None:
-            points = judge_course(history.course, target.truth, settings["evaluation"])
-            run.artifact("course.json", folder.keep_course(points, seconds, float(judgement.per_view["f1"].iloc[0])))
+            points = judge_course(work.course, target.truth, settings["evaluation"])
+            f1 = float(judgement.per_view["f1"].iloc[0])
+            run.artifact("course.json", folder.keep_course(points, work.seconds, f1))
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
-    _conclude(judgement, stopped, verdict, found, folder, runs.where(settings))
+    _conclude(judgement, work.stopped, inversion, found, folder, runs.where(settings))
     return judgement.scores
 
 
@@ -140,13 +136,13 @@ def _identity(settings: dict[str, Any], target: Target, painted: Painted | None,
     return identity
 
 
-def _conclude(judgement: Judgement, stopped: str, verdict: Verdict | None, found: Path | None, folder: FitFolder,
+def _conclude(judgement: Judgement, stopped: str, inversion: Inversion | None, found: Path | None, folder: FitFolder,
               where: str | None) -> None:
     """Print the scores, and where everything lies."""
     print(f"  {judgement.describe()}")
     print(f"  stopped    {stopped}")
-    if verdict is not None:
-        print(f"  verdict    {verdict}")
+    if inversion is not None:
+        print(f"  verdict    {inversion.verdict}")
     if found is not None:
         print(f"  {found.stem:10} {found}")
     print(f"  pictures   {folder.views}")
@@ -165,6 +161,20 @@ def _keep_found(folder: FitFolder, run: Tracker, reconstruction: Reconstruction)
         return None
     run.artifact(kept.name, kept)
     return kept
+
+
+def _keep_inversion(folder: FitFolder, run: Tracker, work: Work, target: Target, settings: dict[str, Any]
+                    ) -> Inversion | None:
+    """Put all that is known of a code into the folder and into the run, as `fractal-invert` does; None if the method
+    found no code."""
+    if not isinstance(work.found, CodeReconstruction):
+        return None
+    options = {key: value for key, value in settings["method"].items() if not key.startswith("_")}
+    inversion = conclude(work, target.read, name=configuration.method_name(settings["method"]), options=options,
+                         seed=settings["seed"])
+    for name in write(inversion, folder.path):
+        run.artifact(name, folder.path / name)
+    return inversion
 
 
 def _keep_colours(folder: FitFolder, run: Tracker, reconstruction: CodeReconstruction, painted: Painted, seed: int,
@@ -186,18 +196,6 @@ def _keep_page(folder: FitFolder, run: Tracker, code: IFS) -> None:
         print(f"  no page    {error}")
 
 
-def _verdict(reconstruction: Reconstruction, target: Target, stopped: str, config: DictConfig) -> Verdict | None:
-    """The verdict on a code, by its likeness to the image that it was fitted to."""
-    if not isinstance(reconstruction, CodeReconstruction):
-        return None
-    method = configuration.plain(config.method)
-    options = {key: method.get(key) for key in ("maps", "at_most", "levels", "seconds")}
-    likeness = Likeness.of(reconstruction.code, target.image, levels=options["levels"] or "auto",
-                           camera=method.get("camera"), found=reconstruction.camera, seed=config.seed)
-    return Verdict.of(likeness, len(reconstruction.code), target.image, picture=target.picture, stopped=stopped,
-                      options=options)
-
-
 def _name(config: DictConfig, label: str, identity: Mapping[str, Any]) -> str:
     """What a reader looks for, and a digest of all the rest, so that no fit lands in another one's folder."""
     method = configuration.method_name(config.method)
@@ -211,7 +209,7 @@ def _digest(data: bytes) -> str:
 
 def _announce(config: DictConfig, label: str, target: Target) -> None:
     method = METHOD_TITLES.get(configuration.method_name(config.method), configuration.method_name(config.method))
-    print(f"{label}: {method}, {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.notes)}")
+    print(f"{label}: {method}, {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.read.notes)}")
     if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
         print("  no perceptual term in this objective (perceptual=none); perceptual=fractal adds one")
 

@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError
-from ..ifs.code import View
-from .code_names import read_code
 from .commands import CODE_HELP, FRAMES, command, command_parser
 
 DESCRIPTION = """Write a code as a page to fly into: one HTML file that any browser opens, without a network.
@@ -34,6 +32,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write(options: argparse.Namespace) -> None:
     """Write the page that the command line asks for."""
+    from ..ifs.code import View
+    from .code_names import read_code
+
     view = None
     if options.center is not None or options.zoom is not None:
         if options.center is None or options.zoom is None:

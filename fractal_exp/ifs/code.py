@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,12 +12,8 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
-from ..runtime.files import write_atomically
 from .colours import Colours
-from .numbers import exact, floats, only_keys, only_numbers
-
-if TYPE_CHECKING:
-    from ..viewer.widget import CodeWidget
+from .numbers import exact, floats
 
 FORMAT = "fractal-exp/ifs"
 VERSION = 1
@@ -98,38 +93,14 @@ class IFS:
         name = f"{self.meta['name']!r}, " if isinstance(self.meta.get("name"), str) else ""
         return f"IFS({name}{len(self)} map{'s' * (len(self) > 1)})"
 
-    def _repr_png_(self) -> bytes | None:
-        """What a notebook shows: the attractor on its canvas, as PNG. None if the code is not contractive."""
-        from ..rendering.sheets import portrait
-
-        return portrait(self)
-
-    def _repr_html_(self) -> str | None:
-        """What a notebook that may run scripts shows: a page for flying into the attractor, in its own frame. None if
-        no page can be made of the code."""
-        from ..viewer import frame
-
-        try:
-            return frame(self._page())
-        except InputError:
-            return None
-
-    def widget(self, *, view: View | None = None, height: int = 480) -> CodeWidget:
-        """The page as a widget of a notebook: maps that are dragged in it change its `code`, and its `code` can be set.
-
-        It opens on `view`, or on the whole attractor; height is in pixels. Raises `InputError` where `save_html` does,
-        on meta that is no JSON, and without the extra `notebook`.
-        """
-        from ..viewer.widget import CodeWidget
-
-        return CodeWidget(self, view=view, height=height)
-
-    def _page(self, view: View | None = None, live: bool = False) -> str:
-        from ..rendering.sheets import portrait
-        from ..viewer import check, page
-
-        check(self)  # before the picture is drawn
-        return page(self, view=view, still=portrait(self), live=live)
+    if TYPE_CHECKING:  # files and pages stand on codes, so fractal_exp/__init__.py gives these methods to a code
+        def save(self, path: str | Path, format: str | None = None) -> Path: ...
+        def save_html(self, path: str | Path, *, view: View | None = None) -> Path: ...
+        def widget(self, *, view: View | None = None, height: int = 480) -> Any: ...
+        @staticmethod
+        def load(path: str | Path, name: str | None = None) -> IFS: ...
+        @staticmethod
+        def from_json(data: Any) -> IFS: ...
 
     def to(self, device: torch.device | str) -> IFS:
         """The same code on another device."""
@@ -180,61 +151,6 @@ class IFS:
             "probabilities": None if p is None else exact(p), **colours, "meta": dict(self.meta),
         }
 
-    def save(self, path: str | Path, format: str | None = None) -> Path:
-        """Write the code to a file, whole or not at all, and return the absolute path.
-
-        The suffix chooses the format: `.json` (the complete code, bit for bit; also without a suffix), `.ifs`
-        (Fractint), `.flame` (flam3), `.svg` (a drawing of the maps), `.ply` (points). format: its key instead: "json",
-        "lists", "rows", "fractint", "flame", "svg" or "ply". `fractal_exp.ifs.formats` says what each format loses.
-        Raises `InputError` on another suffix or format, if the file cannot be written, or if the format cannot hold the
-        code.
-        """
-        from .formats import save
-
-        return save([self], path, format)
-
-    def save_html(self, path: str | Path, *, view: View | None = None) -> Path:
-        """Write a single, self-contained HTML file in which a browser flies into the attractor; return the absolute
-        path. It opens on `view`, or on the whole attractor.
-
-        The page uses the code's own coordinates, so its views are views of `fractal_exp.render`. Raises `InputError`,
-        before anything is written, on a name that does not end in .html, or a code that is not contractive or has more
-        than 1000 maps; and if the file cannot be written.
-        """
-        path = Path(path).absolute()
-        if path.suffix.lower() not in (".html", ".htm"):
-            raise InputError(f"a page is written as HTML, got {path.name!r}; end the name in .html")
-        write_atomically(path, self._page(view))
-        return path
-
-    @classmethod
-    def from_json(cls, data: Any) -> IFS:
-        """A contractive code from plain data in this package's format or one of the two public spellings.
-
-        The public spellings are a mapping with `ifs_m` (N,2,2) or (N,4), `ifs_t` (N,2) and optionally `ifs_p` (N,),
-        and a list of rows `a b c d e f [p]` meaning x' = a x + b y + e, y' = c x + d y + f. Raises `InputError` on
-        anything else.
-        """
-        if isinstance(data, list):
-            code = _from_rows(data)
-        elif isinstance(data, Mapping) and "ifs_m" in data:
-            code = _from_lists(data)
-        elif isinstance(data, Mapping):
-            code = _from_own(data)
-        else:
-            raise InputError(f"a code is a JSON object or a list of rows of six numbers, got {type(data).__name__}")
-        return code.check_contractive()
-
-    @classmethod
-    def load(cls, path: str | Path, name: str | None = None) -> IFS:
-        """Read a code from a JSON (see `from_json`), Fractint (`.ifs`) or flam3 (`.flame`) file.
-
-        name: which code of a file with several, or "#2" for the second. Raises `InputError` naming the file.
-        """
-        from .formats import load
-
-        return load(path, name)
-
 
 def sampling_probabilities(linear: Tensor) -> Tensor:
     """|det M_i| + 0.01, normalised over the maps: (…,N,2,2) -> (…,N)."""
@@ -259,38 +175,3 @@ def _check_colours(colours: Any, count: int) -> None:
     if len(colours) != count:
         raise InputError(f"the code has {count} maps and colours of {len(colours)}; give each map one, or leave "
                          "colours out (colours=None)")
-
-
-def _from_own(data: Mapping[str, Any]) -> IFS:
-    only_keys(data, {"format", "version", "linear", "offset", "probabilities", "colours", "meta"})
-    version = data.get("version")
-    if data.get("format") != FORMAT or type(version) is not int or version != VERSION:
-        found = f"{reprlib.repr(data.get('format'))} version {reprlib.repr(version)}"
-        raise InputError(f"expected format {FORMAT!r} version {VERSION}, got {found}; no other version is read")
-    missing = [key for key in ("linear", "offset") if key not in data]
-    if missing:
-        raise InputError(f"the code has no {' and no '.join(missing)}")
-    given, meta, colours = data.get("probabilities"), data.get("meta"), data.get("colours")
-    return IFS(only_numbers("linear", data["linear"]), only_numbers("offset", data["offset"]),
-               None if given is None else only_numbers("probabilities", given), {} if meta is None else meta,
-               None if colours is None else Colours.from_json(colours))
-
-
-def _from_lists(data: Mapping[str, Any]) -> IFS:
-    only_keys(data, {"ifs_m", "ifs_t", "ifs_p"})
-    if "ifs_t" not in data:
-        raise InputError("ifs_m needs ifs_t beside it: one offset (x, y) per matrix")
-    linear = floats("ifs_m", only_numbers("ifs_m", data["ifs_m"]))
-    if linear.ndim == 2 and linear.shape[1] == 4:
-        linear = linear.reshape(-1, 2, 2)
-    given = data.get("ifs_p")
-    return IFS(linear, only_numbers("ifs_t", data["ifs_t"]), None if given is None else only_numbers("ifs_p", given))
-
-
-def _from_rows(rows: list[Any]) -> IFS:
-    table = floats("rows", only_numbers("rows", rows))
-    if table.ndim != 2 or table.shape[1] not in (6, 7):
-        raise InputError(f"a list of rows needs six numbers each, a b c d e f, or seven with the probability; "
-                         f"got shape {tuple(table.shape)}")
-    p = table[:, 6] if table.shape[1] == 7 else None
-    return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:6], p)

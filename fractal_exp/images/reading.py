@@ -19,6 +19,7 @@ from . import tone
 from .bands import Bands, Crop, Overview, Profile, open_picture
 from .checks import MIN_SIDE, Notes, check_crop, check_options, check_pixels, check_resolution, unit
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
+from .levels import Levels, TargetImage, decided
 from .parts import beside_the_shape
 from .placement import Placement
 from .sampling import is_target, resample, window
@@ -31,10 +32,10 @@ SEEN_IN_NOISE, SEEN_IF_LOSSY = 0.1, 0.25  # the same level with noise, and in a 
 
 
 @dataclass(frozen=True, eq=False)
-class ReadImage:
+class ReadImage(TargetImage):
     """A picture placed on the canvas, and what was done to it.
 
-    image: (R,R) float32 in [0,1], white shape on black; inverted: whether the picture was black on white; source_size:
+    image, levels: see `TargetImage`; inverted: whether the picture was black on white; source_size:
     (width, height) in pixels, upright; crop_box: (x0, y0, x1, y1), the square of the picture that fills the canvas, in
     pixels from its upper left corner (it may reach beyond the picture); scale: target pixels per picture pixel; notes:
     sentences for the log; warnings: the notes about what may spoil a result; doubtful: whether what was taken for the
@@ -42,7 +43,6 @@ class ReadImage:
     the given picture; crop: (left, top, right, bottom), the part of it that was read, in pixels, or None for all of it.
     """
 
-    image: Tensor
     inverted: bool
     source_size: tuple[int, int]
     crop_box: tuple[float, float, float, float]
@@ -53,6 +53,12 @@ class ReadImage:
     unclear: str = ""
     source: Path | np.ndarray | Tensor | None = None
     crop: Crop | None = None
+
+    @classmethod
+    def of_drawing(cls, image: Tensor, levels: str, notes: tuple[str, ...] = ()) -> ReadImage:
+        """An image (R,R) that was drawn as a target, in its own frame."""
+        side = image.shape[-1]
+        return cls(image, False, (side, side), (0.0, 0.0, float(side), float(side)), 1.0, notes, levels=levels)
 
     @property
     def placement(self) -> Placement:
@@ -70,6 +76,7 @@ def read_target(
     frame: Literal["fit", "keep"] = "fit",
     clean: bool = True,
     crop: Sequence[int] | None = None,
+    levels: Levels = "auto",
 ) -> ReadImage:
     """Read a picture as a target (resolution, resolution), white on black.
 
@@ -95,6 +102,7 @@ def read_target(
     is. A lossy WebP and a TIFF with JPEG compression count as JPEG here.
     crop: (left, top, right, bottom), the part of the upright picture that is read as if it were all, in pixels from the
     upper left corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
+    levels: what the grey levels mean, see `TargetImage`; "auto" decides by their look.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.
     Pillow holds the file's pixels at 1 to 4 bytes each (for a large JPEG without `crop`, those of a smaller one).
     Beside that, the memory is for some rows, an overview of a million pixels, and the result.
@@ -122,7 +130,8 @@ def read_target(
     crop_box = (left + scale * x, top + scale * y, left + scale * (x + side), top + scale * (y + side))
     return ReadImage(image, shape.inverted, pixels.full, crop_box, resolution / side / scale,
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
-                     Path(source).absolute() if isinstance(source, str | Path) else source, part)
+                     Path(source).absolute() if isinstance(source, str | Path) else source, part,
+                     levels=decided(levels, image))
 
 
 def _check_sides(width: int, height: int, frame: str, name: str) -> None:

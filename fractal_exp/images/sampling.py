@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from .bands import Bands, Profile
-from .target_levels import has_target_levels
+from .levels import has_target_levels
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

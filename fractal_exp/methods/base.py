@@ -10,8 +10,11 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from ..cameras.camera import Camera
+from ..cameras.params import CameraParams
 from ..errors import InputError
 from ..ifs.code import IFS, View
+from ..images.levels import TargetImage
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.params import Params
 
@@ -43,6 +46,7 @@ class Progress:
 
 
 OnStep = Callable[[Progress], None]
+AnyTarget = Tensor | TargetImage   # a bare image means what it looks like
 
 
 class FitDiverged(RuntimeError):
@@ -74,7 +78,7 @@ class CodeReconstruction(Reconstruction):
     """A reconstruction that is an IFS, in the frame of the input image.
 
     stopped: why the work ended, in words; empty where the method does not say. notes: sentences for the user.
-    camera: what was found out of how the picture was taken, in words and pixels; None where the method assumes it.
+    camera: how the picture was drawn, as far as the method found out; None where it did not try.
     curve: codes of more and more maps, where the method made them to choose from.
     evaluations: how many images of codes were drawn and compared to find it; None where the method does not count.
     """
@@ -82,7 +86,7 @@ class CodeReconstruction(Reconstruction):
     code: IFS
     stopped: str = ""
     notes: tuple[str, ...] = ()
-    camera: Mapping[str, str | float] | None = None
+    camera: Camera | None = None
     curve: tuple[CurvePoint, ...] = ()
     evaluations: int | None = None
 
@@ -103,7 +107,12 @@ class Method(ABC):
 
     Params: ClassVar[type[Params] | None] = None
 
-    def check(self, target: Tensor) -> None:
+    @property
+    def camera(self) -> CameraParams:
+        """What the user knows of how a picture was drawn."""
+        return CameraParams()
+
+    def check(self, target: AnyTarget) -> None:
         """Raise the `InputError` that `reconstruct` would raise on this image, without any work."""
         check_target(target)
 
@@ -113,9 +122,10 @@ class Method(ABC):
         return None
 
     @abstractmethod
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> Reconstruction:
-        """Reconstruct a square image (R,R) in [0,1], the shape white on black.
+        """Reconstruct a target, or a square image (R,R) in [0,1], the shape white on black, whose levels mean what they
+        look like.
 
         on_step is called after every step; with a checkpoint the work is saved as it says and can be resumed. Raises
         `InputError` on an unusable image before any work, and `FitDiverged` if the work breaks down.
@@ -145,9 +155,9 @@ def check_device(device: str) -> str:
     return device
 
 
-def check_target(target: Tensor, resolution: int | None = None) -> Tensor:
+def check_target(target: AnyTarget, resolution: int | None = None) -> Tensor:
     """The image as float32, or `InputError` unless it is a finite square (R,R) in [0,1] with something on it."""
-    target = torch.as_tensor(target)
+    target = torch.as_tensor(target.image if isinstance(target, TargetImage) else target)
     if target.ndim != 2 or target.shape[0] != target.shape[1]:
         raise InputError(f"a target image must be square, shape (R, R), got {tuple(target.shape)}; "
                          "fractal_exp.images.read_target makes one from any picture")

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..runtime import weights as files
 from ..runtime.checks import check_seconds
 from ..runtime.params import Params
-from .base import Method, check_device, check_target
+from .base import AnyTarget, Method, check_device, check_target
 
 
 class PretrainedParams(Params):
@@ -60,7 +60,7 @@ class Pretrained(Method):
     def check_size(self, target: Tensor) -> None:
         """Raise `InputError` unless the network can take a checked image (R,R)."""
 
-    def check(self, target: Tensor) -> None:
+    def check(self, target: AnyTarget) -> None:
         self.check_size(check_target(target))
         self.loaded()
 

@@ -18,6 +18,7 @@ from ..runtime.deadline import Deadline
 from ..runtime.params import Params
 from ..runtime.precision import full_precision
 from .base import (
+    AnyTarget,
     CodeReconstruction,
     FitDiverged,
     Method,
@@ -88,11 +89,11 @@ class Stepwise(Method):
     def walk(self, image: Tensor) -> Walk:
         """The work on a checked image (R,R), float32. Raises `InputError` if the method cannot take it."""
 
-    def check(self, target: Tensor) -> None:
+    def check(self, target: AnyTarget) -> None:
         self.walk(check_target(target).to(self.device))
 
     @full_precision()
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
         walk = self.walk(check_target(target).to(self.device))
         deadline = Deadline(self.seconds)

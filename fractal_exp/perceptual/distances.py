@@ -14,12 +14,11 @@ from pathlib import Path
 from urllib.request import Request, urlopen
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
-from torch.autograd.function import once_differentiable
 
 from ..errors import InputError
 from ..runtime.extras import need
+from ..runtime.weights import Weights
 from . import fractal_features
 from .feature_distance import unit_distance
 
@@ -85,7 +84,7 @@ def load(kind: str, weights: str | Path | None = None, input_range: str = "corre
 
     kind: one of `kinds()`. weights: for LPIPS a torchvision checkpoint or a bare `features` state dict of the backbone
     (.pth, or .safetensors); without it torch's cache is looked up ($TORCH_HOME/hub/checkpoints), then torchvision's
-    download tried. For "fractal" a file of `fractal-perceptual`; without it the one in this package. input_range, of
+    download tried. For "fractal" a file of its own format; without it the one in this package. input_range, of
     LPIPS alone: "correct" maps [0,1] to the [-1,1] that it was trained with, "released" feeds [0,1] as it is, as the
     paper's program does. Raises `WeightsUnavailable` if there are no weights to be had, and `InputError` on
     an unknown kind or range and on a file that is missing, unreadable or of another network.
@@ -124,14 +123,16 @@ class Backbone:
         return PerceptualDistance(self.kind, layers, self.taps, _heads(self.heads), self.smallest_px)
 
     def layers(self, path: Path) -> nn.Sequential:
-        """The backbone's layers up to the last tap, with the weights of a file."""
+        """The backbone's layers up to the last tap, with the weights of a file: a whole checkpoint or its features."""
         need("torchvision")
         from torchvision.models import get_model
 
         with torch.device("meta"):  # no memory, and no draw from the global random generator
             features = get_model(self.model, weights=None).features
-        state = _matching(_read(path), features.state_dict(), f"{path} does not hold the features of {self.model}")
-        features.load_state_dict(state, assign=True)
+        state, prefix = _read(path), "features."
+        inner = {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)} or state
+        singles = {name: value.float() for name, value in inner.items()}
+        Weights(singles, {}, {}, f"{path} (read as the features of {self.model})", "").fill(features)
         return features[:self.taps[-1]]
 
 
@@ -154,41 +155,6 @@ class _GreyStem(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         return self.conv(torch.cat([x, torch.ones_like(x)], 1))
-
-
-class _HalvingConv(nn.Module):
-    """A 5×5 convolution of stride 2 on images of one channel, with a backward pass of its own.
-
-    The gradient is an image again, by a 3×3 convolution to four channels, those of its even and odd rows and columns:
-    on a CPU half the time of PyTorch's, which was a sixth of all that the distance cost.
-    """
-
-    def __init__(self, conv: nn.Conv2d):
-        super().__init__()
-        self.conv = conv
-        taps = F.pad(conv.weight.detach()[:, 0], (0, 1, 0, 1))          # (C,6,6), of pixels -2 … 3
-        taps = taps.unflatten(2, (3, 2)).unflatten(1, (3, 2)).permute(0, 2, 4, 1, 3).flatten(1, 2)
-        self.register_buffer("back", taps.flip(2, 3).transpose(0, 1).contiguous(), persistent=False)  # (4,C,3,3)
-
-    def forward(self, x: Tensor) -> Tensor:
-        return _HalvingConvFunction.apply(x, self.conv.weight, self.conv.bias, self.back)
-
-
-class _HalvingConvFunction(torch.autograd.Function):
-    """See `_HalvingConv`; the weights take no gradient."""
-
-    @staticmethod
-    def forward(ctx, x: Tensor, weight: Tensor, bias: Tensor, back: Tensor) -> Tensor:
-        ctx.save_for_backward(back)
-        ctx.side = x.shape[-2:]
-        return F.conv2d(x, weight, bias, stride=2, padding=2)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, cotangent: Tensor) -> tuple[Tensor, None, None, None]:
-        (back,), (height, width) = ctx.saved_tensors, ctx.side
-        gradient = F.pixel_shuffle(F.conv2d(cotangent, back, padding=1), 2)
-        return gradient[..., :height, :width], None, None, None
 
 
 def _heads(name: str) -> list[Tensor]:
@@ -242,23 +208,6 @@ def _read(path: Path) -> dict[str, Tensor]:
     return state
 
 
-def _matching(state: dict[str, Tensor], expected: dict[str, Tensor], complaint: str) -> dict[str, Tensor]:
-    """The tensors of a whole checkpoint or a bare features dict, float32, checked name by name."""
-    prefix = "features."
-    inner = {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)} or state
-    if set(inner) != set(expected):
-        name = sorted(set(inner) ^ set(expected))[0]
-        raise InputError(f"{complaint}: {name} is {'missing' if name in expected else 'unknown'} (expected "
-                         f"{len(expected)} tensors, got {len(inner)})")
-    for name, value in inner.items():
-        if value.shape != expected[name].shape:
-            raise InputError(f"{complaint}: {name} has shape {tuple(value.shape)}, expected "
-                             f"{tuple(expected[name].shape)}")
-        if not bool(torch.isfinite(value).all()):
-            raise InputError(f"{complaint}: {name} has NaN or infinite values")
-    return {name: value.float() for name, value in inner.items()}
-
-
 _BACKBONES = (
     Backbone("lpips_alex", "alexnet", (2, 5, 8, 10, 12), "alex", 31),
     Backbone("lpips_squeeze", "squeezenet1_1", (2, 5, 8, 10, 11, 12, 13), "squeeze", 17),
@@ -272,10 +221,9 @@ def _load_fractal(weights: str | Path | None, input_range: str) -> PerceptualDis
         raise InputError(f"input_range={input_range} is a choice of LPIPS alone; 'fractal' takes images in [0,1] as "
                          "they are: leave it out")
     found = fractal_features.load(weights)
-    found.layers[0] = _HalvingConv(found.layers[0])
     found.layers.to(memory_format=torch.channels_last)
-    rows = [nn.Parameter(row) for row in found.channel_weights]
-    return PerceptualDistance("fractal", found.layers, fractal_features.TAPS, rows, fractal_features.SMALLEST_PX)
+    return PerceptualDistance("fractal", found.layers, fractal_features.TAPS, list(found.channel_weights),
+                              fractal_features.SMALLEST_PX)
 
 
 # name -> (weights, input_range) -> distance

@@ -10,7 +10,7 @@ from ..errors import InputError
 
 EXTRAS = {  # the libraries that are imported where they are used -> the extra that brings them
     "hydra": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study", "omegaconf": "study",
-    "pandas": "study", "psutil": "study", "pyarrow": "study", "skimage": "study", "yaml": "study",
+    "pandas": "study", "psutil": "study", "pyarrow": "study", "skimage": "study", "tenacity": "study", "yaml": "study",
     "lpips": "perceptual", "torchvision": "perceptual",
     "imageio": "video", "imageio_ffmpeg": "video",
     "anywidget": "notebook",
@@ -30,11 +30,11 @@ def remedy(library: str) -> str:
     return f"pip install 'fractal-exp[{EXTRAS[library]}]' brings it"
 
 
-def start(program: str, module: str, function: str = "main") -> None:
-    """Run a function of a module, the command line `program`; if a library of an extra is missing, say so in one line
+def start(program: str, module: str) -> None:
+    """Run `main` of a module, the command line `program`; if a library of an extra is missing, say so in one line
     and exit with status 2."""
     try:
-        getattr(import_module(module), function)()
+        import_module(module).main()
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
         if library not in EXTRAS:

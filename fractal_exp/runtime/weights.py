@@ -76,7 +76,8 @@ def load(path: str | Path, network: str) -> Weights:
     return _parse(read_file(path, "the weights", LARGEST_FILE), network, str(path))
 
 
-def _parse(data: bytes, network: str, source: str) -> Weights:
+def parsed(data: bytes, source: str) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """The tensors and the notes in the bytes of a safetensors file. Raises `InputError` on anything else."""
     from safetensors import SafetensorError
     from safetensors.torch import load as from_bytes
 
@@ -85,7 +86,11 @@ def _parse(data: bytes, network: str, source: str) -> Weights:
     except (SafetensorError, ValueError, KeyError) as error:
         raise InputError(f"{source} is damaged, or no safetensors file: {error}") from error
     header = parse_json(data[8:8 + int.from_bytes(data[:8], "little")], f"{source} is damaged: its header")
-    notes = header.get("__metadata__") or {}
+    return tensors, header.get("__metadata__") or {}
+
+
+def _parse(data: bytes, network: str, source: str) -> Weights:
+    tensors, notes = parsed(data, source)
     if notes.get("format") != FORMAT:
         raise InputError(f"{source} must be of the format {FORMAT!r}, got {notes.get('format')!r}")
     told = notes.get("trained", "")

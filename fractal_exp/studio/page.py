@@ -6,7 +6,7 @@ from functools import cache
 from importlib import resources
 from string import Template
 
-from ..viewer import fragments
+from ..viewer.page import fragments
 
 
 @cache

@@ -12,9 +12,6 @@ from ..runtime.extras import need
 from ..runtime.files import explain
 
 STUDY = "studio"
-RENDERING = 1024         # pixels a side
-LARGEST_OVERLAY = 4096   # pixels of the picture's longer side
-PAGE = "code.html"
 
 
 def new_folder(output: Path, name: str) -> Path:
@@ -31,26 +28,6 @@ def new_folder(output: Path, name: str) -> Path:
         except OSError as error:
             raise InputError(f"cannot make the folder {explain(error, folder)}") from error
     raise InputError(f"{output} has a thousand folders called {first}; move some of them away")
-
-
-def write(found: Inversion, folder: Path) -> list[str]:
-    """Write what is known of a code into a folder, and return the names of the files.
-
-    They are code.json, inversion.json, target.png, rendering.png, code.html unless a code is too large for a page, and
-    overlay.png unless the picture is too large. Raises `InputError` where a file cannot be written.
-    """
-    found.save(folder)
-    found.render(resolution=RENDERING, path=folder / "rendering.png")
-    names = ["code.json", "inversion.json", "target.png", "rendering.png"]
-    try:
-        found.code.save_html(folder / PAGE)
-        names.append(PAGE)
-    except InputError:
-        pass  # more maps than a page shows
-    if max(found.placement.size) <= LARGEST_OVERLAY:
-        found.overlay(folder / "overlay.png")
-        names.append("overlay.png")
-    return names
 
 
 def track(found: Inversion, folder: Path, names: list[str], output: Path, name: str) -> str:

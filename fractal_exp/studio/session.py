@@ -17,7 +17,8 @@ from typing import Any
 
 from ..errors import InputError
 from ..ifs.code import IFS
-from ..inversion import Inversion
+from ..images.levels import MEANINGS
+from ..inversion import Inversion, write
 from ..methods.base import CurvePoint
 from . import saving
 from .reading import Picture, Reading, file_name, plain_name
@@ -25,7 +26,7 @@ from .tasks import Best, Done, Find, Judge, Told
 from .worker import Ready, Word, Worker
 
 MOST_SECONDS = 24 * 3600
-LEVELS = ("auto", "density", "linear", "dots", "tonemapped", "coverage", "binary")
+
 WORK, CHECKPOINT = "session", "search.safetensors"   # in the output folder, while the studio runs
 
 Hear = Callable[[dict[str, Any]], None]
@@ -154,7 +155,7 @@ class Session:
         self.tell()
         try:
             folder = await self._thread(partial(saving.new_folder, self.output, picture.name))
-            names = await self._thread(partial(saving.write, found, folder))
+            names = await self._thread(partial(write, found, folder))
             self.saved = {"folder": str(folder), "files": ", ".join(names)}
             self.tell()
             try:
@@ -298,6 +299,6 @@ def _checked(settings: Mapping[str, Any]) -> tuple[dict[str, Any], float | None]
         raise InputError(f"the limit of time must be 1 to {MOST_SECONDS} seconds, or be left empty, got {seconds!r}")
     if "maps" in given and not (type(given["maps"]) is int and 2 <= given["maps"] <= 1000):
         raise InputError(f"the number of maps must be 2 to 1000, or be left empty, got {given['maps']!r}")
-    if given.setdefault("levels", "auto") not in LEVELS:
-        raise InputError(f"levels must be one of {', '.join(LEVELS)}, got {given['levels']!r}")
+    if given.setdefault("levels", "auto") not in MEANINGS:
+        raise InputError(f"levels must be one of {', '.join(MEANINGS)}, got {given['levels']!r}")
     return given, seconds

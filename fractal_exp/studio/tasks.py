@@ -11,12 +11,13 @@ from typing import Any
 
 import torch
 
-from ..api import INTERRUPTED, invert
+from ..api import invert
 from ..evaluation import metrics
 from ..ifs.code import IFS
 from ..images.reading import ReadImage
-from ..inversion import Inversion, Likeness, Verdict
-from ..methods.base import Progress
+from ..inversion import Inversion, Work, conclude
+from ..inversion.road import INTERRUPTED
+from ..methods.base import CodeReconstruction, Progress
 from ..methods.collage import given
 from ..methods.collage.maps import from_code
 from ..rendering.still import render
@@ -99,12 +100,9 @@ class Judge:
 
     def run(self, tell: Tell) -> Done:
         """The code with its likeness and its verdict."""
-        likeness = Likeness.of(self.code, self.picture.image)
-        verdict = Verdict.of(likeness, len(self.code), self.picture.image, picture=self.picture)
-        tell(Best(self.code, likeness.f1, likeness.iou))
-        return Done(Inversion(code=self.code, target=self.picture, source=self.picture.source or self.picture.image,
-                              likeness=likeness, verdict=verdict, history=(), stopped=BY_HAND, seconds=0.0,
-                              method="hand", notes=self.picture.notes, warnings=self.picture.warnings))
+        found = conclude(Work(CodeReconstruction(self.code), stopped=BY_HAND), self.picture, name="hand")
+        tell(Best(self.code, found.likeness.f1, found.likeness.iou))
+        return Done(found)
 
 
 Task = Find | Judge

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import importlib.metadata
 import os
 import re
@@ -13,6 +12,8 @@ import tempfile
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock
 
 from ..errors import InputError
 from .addresses import reason, root, shown
@@ -37,8 +38,7 @@ def build(database: Path, uri: str) -> None:
         artifacts(database).mkdir(parents=True, exist_ok=True)
         # Commands that are started together wait here for the first. Not with `files.alone_in`: that locks a whole
         # folder, here perhaps one that is not ours, and has to write into its lock, which a full disk would not let it.
-        with open(f"{database}.lock", "w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with FileLock(f"{database}.lock"):
             _remove_leftovers(database)
             if not database.exists() or _is_half_made(database):
                 _make(database)

@@ -13,7 +13,6 @@ import socket
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -31,6 +30,7 @@ PATIENCE = 60.0                       # seconds that a fit waits to start while 
 FIRST_PATIENCE = 10.0                 # and that the first command waits, when an address may be mistaken
 FIRST_RETRY, LAST_RETRY = 0.5, 5.0    # seconds between attempts, doubling
 PAGE = 1000                           # runs per request
+CLOCK_SET = 5.0                       # seconds by which a process may seem to have started at another time
 PARENT = "mlflow.parentRunId"         # the tag by which MLflow nests runs
 
 
@@ -75,23 +75,24 @@ def patiently(uri: str, call: Callable[..., T], *args: Any, patience: float = PA
 
     Raises `InputError` when it has not answered in that time; what the store refuses is raised at once.
     """
-    deadline, pause = time.monotonic() + patience, FIRST_RETRY
-    while True:
-        try:
-            return call(*args, **kwargs)
-        except Exception as error:
-            if not _is_outage(error):
-                raise
-            if time.monotonic() + pause > deadline:
-                raise InputError(f"the store {shown(uri)} does not answer ({reason(root(error))}); start it, or unset "
-                                 f"MLFLOW_TRACKING_URI to keep runs in the output folder") from None
-            if pause == FIRST_RETRY:
-                print(f"tracking: waiting for {shown(uri)} ({reason(root(error))})", file=sys.stderr)
-        time.sleep(pause)
-        pause = min(2 * pause, LAST_RETRY)
+    from tenacity import RetryCallState, Retrying, retry_if_exception, stop_before_delay, wait_exponential
+
+    def said(state: RetryCallState) -> str:
+        return reason(root(state.outcome.exception()))  # pyright: ignore[reportOptionalMemberAccess, reportArgumentType]
+
+    def tell(state: RetryCallState) -> None:
+        if state.attempt_number == 1:
+            print(f"tracking: waiting for {shown(uri)} ({said(state)})", file=sys.stderr)
+
+    def give_up(state: RetryCallState) -> None:
+        raise InputError(f"the store {shown(uri)} does not answer ({said(state)}); start it, or unset "
+                         f"MLFLOW_TRACKING_URI to keep runs in the output folder")
+
+    return Retrying(retry=retry_if_exception(_is_outage), stop=stop_before_delay(patience), before_sleep=tell,
+                    wait=wait_exponential(FIRST_RETRY, LAST_RETRY), retry_error_callback=give_up)(call, *args, **kwargs)
 
 
-def _is_outage(error: Exception) -> bool:
+def _is_outage(error: BaseException) -> bool:
     from mlflow.exceptions import MlflowException
 
     if isinstance(error, MlflowException):
@@ -112,31 +113,28 @@ def pages(search: Callable[..., Any], **query: Any) -> Iterator[Any]:
 
 def process_tags() -> dict[str, str]:
     """Tags that say which process writes a run, so that its death can be noticed."""
-    return {"host": socket.gethostname(), "pid": str(os.getpid()), "process_start": process_start(os.getpid()) or ""}
+    import psutil
+
+    return {"host": socket.gethostname(), "pid": str(os.getpid()), "process_start": str(psutil.Process().create_time())}
 
 
-def process_start(pid: int) -> str | None:
-    """When process `pid` of this machine started, a text that differs for each user of that number; None if it is gone.
+def is_alive(pid: int, start: str | None = None) -> bool:
+    """Whether process `pid` of this machine lives, and is the one whose tag `process_start` is `start`, as a number is
+    given away again. A zombie counts as gone."""
+    import psutil
 
-    A zombie counts as gone.
-    """
-    if Path("/proc/self/stat").exists():
-        try:
-            state, *fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            return None
-        start = f"{Path('/proc/sys/kernel/random/boot_id').read_text().strip()} {fields[18]}"
-    else:
-        ps = subprocess.run(["ps", "-o", "stat=,lstart=", "-p", str(pid)], capture_output=True, text=True)
-        state, _, start = ps.stdout.strip().partition(" ")
-    return None if state[:1] in ("", "Z", "X") else start.strip()
+    try:
+        process = psutil.Process(pid)
+        return process.status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD) and (
+            start is None or abs(process.create_time() - float(start)) < CLOCK_SET)
+    except (psutil.Error, ValueError):  # gone, or a tag of another version
+        return False
 
 
 def is_written_elsewhere(tags: Mapping[str, str]) -> bool:
     """Whether the run with these tags is being written by another process of this host that is alive."""
-    here = process_tags()
-    return (tags.get("host") == here["host"] and tags.get("pid") != here["pid"]
-            and process_start(int(tags.get("pid", 0))) == tags.get("process_start", ""))
+    return (tags.get("host") == socket.gethostname() and tags.get("pid") != str(os.getpid())
+            and is_alive(int(tags.get("pid", 0)), tags.get("process_start", "")))
 
 
 def mark_killed_runs(uri: str) -> list[str]:
@@ -145,15 +143,14 @@ def mark_killed_runs(uri: str) -> list[str]:
     Runs of other hosts are left alone. Should a live one be taken for dead (two containers of one host name), its
     status comes right when it ends.
     """
-    client, here = connect(uri), process_tags()
-    killed = []
+    client, host, killed = connect(uri), socket.gethostname(), []
     with changing_hands(uri):
         experiments = [experiment.experiment_id for experiment in pages(client.search_experiments)]
         running = list(pages(client.search_runs, experiment_ids=experiments,
-                             filter_string=f"attributes.status = 'RUNNING' and tags.host = '{here['host']}'"))
+                             filter_string=f"attributes.status = 'RUNNING' and tags.host = '{host}'"))
         for run in running:
             tags = run.data.tags
-            if "process_start" in tags and process_start(int(tags["pid"])) != tags["process_start"]:
+            if "process_start" in tags and not is_alive(int(tags["pid"]), tags["process_start"]):
                 client.set_tag(run.info.run_id, "error", f"killed: process {tags['pid']} on {tags['host']} is gone and "
                                                          f"had not ended the run")
                 client.set_terminated(run.info.run_id, status="KILLED")

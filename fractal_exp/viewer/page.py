@@ -34,12 +34,10 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None, liv
     a view of the page is one of `fractal_exp.render`. still: a PNG of the whole, which stands where a browser runs no
     script or has no WebGL 2; it is left out where the page would be too large. The file has at most 200 000 bytes, and
     its policy forbids it to load anything. Of the code's `meta` it takes the title and the name, as text. A code with
-    colours is shown in them; other colours can be chosen in the page. The maps can be edited in the page, and taken
-    along in another format. live: the page exchanges codes with the window in whose frame it lies, a `CodeWidget`;
-    others speak to nobody.
+    colours is shown in them; other colours can be chosen in the page. The maps can be edited in the page. live:
+    the page exchanges codes with the window in whose frame it lies, a `CodeWidget`; others speak to nobody.
 
-    Raises `InputError` on a code that is not contractive, has more than 1000 maps, or makes too large a page, as nearly
-    a thousand maps with colours do.
+    Raises `InputError` on a code that is not contractive or has more than 1000 maps.
     """
     check(code)
     home = whole(code)
@@ -56,9 +54,6 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None, liv
     text = Template(_read("page.html")).substitute(parts, still=poster)
     if len(text.encode()) > LARGEST:
         text = Template(_read("page.html")).substitute(parts, still=EMPTY)
-    if (size := len(text.encode())) > LARGEST:
-        raise InputError(f"the page would have {size} bytes, at most {LARGEST} are allowed; show fewer maps than "
-                         f"{len(code)}")
     return text
 
 

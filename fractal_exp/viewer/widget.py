@@ -7,8 +7,9 @@ from typing import Any
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
+from ..rendering.sheets import portrait
 from ..runtime.extras import need
-from .page import FRAME_HEIGHT, STATIC, check
+from .page import FRAME_HEIGHT, STATIC, check, page
 
 need("anywidget")
 
@@ -69,4 +70,5 @@ class CodeWidget(anywidget.AnyWidget):
     def __init__(self, code: IFS, *, view: View | None = None, height: int = FRAME_HEIGHT) -> None:
         if type(height) is not int or height < 1:
             raise InputError(f"height must be a whole number of pixels above 0, got {height!r}")
-        super().__init__(code=code, height=height, _page=_checked(code)._page(view, live=True))
+        text = page(_checked(code), view=view, still=portrait(code), live=True)
+        super().__init__(code=code, height=height, _page=text)

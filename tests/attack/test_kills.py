@@ -28,16 +28,6 @@ def campaign(script: str, *arguments: object) -> dict:
     return found
 
 
-def test_an_output_folder_works_whatever_interrupted_the_making_of_its_store(tmp_path):
-    found = campaign("store_trials.py", "kills", tmp_path, 75, SEED)
-    assert found["tried"] >= 75 and found["failures"] == []
-
-
-def test_a_full_disk_is_one_clear_line_and_the_folder_works_once_there_is_room(tmp_path):
-    found = campaign("store_trials.py", "disks", tmp_path, 20, SEED)
-    assert found["tried"] >= 20 and found["failures"] == []
-
-
 def test_fits_that_are_killed_again_and_again_come_to_the_same_code_and_the_same_series(tmp_path):
     found = campaign("fit_trials.py", tmp_path, 30, SEED)
     assert found["tried"] >= 30 and found["failures"] == []

@@ -16,7 +16,7 @@ QUIET = ["--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--di
          "--disable-component-update", "--disable-sync"]
 SOFTWARE = [*QUIET, "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 60_000  # ms
-COARSE = {"device_scale_factor": 0.5}  # a quarter of the points, for tests that look at what is around the picture
+COARSE = {"device_scale_factor": 0.25}  # a sixteenth of the points, for tests that look at what is around the picture
 
 
 @dataclass
@@ -64,17 +64,28 @@ def settled_box(element: object) -> dict[str, float]:
     return box
 
 
-@contextmanager
-def pages(browser: object) -> Iterator[Callable[..., Opened]]:
-    """Opens pages, each for itself, and closes them all in the end."""
-    contexts = []
+class Pages:
+    """The pages of a browser, taken again once a test has done with them: to open one takes a second of a core."""
 
-    def opened(side: int | tuple[int, int] = 128, scheme: str = "dark", **settings: object) -> Opened:
-        width, height = (side, side) if isinstance(side, int) else side
-        contexts.append(browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme,
-                                            **settings))
-        return Opened(contexts[-1].new_page())
+    def __init__(self, browser: object) -> None:
+        self.browser, self.idle = browser, {}
 
-    yield opened
-    for context in contexts:
-        context.close()
+    @contextmanager
+    def lent(self) -> Iterator[Callable[..., Opened]]:
+        """Opens pages, each with settings of its own, and puts them back in the end."""
+        taken = []
+
+        def opened(side: int | tuple[int, int] = 128, scheme: str = "dark", **settings: object) -> Opened:
+            width, height = (side, side) if isinstance(side, int) else side
+            key = scheme, *sorted(settings.items())
+            page = (self.idle[key].pop() if self.idle.get(key) else
+                    self.browser.new_context(color_scheme=scheme, **settings).new_page())
+            taken.append((key, page))
+            page.emulate_media(color_scheme=scheme)
+            page.set_viewport_size({"width": width, "height": height})
+            return Opened(page)
+
+        yield opened
+        for key, page in taken:
+            page.goto("about:blank")
+            self.idle.setdefault(key, []).append(page)

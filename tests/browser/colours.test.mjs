@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { Refused, plainCode, ready } from "../../fractal_exp/viewer/static/code.mjs";
 import {
-  PALETTES, PLAIN, STOPS, colourAt, foldedWord, foldsOf, fromLink, rgbOf, stopsOf, toLink, whiteOf,
+  PALETTES, PLAIN, STOPS, foldedWord, foldsOf, fromLink, rgbOf, toLink, whiteOf,
 } from "../../fractal_exp/viewer/static/colours.mjs";
 import { withAdded, withoutMap } from "../../fractal_exp/viewer/static/editing.mjs";
 import { canvasByHand, colouredByHand, throwByHand } from "../../fractal_exp/viewer/static/hand.mjs";
@@ -39,16 +39,6 @@ test("by map the last map decides, by address all do, and plain and density need
   assert.deepEqual([...foldsOf(code, { by: "address", palette: "fire" }).keep], [0.5, 0.5, 0.5]);
   for (const by of ["plain", "density", "nonsense"]) assert.equal(foldsOf(code, { by, palette: "sea" }), null);
   assert.equal(foldsOf(plainCode(HALVES), { by: "own" }), null);
-});
-
-test("palettes are colours of equally spaced places", () => {
-  for (const palette of Object.keys(PALETTES)) {
-    assert.equal(stopsOf(palette).length, 3 * STOPS);
-    assert.ok(stopsOf(palette).every((part) => part >= 0 && part <= 1), palette);
-  }
-  assert.ok(near(colourAt("sea", 1), rgbOf(PALETTES.sea.at(-1))));
-  const [, one, other] = PALETTES.sea.map((stop) => rgbOf(stop));
-  assert.ok(near(colourAt("sea", 0.3), one.map((part, c) => (part + other[c]) / 2)));
 });
 
 test("points thrown by hand have the mean colour of the chaos game in every pixel", () => {
@@ -89,7 +79,7 @@ test("points are counted where the density is wanted, and its end is a density t
 
 test("colours of a code are read and written bit for bit, and refused where they are wrong", () => {
   const text = writeJson(plainCode(HALVES, null, { name: "a" }, { rgb: COLOURS.rgb, blends: [1 / 3, 0.1, 1] }));
-  const back = readJson(text)[0].read();
+  const back = readJson(text);
   assert.deepEqual(back.colours, { rgb: COLOURS.rgb, blends: [1 / 3, 0.1, 1].map(Math.fround) });
   assert.equal(writeJson(back), text);
   assert.ok(!writeJson(plainCode(HALVES)).includes("colours"));
@@ -101,7 +91,7 @@ test("colours of a code are read and written bit for bit, and refused where they
     [{ ...COLOURS, blends: [0, 0, 0] }, /at least one blend/], [{ ...COLOURS, rgb: [[1, 1], [1, 1], [1, 1]] }, /shape/],
     [{ ...COLOURS, rgb: [["1", 0, 0], [0, 0, 0], [0, 0, 0]] }, /numbers only/],
   ]) {
-    assert.throws(() => readJson(JSON.stringify({ ...given, colours }))[0].read(), (error) => (
+    assert.throws(() => readJson(JSON.stringify({ ...given, colours })), (error) => (
       error instanceof Refused && why.test(error.message)), JSON.stringify(colours));
   }
 });

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator
 
 import pytest
-from browser_helpers import CHROMIUM, COARSE, SOFTWARE, Opened, pages
+from browser_helpers import CHROMIUM, COARSE, SOFTWARE, Opened, Pages
 from editing_helpers import WINDOW, with_maps
 
 from fractal_exp import codes
@@ -30,9 +30,14 @@ def browser(playwright: object) -> Iterator[object]:
     browser.close()
 
 
+@pytest.fixture(scope="session")
+def pages(browser: object) -> Pages:
+    return Pages(browser)
+
+
 @pytest.fixture
-def open_page(browser: object) -> Iterator[Callable[..., Opened]]:
-    with pages(browser) as opened:
+def open_page(pages: Pages) -> Iterator[Callable[..., Opened]]:
+    with pages.lent() as opened:
         yield opened
 
 

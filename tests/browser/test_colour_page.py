@@ -89,12 +89,6 @@ def test_a_ground_of_ones_own_and_a_link_that_keeps_it(path, open_page):
     assert seen(opened)[0, 0].tolist() == [0, 0, 0]
 
 
-def test_a_light_page_lays_colours_on_white(path, open_page):
-    opened = open_page(scheme="light").go(f"file://{path}#x=0&y=0&zoom=1")
-    expected, picture = truth(FERN, View(), ground=1.0), seen(opened)
-    assert np.abs(picture - expected).mean() < 3
-
-
 def test_a_code_without_colours_offers_none_until_one_with_colours_is_imported(tmp_path, open_page):
     plain = replace(FERN, colours=None).save_html(tmp_path / "plain.html")
     opened = open_page((900, 600), **COARSE).go(f"file://{plain}")

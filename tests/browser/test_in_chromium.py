@@ -1,6 +1,5 @@
 """The page in a real browser: it draws what `render` draws, at any depth, for hands and keys, and asks nobody."""
 
-import html
 import re
 import time
 from collections.abc import Callable
@@ -79,17 +78,6 @@ def test_stills_agree_with_render_at_any_zoom(name, tmp_path, open_page):
         assert picture.shape == (128, 128) and alike(picture, code, view) >= LEAST_F1
         assert picture.mean() == pytest.approx(float(truth.mean()), rel=0.15)
         assert (name, view.zoom) in BY_LOT or chi_square(picture, truth) <= MOST_CHI_SQUARE
-
-
-def test_another_distribution_on_the_same_shape_is_told_apart():
-    code, view = named("heighway_dragon"), View()
-    other = IFS(code.linear, code.offset, torch.tensor([0.55, 0.45]))
-    truth, again, wrong = (render(each, view, resolution=128, seed=seed)
-                           for each, seed in ((code, 0), (code, 1), (other, 2)))
-    assert chi_square(again, truth) <= MOST_CHI_SQUARE
-    assert chi_square(render(other, View((0.1, 0.1), 16), resolution=128),
-                      render(code, View((0.1, 0.1), 16), resolution=128)) > 3 * MOST_CHI_SQUARE
-    assert chi_square(wrong, truth) > 2 * chi_square(again, truth)
 
 
 def test_the_gpu_throws_the_same_picture_as_the_processor(fern, open_page):
@@ -178,14 +166,6 @@ def test_a_light_page_draws_dark_on_white_and_can_be_swapped(fern, open_page):
     assert opened.picture()[0, 0] == 1
 
 
-@pytest.mark.parametrize("motion", ["reduce", "no-preference"])
-def test_reduced_motion_jumps(fern, open_page, motion):
-    _, path = fern
-    opened = open_page((600, 300), **COARSE, reduced_motion=motion).go(f"file://{path}")
-    opened.page.keyboard.press("PageUp")
-    assert (opened.text("zoom") == "×\u202f8") == (motion == "reduce")
-
-
 def test_pinching_zooms(fern, open_page):
     _, path = fern
     opened = open_page((400, 400), **COARSE, has_touch=True).go(f"file://{path}")
@@ -256,9 +236,3 @@ def test_a_view_beside_the_attractor_says_so(fern, open_page):
     _, path = fern
     opened = open_page((600, 300), **COARSE).go(address(path, View((40, 40), 3)))
     assert opened.text("points") == "nothing here" and "press 0 for the whole" in opened.text("note")
-
-
-def test_a_frame_escapes_its_page(fern):
-    code, path = fern
-    inside = re.fullmatch(r'<iframe srcdoc="([^"]*)" sandbox="allow-scripts" .*></iframe>', code._repr_html_())
-    assert html.unescape(inside[1]) == path.read_text()

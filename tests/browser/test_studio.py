@@ -178,31 +178,6 @@ def test_a_part_is_typed_and_one_that_cannot_be_is_put_back_with_the_reason(crop
     assert typed(page) == [250, 0, 50, 120]
 
 
-def test_a_finger_drags_a_part(studio, open_page):
-    page = open_page((390, 844), has_touch=True).page
-    page.goto(studio[0])
-    page.wait_for_selector("#file:enabled")
-    page.set_input_files("#file", {"name": "pair.png", "mimeType": "image/png", "buffer": pair_of_shapes()})
-    until(page, "#picture-name", "pair.png")
-    page.wait_for_selector("#reading:enabled")
-    page.locator("#crop").scroll_into_view_if_needed()
-    box, touch = settled_box(page.locator("#crop")), page.context.new_cdp_session(page)
-    for kind, place in (("touchStart", (5, 20)), ("touchMove", (50, 60)), ("touchMove", (90, 110)), ("touchEnd", None)):
-        points = [] if place is None else [{"x": box["x"] + place[0] / 300 * box["width"],
-                                            "y": box["y"] + place[1] / 120 * box["height"]}]
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-    until(page, "#notes", "only the part of")
-    assert typed(page)[2] == pytest.approx(85, abs=1) and square(page)[2] < 100
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-
-
-def test_a_page_without_the_token_shows_nothing(studio, open_page):
-    address, _ = studio
-    opened = open_page((600, 400))
-    answer = opened.page.goto(re.sub(r"/[^/]+/$", "/wrong/", address))
-    assert answer.status == 403 and "fractal-studio printed" in opened.page.inner_text("body")
-
-
 @pytest.mark.parametrize("size", [(390, 844), (1280, 800)])
 def test_nothing_is_wider_than_the_window_and_every_control_has_a_name(studio, open_page, size):
     opened = open_page(size, **COARSE)
@@ -212,11 +187,3 @@ def test_nothing_is_wider_than_the_window_and_every_control_has_a_name(studio, o
     names = opened.page.evaluate("""() => [...document.querySelectorAll("button, input, select")].map((e) => [e.id,
         e.ariaLabel || e.labels?.[0]?.textContent.trim() || e.textContent.trim()])""")
     assert len(names) > 30 and all(name for _, name in names), names
-
-
-def test_the_stage_stays_in_view_while_the_panel_is_scrolled(studio, open_page):
-    page = open_page((1280, 400), **COARSE).page
-    page.goto(studio[0])
-    page.wait_for_selector("#do-find", timeout=PATIENCE)
-    assert page.evaluate("() => { scrollTo(0, 10_000); return scrollY; }") > 100
-    assert page.locator("#stage").bounding_box()["y"] == pytest.approx(0, abs=2)  # a pixel of the screen is two here

@@ -208,24 +208,6 @@ def test_a_page_that_is_loaded_again_shows_the_present_code(notebook):
     assert cell.frame.is_disabled("#maps-undo") and cell.silent()
 
 
-def test_two_cells_show_one_code(notebook):
-    cell = notebook(replace(FERN, meta={}).widget(height=300))
-    assert cell.frame.inner_text("#title") == "a code of 4 maps"
-    cell.page.evaluate("show()")
-    other = cell.page.locator("iframe").nth(1).element_handle().content_frame()
-    cell.opened.drawn(other)
-    cell.select(1)
-    cell.frame.fill("#number-e", "0.25")
-    cell.frame.press("#number-e", "Enter")
-    assert float(cell.take().offset[1, 0]) == 0.25
-    other.click("#do-edit")
-    other.select_option("#which", "1")
-    other.wait_for_selector("#handle-move[aria-label*='map 2,']", state="attached")
-    cell.frame = other
-    cell.number("e", 0.25)
-    assert cell.silent()
-
-
 def test_strangers_are_not_heard(notebook):
     cell = notebook(FERN.widget(height=SIDE))
     cell.select(0)
@@ -248,14 +230,6 @@ def test_a_wrong_code_from_the_notebook_is_refused_by_the_page(notebook):
         cell.frame.wait_for_selector(f"#note:text('code is refused'):text('{why}')")
     cell.number("e", float(FERN.offset[0, 0]))
     assert cell.silent() and cell.opened.said == []
-
-
-def test_a_widget_that_is_closed_hears_nothing(notebook):
-    cell = notebook(FERN.widget(height=SIDE))
-    cell.page.evaluate("away()")
-    assert cell.page.evaluate("Object.values(model.listeners).flat().length") == 0
-    cell.frame.click("#maps-flip")
-    assert cell.silent()
 
 
 def test_a_page_of_its_own_speaks_to_nobody(open_page, tmp_path):

@@ -2,9 +2,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { keyMove } from "../../fractal_exp/viewer/static/gestures.mjs";
-import { isSoftware } from "../../fractal_exp/viewer/static/hand.mjs";
 import {
-  MOST_ZOOM, between, fromFragment, isNear, panned, shownAddress, shownZoom, toFragment, windowOf, zoomed,
+  MOST_ZOOM, between, fromFragment, panned, shownAddress, shownZoom, toFragment, windowOf, zoomed,
 } from "../../fractal_exp/viewer/static/view.mjs";
 
 const at = (view, column, row) => {
@@ -51,16 +50,6 @@ test("a link keeps a view to the last digit, and what is no view is none", () =>
   assert.equal(fromFragment("#x=0&y=0&zoom=1e30", 1e-3).zoom, MOST_ZOOM);
 });
 
-test("views are near if neither is twice as large and each holds the other's middle", () => {
-  const view = { x: 3, y: -2, zoom: 4 };
-  for (const [other, wanted] of [[view, true], [{ ...view, zoom: 7.9 }, true], [{ ...view, zoom: 8.1 }, false],
-    [{ ...view, x: 3.24 }, true], [{ ...view, x: 3.26 }, false], [{ ...view, y: -2.26 }, false],
-    [{ x: 3.2, y: -2, zoom: 6 }, false]]) {
-    assert.equal(isNear(view, other), wanted);
-    assert.equal(isNear(other, view), wanted);
-  }
-});
-
 test("a zoom and an address are short", () => {
   assert.deepEqual([1, 0.25, 64, 12345.6, 3.14159, 2.5e6, 1e9].map(shownZoom),
     ["1", "0.25", "64", "12\u202f346", "3.14", "2.5 million", "1 billion"]);
@@ -78,10 +67,4 @@ test("keys have their moves, and those of the browser stay with it", () => {
   assert.equal(keyMove({ key: "c", ctrlKey: true }), undefined);
   assert.equal(keyMove({ key: "Tab" }), undefined);
   assert.equal(keyMove({ key: "constructor" }), undefined);
-});
-
-test("a GPU that is a program is known by its name", () => {
-  assert.ok(isSoftware("ANGLE (Google, Vulkan 1.3.0 (SwiftShader Device (Subzero)), SwiftShader driver)"));
-  assert.ok(isSoftware("llvmpipe (LLVM 15.0.7, 256 bits)"));
-  assert.ok(!isSoftware("ANGLE (Intel, Mesa Intel(R) UHD Graphics 620 (KBL GT2), OpenGL 4.6)"));
 });

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { readCode } from "../../fractal_exp/viewer/static/code.mjs";
 import { canvasByHand, throwByHand } from "../../fractal_exp/viewer/static/hand.mjs";
-import { DRAW, POOL, Pool, shareInView, shareOut } from "../../fractal_exp/viewer/static/points.mjs";
+import { DRAW, POOL, Pool, shareInView } from "../../fractal_exp/viewer/static/points.mjs";
 import { randomNumbers } from "../../fractal_exp/viewer/static/random.mjs";
 import { windowOf } from "../../fractal_exp/viewer/static/view.mjs";
 import { MOST_WORDS, addressTree, cut } from "../../fractal_exp/viewer/static/words.mjs";
@@ -53,21 +53,6 @@ test("a view beside the attractor has no words, and one of all of it begins with
 test("a view within one word's image begins with its letters", () => {
   const words = cutAt(SQUARE, { x: 0.8, y: 0.1, zoom: 50 }); // 0.8 = .11001…, 0.1 = .00011… in binary
   assert.deepEqual(words.common.slice(0, 3), [1, 1, 0]);
-});
-
-test("a wide window holds what a square one of its shorter side does, and more", () => {
-  const view = { x: 0.1, y: 0.1, zoom: 20 }, code = tree(SQUARE), pool = new Pool(code);
-  const measure = (width, height) => {
-    const words = cut(code, windowOf(view, width, height), { random: randomNumbers(1) });
-    return words.total * shareInView(words, pool, randomNumbers(2), width, height);
-  };
-  assert.ok(Math.abs(measure(512, 256) / measure(256, 256) - 2) < 0.05);
-});
-
-test("points are shared out in proportion to the mass", () => {
-  const slots = shareOut({ count: 3, mass: Float64Array.from([1, 2, 5]), total: 8 }, randomNumbers(1));
-  const counts = [0, 1, 2].map((word) => slots.filter((slot) => slot === word).length);
-  [1, 2, 5].forEach((mass, word) => assert.ok(Math.abs(counts[word] - (mass / 8) * DRAW) <= 1));
 });
 
 test("the pool is of the invariant measure, and all of it is renewed part by part", () => {

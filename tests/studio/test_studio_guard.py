@@ -7,10 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from studio_helpers import TOKEN
 
-from fractal_exp.cli import studio as command
-from fractal_exp.errors import InputError
 from fractal_exp.studio import server
-from fractal_exp.studio.serving import bound
 
 
 def test_the_page_and_all_that_it_loads_come_with_the_token_alone(studio):
@@ -73,14 +70,6 @@ def test_the_page_may_load_nothing_from_elsewhere(studio):
     headers = line.getresponse().headers
     assert "default-src 'none'" in headers["content-security-policy"] and headers["referrer-policy"] == "no-referrer"
     assert "frame-ancestors 'none'" in headers["content-security-policy"] and headers["cache-control"] == "no-store"
-
-
-def test_a_port_in_use_is_named_with_the_remedy(studio, tmp_path, capsys):
-    with pytest.raises(SystemExit, match="2"):
-        command.main(["--port", str(studio.port), "--output", str(tmp_path), "--no-browser"])
-    assert f"port {studio.port} is in use" in capsys.readouterr().err
-    with pytest.raises(InputError, match="from 0 to 65535, got 70000"):
-        bound(70000)
 
 
 def test_a_defect_of_the_studio_is_not_blamed_on_the_page():

@@ -10,11 +10,8 @@ import pytest
 import torch
 from studio_helpers import SIDE, TOKEN, deaf, served
 
-from fractal_exp import IFS, api, codes, suite
+from fractal_exp import IFS, api, codes
 from fractal_exp.ifs import attractor
-from fractal_exp.images import ReadImage
-from fractal_exp.methods.base import Progress
-from fractal_exp.studio.tasks import Best, _Telling, seconds_left
 from fractal_exp.studio.worker import Ready, Worker, _compile
 
 
@@ -178,37 +175,6 @@ def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle):
     assert sorted(path.name for path in tmp_path.rglob("*") if path.is_file()) == ["code.json"]
 
 
-def test_before_a_stage_has_ended_another_candidate_is_shown_every_second_at_most(monkeypatch):
-    code, other, third = (attractor.normalize(codes.known(name)) for name in ("sierpinski_triangle", "fern", "rauzy"))
-    image, words, now = suite.target(code, SIDE), [], [0.0]
-    monkeypatch.setattr("fractal_exp.studio.tasks.time.monotonic", lambda: now[0])
-    tell = _Telling(words.append, ReadImage(image, False, (SIDE, SIDE), (0, 0, SIDE, SIDE), 1.0, ()), None)
-
-    def shown(seconds, **more):
-        """The code that is shown of what a search tells at a time."""
-        now[0] = seconds
-        words.clear()
-        tell(Progress(1, 0.1, stage="search", **more))
-        return next((word.code for word in words if isinstance(word, Best)), None)
-
-    assert shown(0.3, candidate=code) is code and words[0].f1 > 0.9
-    assert shown(0.9, candidate=other) is None and shown(1.2, candidate=other) is None
-    assert shown(1.4, candidate=IFS(code.linear.clone(), code.offset.clone(), code.probabilities)) is None, "the same"
-    assert shown(1.5, candidate=other) is other
-    assert shown(1.6, code=third) is third, "a stage's end waits for nothing"
-    assert shown(9.0) is None
-
-
-def test_a_search_that_is_stopped_before_any_stage_has_ended_keeps_its_candidate(studio, tab, triangle):
-    studio.send(triangle)
-    tab.until(lambda state: free(state) and state["picture"])
-    tab.do("find", settings={"levels": "density"})
-    tab.until(lambda state: state["task"] == "find" and state["code"])
-    tab.do("stop")
-    stopped = tab.until(lambda state: free(state) and not state["stopping"])
-    assert stopped["can_go_on"] and stopped["likeness"] > 0 and {word["stage"] for word in tab.progress} <= {"search"}
-
-
 def test_warming_up_gives_way_to_a_task(monkeypatch):
     ours, theirs = multiprocessing.Pipe()
     steps, invert = [], api.invert
@@ -227,37 +193,3 @@ def test_warming_up_gives_way_to_a_task(monkeypatch):
     assert len(steps) == 2, "it was in the middle"
     _compile(theirs)
     assert len(steps) == 2, "the task is still waiting"
-
-
-@pytest.mark.slow
-def test_a_studio_that_ends_while_it_searches_keeps_the_code_and_says_nothing(tmp_path, triangle, caplog):
-    pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
-    with served(tmp_path) as studio, studio.tab() as tab:
-        studio.send(triangle)
-        tab.until(lambda state: state["ready"] and free(state) and state["picture"])
-        tab.do("find", settings={"levels": "density"})
-        tab.until(lambda state: state["task"] == "find" and state["code"])
-    assert len(studio.kept) == 1 and not caplog.records
-
-
-def test_the_time_that_is_left_goes_by_the_limit_or_by_the_work():
-    assert seconds_left(10, 0.25, None) == 30 and seconds_left(10, 0.01, None) is None
-    assert seconds_left(10, 0.9, 60) == 50 and seconds_left(70, 0.9, 60) == 0
-
-
-def test_a_search_that_is_stopped_before_its_process_is_ready_ends_without_a_word():
-    words = queue.Queue()
-    worker = Worker(words.put, deaf)
-    worker.do(60)
-    worker.stop()
-    done = words.get(timeout=90)
-    worker.close()
-    assert done.why == "" and not done.interrupted and done.found is None
-
-
-def test_a_worker_does_one_task_at_a_time():
-    worker = Worker(print, deaf)
-    worker.do(0)
-    with pytest.raises(RuntimeError, match="at a task"):
-        worker.do(0)
-    worker.close()

@@ -7,7 +7,6 @@ from contextlib import closing
 import pytest
 
 from fractal_exp import InputError, tracking
-from fractal_exp.tracking import building, store
 
 
 def half_made(folder, *statements) -> None:
@@ -64,20 +63,3 @@ def test_leftovers_of_killed_builds_are_removed(tmp_path):
     (left / "new.db-journal").write_bytes(b"half")
     tracking.prepare_store(tmp_path)
     assert not left.exists()
-
-
-@pytest.mark.slow
-def test_a_log_of_a_deleted_store_is_not_played_into_the_new_one(tmp_path):
-    tracking.prepare_store(tmp_path / "old")
-    with closing(sqlite3.connect(tmp_path / "old" / "mlflow.db")) as connection, connection:
-        connection.execute("CREATE TABLE foreign_to_it (x)")
-        (tmp_path / "new").mkdir()
-        connection.commit()
-        shutil.copy(tmp_path / "old" / "mlflow.db-wal", tmp_path / "new" / "mlflow.db-wal")
-    assert usable(tmp_path / "new")
-
-
-def test_the_default_experiments_files_would_lie_beside_the_store(tmp_path):
-    uri = tracking.prepare_store(tmp_path)
-    location = store.connect(uri).get_experiment("0").artifact_location
-    assert location == f"{building.artifacts(tmp_path / 'mlflow.db').as_uri()}/0"

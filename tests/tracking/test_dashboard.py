@@ -9,9 +9,8 @@ import urllib.request
 
 import pytest
 
-from fractal_exp import InputError, tracking
 from fractal_exp.cli.runs import _params
-from fractal_exp.tracking import dashboard, store
+from fractal_exp.tracking import store
 
 
 def free_port() -> int:
@@ -51,16 +50,6 @@ def test_the_dashboard_prints_where_the_newest_runs_are_once_it_answers(uri, sta
         process.communicate(timeout=300)
     with pytest.raises(OSError):
         urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5)
-
-
-def test_a_study_that_is_not_there_is_an_input_error(uri, start, tmp_path):
-    with start():
-        pass
-    with pytest.raises(InputError, match=r"no study 'other'; it has study"):
-        dashboard.serve(store.database_path(uri).parent, free_port(), "other")
-    tracking.prepare_store(tmp_path)
-    with pytest.raises(InputError, match="no run is kept here yet"):
-        dashboard.serve(tmp_path, free_port())
 
 
 def test_params_are_those_of_the_method():

@@ -178,7 +178,7 @@ def test_four_processes_start_at_once_and_a_killed_one_is_marked(tmp_path):
             tracking.start_run(uri, "workers", "fit", folder=tmp_path, resume_run_id=run_id)
         os.kill(int(pid), signal.SIGKILL)
         for _ in range(500):  # nobody waits for it yet, so it stays as a zombie; which must count as gone
-            if store.process_start(int(pid)) is None:
+            if not store.is_alive(int(pid)):
                 break
             time.sleep(0.01)
         tracking.prepare_store(tmp_path)
@@ -194,7 +194,7 @@ def test_four_processes_start_at_once_and_a_killed_one_is_marked(tmp_path):
 
 def test_a_reused_process_number_is_not_taken_for_the_process(uri, start):
     run = start()
-    store.connect(uri).set_tag(run.run_id, "process_start", "another boot 123")
+    store.connect(uri).set_tag(run.run_id, "process_start", "123.45")
     assert tracking.mark_killed_runs(uri) == [run.run_id]
     run.finish()
     assert get(uri, run.run_id).info.status == "FINISHED"
@@ -202,7 +202,7 @@ def test_a_reused_process_number_is_not_taken_for_the_process(uri, start):
 
 def test_a_run_that_another_process_goes_on_with_meanwhile_is_not_taken_for_killed(uri, start, tmp_path, monkeypatch):
     run = start()
-    store.connect(uri).set_tag(run.run_id, "process_start", "another boot 123")
+    store.connect(uri).set_tag(run.run_id, "process_start", "123.45")
 
     def go_on() -> None:
         tracking.start_run(uri, "study", "fit", folder=tmp_path, resume_run_id=run.run_id).finish("FAILED")

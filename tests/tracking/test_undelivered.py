@@ -1,7 +1,6 @@
 """What waits for a store that is away: written down before a fit needs it, and read again with care."""
 
 import json
-import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -93,15 +92,3 @@ def test_a_sweep_sends_what_waits_to_its_own_store_only(lost, uri, tmp_path, cap
     with pytest.raises(InputError, match="its run is not below this sweep's"):
         MlflowRuns().check_kept(job, settings)
     assert not folder.exists() and artifacts(uri, run.run_id) == {"notes.txt"}
-
-
-def test_what_waits_for_a_run_that_its_store_does_not_have_is_said(lost, uri, tmp_path, monkeypatch):
-    run, folder = lost
-    run.finish()
-    monkeypatch.setattr(outbox, "LAST_WAIT", 60.0)
-    other = "0" * 32
-    os.rename(folder, tmp_path / f"undelivered-{other}")
-    note = tmp_path / f"undelivered-{other}" / "run.json"
-    note.write_text(json.dumps({**json.loads(note.read_text()), "run_id": other}))
-    with pytest.raises(InputError, match=f"has no run {other}, whose rest waits in"):
-        tracking.deliver(tmp_path)

@@ -11,15 +11,14 @@ from ..code import IFS
 from .base import CodeFormat, Entry, choose, code_of
 from .flame import FlameFile
 from .fractint import Fractint
-from .own import Json, Lists, Rows
+from .own import Json, Lists, Rows, from_json
 from .ply import Ply
-from .svg import Svg
 
-__all__ = ["FORMATS", "CodeFormat", "Entry", "code_of", "load", "of_file", "register", "save", "suffixes"]
+__all__ = ["FORMATS", "CodeFormat", "Entry", "code_of", "from_json", "load", "of_file", "register", "save", "suffixes"]
 
 LARGEST = LARGEST_JSON  # bytes of a file that is read
 FORMATS: dict[str, CodeFormat] = {each.key: each for each in (
-    Json(), Lists(), Rows(), Fractint(), FlameFile(), Svg(), Ply())}
+    Json(), Lists(), Rows(), Fractint(), FlameFile(), Ply())}
 DEFAULT = FORMATS["json"]
 
 
@@ -39,7 +38,11 @@ def suffixes() -> dict[str, CodeFormat]:
 
 
 def load(path: str | Path, name: str | None = None) -> IFS:
-    """See `IFS.load`. A file whose suffix no format has is read as JSON."""
+    """Read a code from a JSON (see `from_json`), Fractint (`.ifs`) or flam3 (`.flame`) file.
+
+    name: which code of a file with several, or "#2" for the second. A file whose suffix no format has is read as JSON.
+    Raises `InputError` naming the file.
+    """
     format = suffixes().get(Path(path).suffix.lower(), DEFAULT)
     data = read_file(path, "the code", LARGEST)
     try:
@@ -48,14 +51,16 @@ def load(path: str | Path, name: str | None = None) -> IFS:
         raise InputError(f"{Path(path).absolute()}: {error}") from error
 
 
-def save(codes: Sequence[IFS], path: str | Path, format: str | None = None) -> Path:
-    """Write codes to a file, whole or not at all, and return its absolute path; see `IFS.save`.
+def save(codes: IFS | Sequence[IFS], path: str | Path, format: str | None = None) -> Path:
+    """Write a code, or several, to a file, whole or not at all, and return its absolute path.
 
-    Raises `InputError` on an unknown format or suffix, where the format cannot hold the codes, or where the file cannot
-    be written.
+    The suffix chooses the format: `.json` (the complete code, bit for bit; also without a suffix), `.ifs` (Fractint),
+    `.flame` (flam3), `.svg` (a drawing of the maps), `.ply` (points). format: its key instead: "json", "lists", "rows",
+    "fractint", "flame", "svg" or "ply". The class of each format says what it loses. Raises `InputError` on another
+    suffix or format, if the file cannot be written, or if the format cannot hold the codes.
     """
     path = Path(path).absolute()
-    write_atomically(path, of_file(path, format).write(codes))
+    write_atomically(path, of_file(path, format).write([codes] if isinstance(codes, IFS) else codes))
     return path
 
 

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import reprlib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...errors import InputError
 from ...runtime.files import parse_json
-from ..code import IFS
+from ..code import FORMAT, IFS, VERSION
+from ..colours import Colours
+from ..numbers import floats, only_keys, only_numbers
 from .base import CodeFormat, Entry, check_count, only_one
 
 
 class Json(CodeFormat):
     """This package's JSON: maps, probabilities, colours and `meta`, without any loss.
 
-    All three spellings can be read; see `IFS.from_json`.
+    All three spellings can be read; see `from_json`.
     """
 
     key, suffixes = "json", (".json",)
@@ -74,4 +77,57 @@ def _checked(data: Any) -> IFS:
     maps = data if isinstance(data, list) else data.get("linear", data.get("ifs_m")) if isinstance(data, dict) else None
     if isinstance(maps, list) and maps:
         check_count(len(maps))
-    return IFS.from_json(data)
+    return from_json(data)
+
+
+def from_json(data: Any) -> IFS:
+    """A contractive code from plain data in this package's format or one of the two public spellings.
+
+    The public spellings are a mapping with `ifs_m` (N,2,2) or (N,4), `ifs_t` (N,2) and optionally `ifs_p` (N,),
+    and a list of rows `a b c d e f [p]` meaning x' = a x + b y + e, y' = c x + d y + f. Raises `InputError` on
+    anything else.
+    """
+    if isinstance(data, list):
+        code = _from_rows(data)
+    elif isinstance(data, Mapping) and "ifs_m" in data:
+        code = _from_lists(data)
+    elif isinstance(data, Mapping):
+        code = _from_own(data)
+    else:
+        raise InputError(f"a code is a JSON object or a list of rows of six numbers, got {type(data).__name__}")
+    return code.check_contractive()
+
+
+def _from_own(data: Mapping[str, Any]) -> IFS:
+    only_keys(data, {"format", "version", "linear", "offset", "probabilities", "colours", "meta"})
+    version = data.get("version")
+    if data.get("format") != FORMAT or type(version) is not int or version != VERSION:
+        found = f"{reprlib.repr(data.get('format'))} version {reprlib.repr(version)}"
+        raise InputError(f"expected format {FORMAT!r} version {VERSION}, got {found}; no other version is read")
+    missing = [key for key in ("linear", "offset") if key not in data]
+    if missing:
+        raise InputError(f"the code has no {' and no '.join(missing)}")
+    given, meta, colours = data.get("probabilities"), data.get("meta"), data.get("colours")
+    return IFS(only_numbers("linear", data["linear"]), only_numbers("offset", data["offset"]),
+               None if given is None else only_numbers("probabilities", given), {} if meta is None else meta,
+               None if colours is None else Colours.from_json(colours))
+
+
+def _from_lists(data: Mapping[str, Any]) -> IFS:
+    only_keys(data, {"ifs_m", "ifs_t", "ifs_p"})
+    if "ifs_t" not in data:
+        raise InputError("ifs_m needs ifs_t beside it: one offset (x, y) per matrix")
+    linear = floats("ifs_m", only_numbers("ifs_m", data["ifs_m"]))
+    if linear.ndim == 2 and linear.shape[1] == 4:
+        linear = linear.reshape(-1, 2, 2)
+    given = data.get("ifs_p")
+    return IFS(linear, only_numbers("ifs_t", data["ifs_t"]), None if given is None else only_numbers("ifs_p", given))
+
+
+def _from_rows(rows: list[Any]) -> IFS:
+    table = floats("rows", only_numbers("rows", rows))
+    if table.ndim != 2 or table.shape[1] not in (6, 7):
+        raise InputError(f"a list of rows needs six numbers each, a b c d e f, or seven with the probability; "
+                         f"got shape {tuple(table.shape)}")
+    p = table[:, 6] if table.shape[1] == 7 else None
+    return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:6], p)

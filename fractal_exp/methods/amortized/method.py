@@ -16,14 +16,14 @@ from ...rendering.still import render
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.params import Share
 from ...runtime.precision import full_precision
-from ..base import CodeReconstruction, OnStep, Progress, check_target
+from ..base import AnyTarget, CodeReconstruction, OnStep, Progress, check_target
 from ..neural_regression.method import code_of
 from ..pretrained import Pretrained, PretrainedParams, resized_input
 from .network import SetNetwork
 
 
 class AmortizedParams(PretrainedParams):
-    """The parameters of amortised set prediction; those of its training stand in `fractal_exp.pretraining`."""
+    """The parameters of amortised set prediction; those of its training stand in `fractal_exp.training`."""
 
     maps: Annotated[int, Field(ge=1, le=64)] = 10
     """Number of maps at most; weights know one number."""
@@ -54,7 +54,7 @@ class Amortized(Pretrained):
 
     @full_precision()
     @torch.no_grad()
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
         image = resized_input(check_target(target), self.params.side, "the network")
         network, _ = self.loaded()

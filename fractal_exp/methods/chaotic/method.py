@@ -17,6 +17,7 @@ from ...runtime.checks import check_seconds
 from ...runtime.precision import full_precision
 from ...runtime.seeds import derive, generator
 from ..base import (
+    AnyTarget,
     CodeReconstruction,
     FitDiverged,
     Method,
@@ -81,7 +82,7 @@ class Chaotic(Method):
         self.radii = tuple(radii)
 
     @full_precision()
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None,
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
         image = check_target(target, self.model.resolution).to(self.device)
         total = self.scouted + self.iterations
@@ -142,7 +143,7 @@ class Chaotic(Method):
         target = model.match(image, derive(self.seed, "match")) if self.match_target else image
         return FitProblem(model, self.objective, target)
 
-    def check(self, target: Tensor) -> None:
+    def check(self, target: AnyTarget) -> None:
         self.objective.prepare(check_target(target, self.model.resolution).to(self.device))
         if self.init is not None:
             self.init.check(target)

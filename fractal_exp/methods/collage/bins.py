@@ -1,28 +1,28 @@
-"""Measures on grids, from the masses of an image, from an attractor, or from points."""
+"""Measures on grids, from the masses of an image, from an attractor, or from points; and the shape of an image."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
-from ... import ops
+from ...cameras.points import TRAJECTORY, WARMUP
 from ...ops.collage import BinnedMeasure, orbit_bins, pushforward
 from ...ops.collage.reference import EDGE
-from .params.camera import CameraParams
-from .params.measure import DescentParams
+
+CELLS_PER_PIXEL = 1.3   # maximum along a side of the finest grid
+PIXEL_PARTS = 2         # per side, into which a pixel is divided when its mass is shared among cells
+LIT = 0.1               # grey level, as a share of the highest, above which a pixel belongs to a shape; lines are faint
 
 
-def grid_for(resolution: int, wanted: int, params: DescentParams) -> int:
+def grid_for(resolution: int, wanted: int) -> int:
     """Cells per side of a grid: the largest power of two that an image of this resolution fills, at most `wanted`."""
-    return min(wanted, 2 ** (int(params.cells_per_pixel * resolution).bit_length() - 1))
+    return min(wanted, 2 ** (int(CELLS_PER_PIXEL * resolution).bit_length() - 1))
 
 
-def binned(masses: Tensor, size: int, params: DescentParams, grids: int | None = None) -> BinnedMeasure:
+def binned(masses: Tensor, size: int, grids: int = BinnedMeasure.grids) -> BinnedMeasure:
     """The measure of an image's masses (R,R) on a grid of `size` cells per side. Its samples are the centroids of lit
-    cells of the same grid, or the pixels if those are larger. grids: how many are compared; None: `params.grids`."""
+    cells of the same grid, or the pixels if those are larger. grids: how many are compared."""
     resolution = masses.shape[0]
     masses = (masses / masses.sum()).float()
     row = torch.arange(resolution, device=masses.device)
@@ -34,20 +34,25 @@ def binned(masses: Tensor, size: int, params: DescentParams, grids: int | None =
                       for values in (masses, masses * x, -masses * x.T))
     lit = weight > 0
     samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
-    hats = _hats(resolution, size, params.pixel_parts).to(masses.device)
-    return BinnedMeasure(samples, hats.T @ masses @ hats, params.grids if grids is None else grids, params.floor)
+    hats = _hats(resolution, size).to(masses.device)
+    return BinnedMeasure(samples, hats.T @ masses @ hats, grids)
 
 
-def _hats(resolution: int, size: int, parts: int) -> Tensor:
-    """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass in the middles of `parts` equal
-    parts of the pixel."""
+def lit_pixels(image: Tensor) -> Tensor:
+    """The mask (R,R) of the shape that an image (R,R) shows."""
+    return image > LIT * image.max()
+
+
+def _hats(resolution: int, size: int) -> Tensor:
+    """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass in the middles of equal parts
+    of the pixel."""
     shares = torch.zeros(resolution, size)
     row = torch.arange(resolution)
-    for part in range(parts):
-        u = ((row + (2 * part + 1) / (2 * parts)) * size / resolution - 0.5).clamp(0, size - EDGE)
+    for part in range(PIXEL_PARTS):
+        u = ((row + (2 * part + 1) / (2 * PIXEL_PARTS)) * size / resolution - 0.5).clamp(0, size - EDGE)
         low = u.floor().long()
-        shares[row, low] += (1 - (u - low)) / parts
-        shares[row, low + 1] += (u - low) / parts
+        shares[row, low] += (1 - (u - low)) / PIXEL_PARTS
+        shares[row, low + 1] += (u - low) / PIXEL_PARTS
     return shares
 
 
@@ -57,12 +62,11 @@ def halve(bins: Tensor, size: int) -> Tensor:
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
 
 
-def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int, camera: CameraParams
-                   ) -> Tensor:
+def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
     """The measure (G,G) of the attractor of maps (N,6) with probabilities proportional to weights (N,)."""
-    count = max(1, points // (camera.trajectory - camera.warmup))
-    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, trajectories=count,
-                      length=camera.trajectory, warmup=camera.warmup)[0]
+    count = max(1, points // (TRAJECTORY - WARMUP))
+    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, trajectories=count, length=TRAJECTORY,
+                      warmup=WARMUP)[0]
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:
@@ -70,15 +74,3 @@ def point_bins(points: Tensor, size: int) -> Tensor:
     samples = torch.cat([points, torch.full_like(points[:, :1], 1 / len(points))], 1)
     identity = points.new_tensor([[[1.0, 0, 0, 1, 0, 0]]])
     return pushforward(identity, points.new_ones(1, 1), samples, size)[0]
-
-
-def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int, camera: CameraParams) -> Tensor:
-    """About `count` points (P,2) of the chaos game with maps (N,6) and probabilities (N,)."""
-    return ops.chaos_game(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], seed=seed, probabilities=probabilities,
-                          **trajectories(count, camera))
-
-
-def trajectories(count: int, camera: CameraParams) -> dict[str, Any]:
-    """Settings of the chaos game for about `count` points."""
-    length, warmup = camera.trajectory, camera.warmup
-    return {"trajectories": count // (length - warmup) + 1, "length": length, "warmup": warmup}

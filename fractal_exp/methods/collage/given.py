@@ -9,7 +9,7 @@ from .stages.measure import Detail
 from .state import Candidate, Key, State
 
 # Another round, growth, and the search for the few maps of a construction would begin without the code.
-OPTIONS = {"rounds": 1, "growth": {"enabled": False}, "camera": {"recursion_maps": [], "recursion_blurs_px": []}}
+OPTIONS = {"rounds": 1, "growth": {"enabled": False}, "camera": {"constructions": False}}
 
 
 def found_already(code: IFS) -> Snapshot:

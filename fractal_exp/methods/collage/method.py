@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from torch import Tensor
-
+from ...cameras.kinds import levels_of, with_camera
+from ...cameras.levels import Levels
+from ...cameras.params import CameraParams
 from ...errors import InputError
+from ...images.levels import TargetImage
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.checks import check_count, check_seconds
 from ...runtime.deadline import Deadline
-from ..base import CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
-from .camera.tones import described, levels_of, seen_with
-from .course import Teller
+from ..base import AnyTarget, CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
 from .params import BYTES_OF_A_MAP, CollageParams
-from .pipeline import Pipeline
-from .stages.base import Stage
+from .pipeline import Pipeline, Teller
+from .stages.plan import plan_of
 from .stages.problem import SearchProblem
 from .state import State
 
@@ -26,7 +26,7 @@ ENDED = "the picture shows a few steps of a construction; the attractor of the c
 class Collage(Method):
     """Recover a code by the collage theorem (Barnsley 1985): find maps that tile the image with copies of it.
 
-    docs/collage.md explains the stages. seconds: a time limit, after which the rest of each stage is skipped; a run
+    docs/method.md explains the stages. seconds: a time limit, after which the rest of each stage is skipped; a run
     with a limit cannot be repeated bit for bit. seed: for all random numbers. previews: how many preview images are
     reported. device: where tensors live. options: the parameters of `CollageParams`; a component takes a mapping, as in
     `Collage(maps=4, moves={"root": 0})`. A checkpoint is saved after every stage and at an interruption.
@@ -43,49 +43,48 @@ class Collage(Method):
         self.params = CollageParams().updated(**options)
         self.seconds, self.seed, self.previews, self.device = seconds, seed, previews, check_device(device)
 
-    def check(self, target: Tensor) -> None:
-        target = check_target(target)
-        if target.shape[0] < SMALLEST_INPUT:
-            raise InputError(f"collage search needs an image of at least {SMALLEST_INPUT}², got {target.shape[0]}²; "
-                             "read the picture at a larger resolution")
+    @property
+    def camera(self) -> CameraParams:
+        return self.params.camera
 
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+    def check(self, target: AnyTarget) -> None:
+        side = len(check_target(target))
+        if side < SMALLEST_INPUT:
+            raise InputError(f"collage search needs an image of at least {SMALLEST_INPUT}², got {side}²; "
+                             "read the picture at a larger resolution")
+        self._levels(target)
+
+    def _levels(self, target: AnyTarget) -> Levels:
+        """The levels of a target. Raises `InputError` if they have no camera with what the user knows of it."""
+        return levels_of(check_target(target).to(self.device), TargetImage.of(target).levels, self.camera)
+
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
         self.check(target)
-        image, params = check_target(target).to(self.device), self.params
-        levels = levels_of(image, params.levels, params.camera)
-        problem = SearchProblem(image, levels, params, self.seed, self.deadline())
+        levels = self._levels(target)
+        problem = SearchProblem(levels.picture, levels, self.params, self.seed, self.deadline())
+        plan, size = plan_of(problem), len(problem.image)
         snapshot = checkpoint.load() if checkpoint else None
-        told = State.of(snapshot, self.device) if snapshot else State()
-        size = problem.image.shape[0]
-        teller = Teller(on_step, problem, self.previews, lambda code: levels.render(code, size, self.seed))
+        teller = Teller(on_step, plan, self.previews, lambda code: levels.render(code, size, self.seed))
 
-        def moved(stage: Stage, state: State) -> None:
-            nonlocal told
-            teller.move(stage, state)
-            told = state
-
-        def closed(stage: Stage, state: State) -> None:
-            nonlocal told
-            teller.stage(stage, state)
-            told = state
+        def save(state: State) -> None:
             if checkpoint:
-                checkpoint.save(told.snapshot())
+                checkpoint.save(state.snapshot())
 
+        pipeline = Pipeline(plan, State.of(snapshot, self.device) if snapshot else State(), on_move=teller.move,
+                            on_stage=teller.stage, save=save)
         try:
-            pipeline = Pipeline(problem, told, on_move=moved, on_stage=closed)
             best = pipeline.run()
         except KeyboardInterrupt:
-            if checkpoint:  # save only what was reported: the resumed search does not report it again
-                checkpoint.save(told.snapshot())
+            save(pipeline.state)
             raise
         state = pipeline.state
         curve = tuple(CurvePoint(len(each.maps), each.likeness, BYTES_OF_A_MAP * len(each.maps), each.code)
                       for each in state.curve)
-        seen = seen_with(levels, best.camera)
+        seen = with_camera(levels, best.camera)
         return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=state.stopped, curve=curve,
                                   notes=() if seen.shows_attractor else (ENDED,),
-                                  camera=described(seen) if best.camera else None)
+                                  camera=seen.camera)
 
     def deadline(self) -> Deadline:
         """The time limit, starting now."""

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
+from ...cameras.camera import Camera
 from ...errors import InputError
 from ...runtime.checkpoint import Snapshot
-from .camera.tones import Camera
 from .maps import WeightedMaps
 
-VERSION = 15   # of the stages and their scores; stored in checkpoints
+VERSION = 16   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
 STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "last digits",
           "growth")   # in order; the last three come after all rounds
@@ -35,11 +36,11 @@ class Key(NamedTuple):
 @dataclass(frozen=True)
 class Candidate(WeightedMaps):
     """A code as the search sees it, with its error and its score; lower is better. camera: the one that was used to
-    judge it, see `measure.tones`."""
+    judge it; None: none was."""
 
     error: float
     score: float = float("inf")
-    camera: Camera = ()
+    camera: Camera | None = None
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class State:
     begins; halved: the move at which its error was last halved, and that error. best: the best candidate of this round;
     before: the best of earlier rounds; pool (M,6): the maps of all restarts; scores: those of this round's restarts, in
     ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps.
-    measured_through: the camera (see `measure.tones`) through which the search reads masses from the image; empty: the
+    measured_through: the camera through which the search reads masses from the image; None: the
     levels of the problem.
     """
 
@@ -71,7 +72,7 @@ class State:
     scores: tuple[float, ...] = ()
     stopped: str = ""
     curve: tuple[Grown, ...] = ()
-    measured_through: Camera = ()
+    measured_through: Camera | None = None
 
     @property
     def now(self) -> Candidate:
@@ -100,6 +101,10 @@ class State:
         """Whether this stage is done."""
         return self.done is not None and key.place <= self.done.place
 
+    def begun(self, first: Callable[[], Candidate]) -> State:
+        """The state in which a stage begins with a candidate; as it is if the stage is resumed."""
+        return self if self.current is not None else replace(self, current=first())
+
     def moved(self, candidate: Candidate) -> State:
         """The state after a move."""
         step, halved = self.step + 1, self.halved or (0, self.now.error)
@@ -124,11 +129,12 @@ class State:
             tensors["pool"] = self.pool
         for i, each in enumerate(self.curve):
             tensors |= {f"curve/{i}/maps": each.maps, f"curve/{i}/weights": each.weights}
-        numbers = {name: [each.error, each.score, *each.camera] for name, each in kept.items()}
+        numbers = {name: [each.error, each.score, each.camera and each.camera.plain()] for name, each in kept.items()}
         numbers |= {"curve": [each.likeness for each in self.curve]}
+        through = self.measured_through
         return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
                                              "scores": list(self.scores), "stopped": self.stopped,
-                                             "measured_through": list(self.measured_through), **numbers})
+                                             "measured_through": through and through.plain(), **numbers})
 
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> State:
@@ -140,12 +146,13 @@ class State:
                              "start over with resume=false")
         kept = {}
         for name in (name for name in CANDIDATES if name in numbers):
-            error, score, *camera = numbers[name]
-            kept[name] = Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), error, score, tuple(camera))
+            error, score, camera = numbers[name]
+            kept[name] = Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), error, score,
+                                   camera and Camera(**camera))
         done = Key(*numbers["done"]) if numbers["done"] else None
         halved = tuple(numbers["halved"]) if numbers["halved"] else None
         curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
                       for i, likeness in enumerate(numbers["curve"]))
         return cls(done, snapshot.iteration, **kept, curve=curve, halved=halved, pool=tensors.get("pool"),
                    scores=tuple(numbers["scores"]), stopped=numbers["stopped"],
-                   measured_through=tuple(numbers["measured_through"]))
+                   measured_through=(through := numbers["measured_through"]) and Camera(**through))

@@ -17,7 +17,7 @@ from ...ifs.code import IFS
 from ...rendering.still import render
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.precision import full_precision
-from ..base import CodeReconstruction, OnStep, Progress, check_target
+from ..base import AnyTarget, CodeReconstruction, OnStep, Progress, check_target
 from ..population.search import largest_singular_value
 from ..pretrained import Pretrained, PretrainedParams, resized_input
 from .network import RegressionNetwork
@@ -26,7 +26,7 @@ BLOCK = 8  # the side is halved by each of three blocks
 
 
 class NeuralRegressionParams(PretrainedParams):
-    """The parameters of neural regression; those of its training stand in `fractal_exp.pretraining`."""
+    """The parameters of neural regression; those of its training stand in `fractal_exp.training`."""
 
     maps: Annotated[int, Field(ge=1, le=64)] = 10
     """Number of maps of the code; weights know one number (10 in the paper's comparison)."""
@@ -56,7 +56,7 @@ class NeuralRegression(Pretrained):
 
     @full_precision()
     @torch.no_grad()
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
         image = resized_input(check_target(target), self.params.side, "the network")
         network, _ = self.loaded()

@@ -15,7 +15,7 @@ from torch import Tensor
 from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint
 from ...runtime.precision import full_precision
-from ..base import OnStep, Progress, check_target
+from ..base import AnyTarget, OnStep, Progress, check_target
 from ..pretrained import Pretrained, PretrainedParams
 from .enlarged import Enlarged
 from .network import SwinIR
@@ -25,7 +25,7 @@ GREY_LEVELS = 255  # an 8-bit file's
 
 
 class SuperResolutionParams(PretrainedParams):
-    """The parameters of super-resolution; those of its training stand in `fractal_exp.pretraining`."""
+    """The parameters of super-resolution; those of its training stand in `fractal_exp.training`."""
 
     factor: Annotated[int, Field(ge=2, le=16)] = 8
     """How many times the image is enlarged, and the largest zoom of a view; weights know one factor (8 in the paper's
@@ -58,7 +58,7 @@ class SuperResolution(Pretrained):
 
     @full_precision()
     @torch.no_grad()
-    def reconstruct(self, target: Tensor, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> Enlarged:
         image = check_target(target)
         self.check_size(image)

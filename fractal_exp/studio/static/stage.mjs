@@ -4,7 +4,6 @@ import { plainCode, ready } from "./code.mjs";
 import { Editor } from "./editor.mjs";
 import { keyMove, listenToPointers } from "./gestures.mjs";
 import { Picture } from "./picture.mjs";
-import { randomNumbers } from "./random.mjs";
 import { homeOf, panned, windowOf, zoomed } from "./view.mjs";
 import { boxOf } from "./hull.mjs";
 
@@ -69,8 +68,8 @@ export class Stage {
           this.picture.showAgain();
           return this.surface.toDataURL("image/png");
         };
-        return { file: "code", scene: { view: this.view, width, height, box, namespace: $("maps").namespaceURI,
-          picture: seen, camera: CANVAS, random: randomNumbers(1) } };
+        const namespace = $("maps").namespaceURI;
+        return { file: "code", scene: { view: this.view, width, height, box, namespace, picture: seen } };
       },
     });
     this.fit();

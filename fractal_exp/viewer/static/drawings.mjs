@@ -1,12 +1,9 @@
-// What is written to be looked at, not read back: a drawing of the maps, and points.
+// A drawing of the maps, to be looked at, not read back.
 
 import { chancesOf } from "./code.mjs";
-import { foldsOf, meanColour } from "./colours.mjs";
-import { escaped, hexadecimal, ramp } from "./flame.mjs";
+import { colourAt } from "./colours.mjs";
 import { plain } from "./reading.mjs";
 
-export const POINTS = 200_000; // of a PLY file
-const WARM_UP = 256, VERTEX = 15; // steps of a chaos game; bytes of a point
 const PIXELS = 768; // the shorter side of a drawing
 
 /**
@@ -20,7 +17,7 @@ export function writeSvg({ rows, probabilities, meta }, { view, width, height, p
   const frame = `x="${nine(view.x - w / 2)}" y="${nine(-view.y - h / 2)}" width="${nine(w)}" height="${nine(h)}"`;
   const maps = rows.map((row, i) => {
     const [first, second, ...rest] = cornersOf(row, box).map(([x, y]) => `${nine(x)},${nine(0 - y)}`);
-    const colour = `#${hexadecimal(ramp(i / Math.max(rows.length - 1, 1)))}`, [x, y] = first.split(",");
+    const colour = colourOf(i, rows.length), [x, y] = first.split(",");
     return `<g stroke="${colour}" fill="${colour}"><title>map ${i + 1}: probability ${nine(chances[i])}</title>`
       + `<polygon points="${[first, second, ...rest].join(" ")}" fill-opacity="0.15"/>`
       + `<polyline points="${first} ${second}" stroke-width="${nine(half / 80)}"/>`
@@ -50,42 +47,13 @@ function nine(number) {
   return Number(number.toPrecision(9));
 }
 
-/**
- * Binary PLY, as bytes: points of the chaos game at z = 0, in the code's own colours, or else in those of the maps that
- * led to them.
- */
-export function writePly({ rows, probabilities, meta, colours = null }, { random }, count = POINTS) {
-  const name = plain(meta.name).replace(/[^ -~]/g, "?");
-  const header = new TextEncoder().encode(["ply", "format binary_little_endian 1.0",
-    `comment ${name || "attractor"}, by fractal-exp`, `element vertex ${count}`,
-    ...["x", "y", "z"].map((axis) => `property float ${axis}`),
-    ...["red", "green", "blue"].map((channel) => `property uchar ${channel}`), "end_header", ""].join("\n"));
-  const bytes = new Uint8Array(header.length + VERTEX * count), data = new DataView(bytes.buffer, header.length);
-  bytes.set(header);
-  const chances = chancesOf(rows, probabilities), own = foldsOf({ rows, colours }, { by: "own" });
-  const byMap = rows.map((_, i) => ramp(i / Math.max(rows.length - 1, 1)));
-  const colour = own && meanColour(own, chances);
-  for (let k = -WARM_UP, x = 0, y = 0; k < count; k++) {
-    const i = drawn(chances, random()), [a, b, c, d, e, f] = rows[i];
-    [x, y] = [a * x + b * y + e, c * x + d * y + f];
-    colour?.forEach((value, channel) => { colour[channel] = own.keep[i] * value + own.gift[3 * i + channel]; });
-    if (k < 0) continue;
-    data.setFloat32(VERTEX * k, x, true);
-    data.setFloat32(VERTEX * k + 4, y, true);
-    const shown = colour?.map((value) => Math.round(255 * value)) ?? byMap[i];
-    shown.forEach((value, channel) => data.setUint8(VERTEX * k + 12 + channel, value));
-  }
-  return bytes;
+/** A map's colour: its place among all maps on the palette of the package's drawings. */
+function colourOf(i, count) {
+  const colour = colourAt("meadow", i / Math.max(count - 1, 1)).map((part) => Math.round(255 * part));
+  return `#${colour.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
 }
 
-/** A map by lot; the last that can be drawn where rounding leaves the lot beyond all. */
-function drawn(chances, lot) {
-  let last = 0;
-  for (let i = 0; i < chances.length; i++) {
-    if (chances[i] === 0) continue;
-    last = i;
-    if (lot < chances[i]) break;
-    lot -= chances[i];
-  }
-  return last;
+/** A text in XML. */
+function escaped(text) {
+  return text.replace(/[&<>"']/g, (letter) => `&#${letter.charCodeAt(0)};`);
 }

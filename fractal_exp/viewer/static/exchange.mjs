@@ -1,21 +1,27 @@
-// The two dialogs by which codes come in and go out: text and files, in every format that formats.mjs has.
+// The two dialogs by which codes come in and go out: as JSON, a text or a file, and out also as a drawing.
 
 import { Refused } from "./code.mjs";
-import { LARGEST, WRITERS, entriesOf, fileName, textOf } from "./formats.mjs";
+import { writeSvg } from "./drawings.mjs";
+import { readJson, writeJson } from "./json.mjs";
+import { plain } from "./reading.mjs";
 import { copy, download, isSandboxed } from "./taking.mjs";
 
-const MOST_LISTED = 500; // codes of a file that are offered
+const LARGEST = 16 * 2 ** 20; // bytes that are read
 const LARGEST_SHOWN = 2e6; // characters
+/** What can be written: label, the end of a file's name, and write(code, scene), which gives a text. */
+const WRITERS = {
+  json: { label: "JSON", ending: "json", write: writeJson },
+  svg: { label: "SVG drawing", ending: "svg", write: writeSvg },
+};
 
 const $ = (id) => document.getElementById(id);
 
 /** Listen to the dialogs; take(code) is called with a code that was read, and given() tells {code, scene} to write. */
 export class Exchange {
   constructor({ take, given }) {
-    Object.assign(this, { take, given, entries: [], out: "" });
-    $("in-read").addEventListener("click", () => this.attempt(() => this.offer(entriesOf($("in-text").value))));
-    $("in-take").addEventListener("click", () => this.attempt(() => this.accept(this.entries[$("in-which").value])));
-    $("in-text").addEventListener("input", () => this.offer([]));
+    Object.assign(this, { take, given, out: "" });
+    $("in-read").addEventListener("click", () => this.read($("in-text").value));
+    $("in-text").addEventListener("input", () => { $("in-said").textContent = ""; });
     $("in-file").addEventListener("change", () => this.opened($("in-file").files[0]));
     for (const [key, { label }] of Object.entries(WRITERS)) $("out-format").append(new Option(label, key));
     $("out-format").addEventListener("change", () => this.write());
@@ -24,7 +30,7 @@ export class Exchange {
   }
 
   import() {
-    this.offer([]);
+    $("in-said").textContent = "";
     $("in-file").value = "";
     $("in").showModal();
   }
@@ -34,46 +40,27 @@ export class Exchange {
     this.write();
   }
 
-  /** Do what a file may forbid, and say what it was. */
-  attempt(doing) {
+  async opened(file) {
+    if (!file) return;
+    this.read(await file.slice(0, LARGEST).text(), file.size);
+  }
+
+  /** Take the code of a text, or say why not. */
+  read(text, size = text.length) {
     $("in-said").textContent = "";
     try {
-      doing();
+      if (size > LARGEST) throw new Refused(`the code has ${size} bytes, at most ${LARGEST} are read`);
+      this.take(readJson(text));
+      $("in").close();
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       $("in-said").textContent = error.message;
     }
   }
 
-  async opened(file) {
-    if (!file) return;
-    this.offer([]);
-    const head = file.slice(0, LARGEST + 1); // no larger file is read
-    const bytes = new Uint8Array(await head.arrayBuffer());
-    this.attempt(() => this.offer(entriesOf(textOf(bytes), file.name)));
-  }
-
-  /** Take the only code, or let one of several be chosen. */
-  offer(entries) {
-    this.entries = entries;
-    $("in-said").textContent = "";
-    $("in-choice").hidden = entries.length < 2;
-    if (entries.length === 1) return this.accept(entries[0]);
-    const names = entries.slice(0, MOST_LISTED).map(({ name }, i) => new Option(name ?? `#${i + 1}`, i));
-    $("in-which").replaceChildren(...names);
-    if (entries.length > MOST_LISTED) $("in-said").textContent = `The first ${MOST_LISTED} of ${entries.length} codes`;
-    if (entries.length) $("in-which").focus();
-    return undefined;
-  }
-
-  accept(entry) {
-    this.take(entry.read());
-    $("in").close();
-  }
-
   write() {
     const { code, scene } = this.given(), key = $("out-format").value, made = WRITERS[key].write(code, scene);
-    const shown = typeof made === "string" && made.length <= LARGEST_SHOWN;
+    const shown = made.length <= LARGEST_SHOWN;
     this.out = made;
     $("out-text").value = shown ? made : "";
     $("out-text").hidden = !shown;
@@ -96,4 +83,9 @@ export class Exchange {
     download(new Blob([this.out], { type: "application/octet-stream" }), `${title ? fileName(title) : file}.${ending}`);
     $("out-said").textContent = "Saved.";
   }
+}
+
+/** A file name without an ending, of plain letters. */
+export function fileName(title) {
+  return plain(title).toLowerCase().replace(/[^a-z0-9]+/g, "-").replace(/^-+|-+$/g, "").slice(0, 40) || "fractal";
 }

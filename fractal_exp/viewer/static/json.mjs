@@ -1,57 +1,24 @@
-// A code as JSON: the package's own format and the two public spellings.
+// A code as JSON: the package's own format, and for reading the two public spellings. The package converts all others.
 
 import { Refused, checkCount, plainCode } from "./code.mjs";
 import { plain } from "./reading.mjs";
 
 const FORMAT = "fractal-exp/ifs", VERSION = 1;
 const LARGEST = 3.4028234663852886e38; // of float32
-const DEEPEST = 500; // lists in lists
 const OWN = ["format", "version", "linear", "offset", "probabilities", "colours", "meta"];
 const LISTS = ["ifs_m", "ifs_t", "ifs_p"];
 
-/** The one code of a JSON file. */
+/** The code in a text. Throws Refused, which names the command for what is no JSON. */
 export function readJson(text) {
-  return [{ name: null, read: () => codeOf(parsed(text)) }];
-}
-
-function parsed(text) {
   let data;
   try {
     data = JSON.parse(text);
   } catch (error) {
-    throw new Refused(`the file is not JSON: ${plain(error.message)}`);
+    if (/^\s*[[{]/.test(text)) throw new Refused(`the text is not JSON: ${plain(error.message)}`);
+    throw new Refused("a page reads JSON alone; of a file in another format, `fractal-convert FILE code.json` makes "
+      + "JSON, and `fractal-convert FILE:NAME code.json` of one of several codes");
   }
-  checkKeys(text);
-  return data;
-}
-
-/** JSON.parse takes the last of two values for one key in silence; that is refused, and so is great depth. */
-function checkKeys(text) {
-  const open = [];
-  for (let at = 0, string = []; at < text.length; at++) {
-    const letter = text[at];
-    if (letter === '"') {
-      const end = endOfString(text, at);
-      string = [at, end];
-      at = end - 1;
-    } else if (letter === "{" || letter === "[") {
-      if (open.push(letter === "{" ? new Set() : null) <= DEEPEST) continue;
-      throw new Refused("the file is no JSON that can be read: its lists are nested too deeply");
-    } else if (letter === "}" || letter === "]") {
-      open.pop();
-    } else if (letter === ":") {
-      const keys = open.at(-1), name = JSON.parse(text.slice(...string));
-      if (keys.has(name)) throw new Refused(`the file gives the key '${plain(name, 40)}' twice; remove one`);
-      keys.add(name);
-    }
-  }
-}
-
-/** Where the text goes on after the string that begins at `at`; a regular expression would run out of stack. */
-function endOfString(text, at) {
-  do at += text[at] === "\\" ? 2 : 1;
-  while (text[at] !== '"');
-  return at + 1;
+  return codeOf(data);
 }
 
 /** The code of plain data in any of the three spellings. Throws Refused. */
@@ -61,7 +28,7 @@ export function codeOf(data) {
   const maps = Array.isArray(data) ? data : data.linear ?? data.ifs_m;
   if (Array.isArray(maps) && maps.length) checkCount(maps.length);
   if (Array.isArray(data)) return fromRows(data);
-  return Object.hasOwn(data, "ifs_m") ? fromLists(data) : fromOwn(data);
+  return fromOwn(Object.hasOwn(data, "ifs_m") ? respelled(data) : data);
 }
 
 function fromOwn(data) {
@@ -74,11 +41,21 @@ function fromOwn(data) {
   if (missing.length) throw new Refused(`the code has no ${missing.join(" and no ")}`);
   const meta = data.meta ?? {};
   if (typeof meta !== "object" || Array.isArray(meta)) throw new Refused("meta holds free notes by name (an object)");
+  checkDepth(meta);
   numbers("linear", data.linear);
   if (!hasShape(data.linear, [2, 2])) throw new Refused("linear must have shape (N, 2, 2) with N >= 1");
   const colours = data.colours ?? null;
   if (colours !== null) checkColours(colours);
-  return fromParts(data.linear, data.offset, data.probabilities ?? null, ["offset", "probabilities"], meta, colours);
+  return fromParts(data.linear, data.offset, data.probabilities ?? null, meta, colours);
+}
+
+/** Throws Refused if notes are nested too deeply to be written again. */
+function checkDepth(meta) {
+  try {
+    JSON.stringify(meta);
+  } catch {
+    throw new Refused("the notes in 'meta' are nested too deeply");
+  }
 }
 
 function checkColours(colours) {
@@ -94,24 +71,23 @@ function checkColours(colours) {
   if (!hasShape(colours.blends, [])) throw new Refused("blends must be a list of numbers, one for each map");
 }
 
-function fromLists(data) {
+/** Lists ifs_m, ifs_t and ifs_p in the package's own spelling. */
+function respelled(data) {
   onlyKeys(data, LISTS);
   if (!Object.hasOwn(data, "ifs_t")) throw new Refused("ifs_m needs ifs_t beside it: one offset (x, y) per matrix");
-  numbers("ifs_m", data.ifs_m);
-  if (!hasShape(data.ifs_m, [2, 2]) && !hasShape(data.ifs_m, [4])) {
-    throw new Refused("ifs_m must have shape (N, 2, 2) or (N, 4) with N >= 1");
-  }
-  return fromParts(data.ifs_m, data.ifs_t, data.ifs_p ?? null, ["ifs_t", "ifs_p"], {});
+  const halves = (matrix) => (hasShape([matrix], [4]) ? [matrix.slice(0, 2), matrix.slice(2)] : matrix);
+  const linear = Array.isArray(data.ifs_m) ? data.ifs_m.map(halves) : data.ifs_m;
+  return { format: FORMAT, version: VERSION, linear, offset: data.ifs_t, probabilities: data.ifs_p };
 }
 
-function fromParts(linear, offset, probabilities, [offsetName, chanceName], meta, colours = null) {
-  numbers(offsetName, offset);
+function fromParts(linear, offset, probabilities, meta, colours) {
+  numbers("offset", offset);
   if (!hasShape(offset, [2]) || offset.length !== linear.length) {
-    throw new Refused(`${offsetName} must have shape (${linear.length}, 2) as there are ${linear.length} matrices`);
+    throw new Refused(`offset must have shape (${linear.length}, 2) as there are ${linear.length} matrices`);
   }
-  if (probabilities !== null) numbers(chanceName, probabilities);
+  if (probabilities !== null) numbers("probabilities", probabilities);
   const isList = probabilities === null || hasShape(probabilities, []);
-  if (!isList) throw new Refused(`${chanceName} must be a list of numbers`);
+  if (!isList) throw new Refused("probabilities must be a list of numbers");
   return plainCode(linear.map((matrix, i) => [...matrix.flat(), ...offset[i]]), probabilities, meta, colours);
 }
 
@@ -166,20 +142,6 @@ export function writeJson({ rows, probabilities, meta, colours = null }) {
 function writtenColours({ rgb, blends }, list) {
   return `"colours": {"rgb": ${list(rgb.map((colour) => list(colour.map(shortest))))}, "blends": ${
     list(blends.map(shortest))}}`;
-}
-
-/** Rows a b c d e f, and p where the code has probabilities. */
-export function writeRows({ rows, probabilities }) {
-  const lines = rows.map((row, i) => [...row, ...(probabilities ? [probabilities[i]] : [])].map(shortest).join(", "));
-  return `[[${lines.join("],\n [")}]]\n`;
-}
-
-/** The spelling ifs_m, ifs_t, ifs_p. */
-export function writeLists({ rows, probabilities }) {
-  const lists = (part) => `[${rows.map((row) => part(row.map(shortest))).join(",\n  ")}]`;
-  const chances = probabilities ? `,\n "ifs_p": [${probabilities.map(shortest).join(", ")}]` : "";
-  return `{"ifs_m": ${lists(([a, b, c, d]) => `[[${a}, ${b}], [${c}, ${d}]]`)},\n "ifs_t": ${
-    lists(([, , , , e, f]) => `[${e}, ${f}]`)}${chances}}\n`;
 }
 
 /** The shortest decimal that reads back as the same float32. */

@@ -7,11 +7,10 @@ import { Editor } from "./editor.mjs";
 import { keyMove, listenToPointers } from "./gestures.mjs";
 import { Notebook } from "./notebook.mjs";
 import { Picture } from "./picture.mjs";
-import { randomNumbers } from "./random.mjs";
 import { plain } from "./reading.mjs";
 import { asAddress, copy, download, isSandboxed } from "./taking.mjs";
 import {
-  between, cameraOf, fromFragment, panned, shownAddress, shownZoom, toFragment, zoomed,
+  between, fromFragment, panned, shownAddress, shownZoom, toFragment, zoomed,
 } from "./view.mjs";
 
 const GLIDE = 220; // ms of a smooth zoom
@@ -147,9 +146,7 @@ const page = {
       picture.showAgain();
       return surface.toDataURL("image/png");
     };
-    return { file: given.file, scene: {
-      view, width, height, box, namespace, picture: seen, camera: cameraOf(box), random: randomNumbers(1),
-    } };
+    return { file: given.file, scene: { view, width, height, box, namespace, picture: seen } };
   },
 };
 

@@ -79,9 +79,3 @@ export function isNear(one, other) {
   const [far, close] = [one.zoom, other.zoom].sort((a, b) => a - b);
   return close < 2 * far && apart * close < 1;
 }
-
-/** The canvas, or where a box does not lie in it the view of the whole. */
-export function cameraOf(box) {
-  const fits = Math.max(Math.abs(box.x) + box.hx, Math.abs(box.y) + box.hy) <= 1;
-  return fits ? { x: 0, y: 0, zoom: 1 } : homeOf(box);
-}

@@ -5,15 +5,17 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ....cameras.levels import Coverage
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
-from ..camera.levels import Coverage
 from ..params import CollageParams
 from ..state import Grown
 from .coverage import Uncovered, areas, covering
 from .paving import paving
 from .silhouette import Silhouette, widened
+
+LEAST_CELL = 4   # missing pixels per new map below which new maps are placed anywhere on the shape
 
 
 class Grower:
@@ -24,8 +26,8 @@ class Grower:
                  deadline: Deadline = NO_DEADLINE):
         self.params, self.seed, self.deadline = params.growth, seed, deadline
         self.levels = Coverage(params.camera)
-        self.shape = Silhouette.of(image, params.growth)
-        self.loss = Uncovered(self.shape, params.growth)
+        self.shape = Silhouette.of(image)
+        self.loss = Uncovered(self.shape)
 
     def grown(self, count: int, before: Grown | None = None) -> Grown:
         """The best set of `count` maps. Three are compared: `before` with new maps where light is missing and a plain
@@ -40,13 +42,13 @@ class Grower:
 
     def plain(self, count: int) -> Grown:
         """A plain paving by `count` maps."""
-        return self.drawn(paving(self.shape, count, self.params, derive(self.seed, "growth", count)))
+        return self.drawn(paving(self.shape, count, derive(self.seed, "growth", count)))
 
     def drawn(self, maps: Tensor) -> Grown:
         """The set of maps (N,6) with its likeness. Probabilities are proportional to the areas that the images of the
         shape cover, so the whole shape is drawn evenly."""
         g = generator(self.seed, "areas")
-        weights = affine.normalized(areas(maps, self.shape, self.params, g))
+        weights = affine.normalized(areas(maps, self.shape, g))
         return Grown(maps, weights, self.likeness(affine.WeightedMaps(maps, weights)))
 
     def drawing(self, candidate: affine.WeightedMaps) -> Tensor:
@@ -60,5 +62,5 @@ class Grower:
     def _born(self, before: Grown, count: int) -> Tensor:
         """New maps (count,6) that pave the undrawn part of the shape, or the whole shape if that part is too small."""
         missing = self.shape.mask & (widened(self.drawing(before) > 0) == 0)
-        enough = int(missing.sum()) >= self.params.least_cell * count
-        return paving(self.shape, count, self.params, derive(self.seed, "born", count), missing if enough else None)
+        enough = int(missing.sum()) >= LEAST_CELL * count
+        return paving(self.shape, count, derive(self.seed, "born", count), missing if enough else None)

@@ -10,7 +10,10 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
 from ....evaluation import metrics
-from ..params.growth import GrowthParams
+from ....ifs.canvas import pixel_to_canvas
+from ..bins import lit_pixels
+
+SIDE = 256   # maximum side, pixels, of the picture that is covered; a larger one is shrunk
 
 
 @dataclass(frozen=True)
@@ -20,12 +23,10 @@ class Silhouette:
     mask: Tensor
 
     @classmethod
-    def of(cls, image: Tensor, params: GrowthParams) -> Silhouette:
-        """The shape that an image (R,R) in [0,1] shows, on at most `params.side` pixels a side."""
+    def of(cls, image: Tensor) -> Silhouette:
+        """The shape that an image (R,R) in [0,1] shows, on at most `SIDE` pixels a side."""
         image = image.cpu()
-        if image.shape[0] > params.side:
-            image = adaptive_avg_pool2d(image[None], params.side)[0]
-        return cls(image > params.lit * image.max())
+        return cls(lit_pixels(adaptive_avg_pool2d(image[None], SIDE)[0] if image.shape[0] > SIDE else image))
 
     @property
     def side(self) -> int:
@@ -41,8 +42,7 @@ class Silhouette:
         """Points (count,2) of the canvas, uniform on the shape, or on the pixels of a mask (R,R)."""
         pixels = (self.mask if mask is None else mask).nonzero()
         chosen = torch.randint(len(pixels), (count,), generator=generator)
-        row, column = (pixels[chosen] + torch.rand(count, 2, generator=generator)).T
-        return torch.stack([2 * column / self.side - 1, 1 - 2 * row / self.side], 1)
+        return pixel_to_canvas(pixels[chosen] + torch.rand(count, 2, generator=generator), self.side)
 
     def distances(self) -> Tensor:
         """Distance (R,R) of every pixel from the shape, in pixels."""

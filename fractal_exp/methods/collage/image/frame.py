@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from ....cameras.levels import Levels
 from ....ifs.attractor import FRAME_SIDE, visible_tips
 from .. import maps as affine
-from ..camera.levels import Levels
 from ..params.image import FrameParams
 
 

@@ -10,14 +10,16 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
+from ....cameras.blur import blurred
+from ....cameras.camera import LENGTHS
+from ....cameras.levels import Levels
+from ....cameras.linear import Linear
+from ....cameras.points import attractor_points, trajectories
 from ....ops.collage import orbit_bins, pushforward
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..bins import attractor_points, point_bins, trajectories
-from ..camera.blur import blurred
-from ..camera.levels import Levels
-from ..camera.linear import Linear
+from ..bins import point_bins
 from .frame import Frame
 from .objective import ImageObjective, Rendered
 
@@ -39,9 +41,8 @@ class Jacobian(ABC):
         self.least_effect = 0.0 if objective.levels.is_whole else self.params.stroke_effect
         self.seed = derive(objective.seed, "jacobian", number)
         self.count = int(self.params.points_per_cell * self.side**2)
-        self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed,
-                                       objective.params.camera)
-        self.game = trajectories(self.count, objective.params.camera)
+        self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed)
+        self.game = trajectories(self.count)
         self.mean = self.points.mean(0).tolist()
         spread = self.points.std(0).clamp_min(self.params.least_spread).tolist()
         pixel = 2 / objective.side
@@ -67,9 +68,11 @@ class Jacobian(ABC):
         return []
 
     def camera_units(self, levels: Levels) -> list[tuple[int, int, float]]:
-        """Open values of the camera: lengths move by pixels, logarithms of other values by steps of `log_step`."""
+        """Open values of the camera, by their places in `Levels.values`: lengths move by pixels, logarithms of other
+        values by steps of `log_step`."""
         pixel = 2 / self.side
-        return [(k, CAMERA, self.params.log_step if k < len(levels.numbers) else pixel) for k in levels.open_values]
+        return [(levels.values.index(name), CAMERA, pixel if name in LENGTHS else self.params.log_step)
+                for name in levels.open_values]
 
     def weighed(self, step: Tensor) -> Tensor | None:
         """The weights (N,) after a step; None if they are tied."""
@@ -77,8 +80,10 @@ class Jacobian(ABC):
 
     def seen(self, objective: ImageObjective, step: Tensor) -> ImageObjective:
         """The objective after a step of the camera."""
-        moved = {k: value * unit for value, (k, j, unit) in zip(step.tolist(), self.units, strict=True) if j == CAMERA}
-        return objective.seen_with(objective.levels.adjusted(moved)) if moved else objective
+        levels = objective.levels
+        moved = {levels.values[k]: value * unit for value, (k, j, unit) in zip(step.tolist(), self.units, strict=True)
+                 if j == CAMERA}
+        return objective.seen_with(levels.adjusted(moved)) if moved else objective
 
     @abstractmethod
     def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
@@ -196,7 +201,7 @@ class FromCounts(Jacobian):
                                                                            self.params.letters))
         canvas = slice(margin, margin + side)
         sigma = max(0.0, levels.blur_px(side) ** 2 - BILINEAR) ** 0.5
-        bins = blurred(torch.stack([known, *columns]), sigma, levels.camera)[:, canvas, canvas]
+        bins = blurred(torch.stack([known, *columns]), sigma)[:, canvas, canvas]
         shown, total = bins[0], bins[0].sum().clamp_min(1e-12)
         columns = (bins[1:] - shown * (bins[1:].sum((1, 2), keepdim=True) / total)) * levels.exposure(shown)
         for k, grey in enumerate(objective.grids(rendered.image)):
@@ -241,5 +246,6 @@ class FromRenderings(Jacobian):
     def _back(self, levels: Levels, parameter: int, nudge: float) -> float:
         """How far a step back really goes: a length of the camera does not become negative."""
         k, j, unit = self.units[parameter]
-        is_length = j == CAMERA and k >= len(levels.numbers)
-        return min(nudge, levels.values[k] / unit) if is_length else nudge
+        if j != CAMERA or levels.values[k] not in LENGTHS:
+            return nudge
+        return min(nudge, getattr(levels.camera, levels.values[k]) / unit)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from ....ops.collage import descend
+from ....ops.collage import Descent, descend
 from ....runtime.seeds import derive
 from ..bins import binned, grid_for
 from ..measure.saturation import saturation_corrected
-from ..measure.search import descent_of
-from ..params.fields import DescentSteps
 from .objective import ImageObjective, Rendered
 
 
@@ -22,13 +20,12 @@ def refined(objective: ImageObjective, masses: Tensor, maps: Tensor, weights: Te
     params, refine = objective.params, objective.params.refine
     best = now = objective.judge(maps, weights)
     size, rate = refine.coarsest, refine.rate
-    finest = grid_for(masses.shape[0], refine.finest, params.descent)
+    finest = grid_for(masses.shape[0], refine.finest)
     while refine.steps and size <= finest:
-        how = descent_of(params, DescentSteps(steps=refine.steps, rate=rate, largest=refine.largest),
-                         tied=weights is None)
+        how = Descent(refine.steps, rate=rate, largest=refine.largest, prior=0.0, tied=weights is None)
         corrected = saturation_corrected(masses, now.code, objective.levels, params.saturation,
                                          derive(seed, "refine", size))
-        measure = binned(corrected, size, params.descent, refine.grids)
+        measure = binned(corrected, size, refine.grids)
         moved, shares, _ = descend(now.maps[None], now.probabilities[None], measure, how)
         now = objective.judge(moved[0], None if weights is None else shares[0] / shares[0].sum())
         best = min(best, now, key=lambda rendered: rendered.error)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
+from ....ifs.canvas import pixel_to_canvas
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ....runtime.params import Interval
 from .. import maps as affine
@@ -14,57 +15,73 @@ from ..bins import halve
 from ..params.image import MoveParams
 from ..params.measure import BirthParams
 
+KEPT = 4                       # candidates that also descend on the fine grid; one of them is taken
+BLOBS = 1 / 3                  # share of the candidates that take the shape of the uncovered blob; others are random
+VOLUME = 1.1                   # expected sum of |det| + 0.01 of a whole set; a new map's share is its first weight
+LEAST_WEIGHT = 1e-6            # minimum of the first weight
+LARGE = 0.4, 0.97              # range of the larger singular value of large maps at birth
+MEDIUM = 0.1, 0.95             # the same of other maps in stage 1, and of the random sets of a restart
+SMALL = 0.03, 0.7              # the same of other maps in stage 2
+LEAST_RATIO = 0.05             # minimum ratio of the singular values of a random map, also in a restart
+ANCHORED = 0.5                 # probability that a random map sends a random point to its place, instead of the mean
+BLOB_RADIUS = 0.5              # standard deviation of the Gaussian window of a blob, relative to a random size
+BLOB_LEAST_RADIUS = 1.0        # its minimum, cells
+BLOB_GRID = 64                 # cells per side of the grid on which blobs are measured
+BLOB_LEAST_WIDTH = 0.15        # standard deviation, cells, whose square is added to a blob's covariance
+BLOB_STEPS = 3                 # of mean shift (Fukunaga and Hostetler 1975), which finds the centre of a blob
+ON_COARSE = Descent(40, rate=0.04, largest=0.98, prior=0.0)   # of all candidates on the coarse grid
+ON_FINE = Descent(15, rate=0.01, largest=0.98, prior=0.0)     # of the kept candidates on the fine grid
 REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
 
 
 @dataclass(frozen=True)
 class Birthplace:
-    """Where maps are born: the measure on a fine and a coarse grid, the descent of new maps on each, and the number of
-    candidates."""
+    """Where maps are born: the measure on a fine and a coarse grid, the upper limit of a map's smaller singular value,
+    and the number of candidates."""
 
     measure: BinnedMeasure
     coarse: BinnedMeasure
-    on_coarse: Descent
-    on_fine: Descent
+    smaller_limit: float
     count: int
     params: BirthParams
 
     def births(self, backgrounds: Tensor, sizes: list[Interval], total: float, generator: torch.Generator
                ) -> tuple[Tensor, Tensor]:
-        """For each background (P,G,G) on the fine grid, the best maps (P,kept,6) born where mass is missing, and their
-        weights (P,kept), best first.
+        """For each background (P,G,G) on the fine grid, the best maps (P,KEPT,6) born where mass is missing, and their
+        weights (P,KEPT), best first.
 
         A map is anchored at a cell drawn from the missing mass. Its matrix is random in the range `sizes` (one for each
         background), or gives the image of the measure the mean and covariance of the missing blob around the cell. Each
         map descends alone on the coarse grid, and the best also on the fine one. total: sum of all maps' weights.
         """
-        fine, coarse, count, kept = self.measure, self.coarse, self.count, self.params.kept
+        fine, coarse, count = self.measure, self.coarse, self.count
+        on_coarse, on_fine = (replace(how, smaller=self.smaller_limit) for how in (ON_COARSE, ON_FINE))
         sets, device = len(backgrounds), backgrounds.device
         lacking = (fine.bins - backgrounds).clamp_min(0)
-        wanted = [_wanted(each, fine, self.params.by_cost) if self.params.residual else fine.bins for each in lacking]
-        born = torch.stack([candidates(wanted[p], lacking[p], fine, sizes[p], count,
-                                       round(count * self.params.blobs), self.params, generator)
-                            for p in range(sets)])
-        scale = total / self.params.volume
+        wanted = [_wanted(each, fine) if self.params.residual else fine.bins for each in lacking]
+        born = torch.stack([candidates(wanted[p], lacking[p], fine, sizes[p], count, round(count * BLOBS), self.params,
+                                       generator) for p in range(sets)])
+        scale = total / VOLUME
         weights = torch.minimum(scale * affine.volumes(born), lacking.sum((1, 2))[:, None])
-        weights = weights.clamp_min(self.params.least_weight)
+        weights = weights.clamp_min(LEAST_WEIGHT)
         owner = torch.arange(sets, device=device).repeat_interleave(count)
-        moved, masses, errors = descend(born.flatten(0, 1)[:, None], weights.flatten()[:, None], coarse, self.on_coarse,
+        moved, masses, errors = descend(born.flatten(0, 1)[:, None], weights.flatten()[:, None], coarse, on_coarse,
                                         backgrounds=halve(backgrounds, coarse.size), chosen=owner)
-        best = errors.view(sets, count).argsort(1)[:, :kept]
+        best = errors.view(sets, count).argsort(1)[:, :KEPT]
         take = (best + torch.arange(sets, device=device)[:, None] * count).flatten()
-        moved, masses, errors = descend(moved[take], masses[take], fine, self.on_fine, backgrounds=backgrounds,
+        moved, masses, errors = descend(moved[take], masses[take], fine, on_fine, backgrounds=backgrounds,
                                         chosen=owner[take])
-        order = errors.view(sets, kept).argsort(1)
+        order = errors.view(sets, KEPT).argsort(1)
         rows = torch.arange(sets, device=device)[:, None]
-        return moved.view(sets, kept, 6)[rows, order], masses.view(sets, kept)[rows, order]
+        return moved.view(sets, KEPT, 6)[rows, order], masses.view(sets, KEPT)[rows, order]
 
 
-def _wanted(lacking: Tensor, measure: BinnedMeasure, by_cost: float) -> Tensor:
-    """Where maps are wanted, (G,G): by missing mass, and `by_cost` times as much by what the mass costs."""
+def _wanted(lacking: Tensor, measure: BinnedMeasure) -> Tensor:
+    """Where maps are wanted, (G,G): by missing mass, and as much by what it costs in the collage error. Thin tips weigh
+    little but are seen well."""
     floor = measure.floor
     cost = ((measure.bins + floor).sqrt() - (measure.bins - lacking + floor).clamp_min(0).sqrt()).square()
-    return lacking / lacking.sum().clamp_min(1e-12) + by_cost * cost / cost.sum().clamp_min(1e-12) + 1e-12
+    return lacking / lacking.sum().clamp_min(1e-12) + cost / cost.sum().clamp_min(1e-12) + 1e-12
 
 
 def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: Interval, count: int, blobs: int,
@@ -74,11 +91,11 @@ def candidates(wanted: Tensor, lacking: Tensor, measure: BinnedMeasure, sizes: I
     size, device = wanted.shape[0], wanted.device
     cell = torch.multinomial(wanted.flatten().cpu(), count, replacement=True, generator=generator)
     jitter = torch.rand(2, count, generator=generator)
-    place = torch.stack([2 * (cell % size + jitter[0]) / size - 1, 1 - 2 * (cell // size + jitter[1]) / size], 1)
-    matrices = affine.random_matrices(count, *sizes, params.least_ratio, generator, reflections=params.reflections)
+    place = pixel_to_canvas(torch.stack([cell // size + jitter[1], cell % size + jitter[0]], 1), size)
+    matrices = affine.random_matrices(count, *sizes, LEAST_RATIO, generator, reflections=params.reflections)
     anchor = measure.mean.cpu().expand(count, 2).clone()
     elsewhere = torch.multinomial(measure.samples[:, 2].cpu(), count, replacement=True, generator=generator)
-    swap = torch.rand(count, generator=generator) < params.anchored
+    swap = torch.rand(count, generator=generator) < ANCHORED
     anchor[swap] = measure.samples[elsewhere[swap], :2].cpu()
     random = affine.sending(matrices, anchor, place)
     random[:blobs] = _blobs(lacking.cpu(), place[:blobs], measure, sizes, params, generator)
@@ -136,23 +153,20 @@ def visible_weights(maps: Tensor, weights: Tensor, measure: BinnedMeasure, backg
 def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: Interval, params: BirthParams,
            generator: torch.Generator) -> Tensor:
     """Maps (n,6) that give the measure the mean and covariance of the missing mass around each place (n,2)."""
-    grid = halve(lacking, min(params.blob_grid, lacking.shape[0])).double()
+    grid = halve(lacking, min(BLOB_GRID, lacking.shape[0])).double()
     size, count = grid.shape[0], len(place)
     cell = 2 / size
-    axis = (2 * torch.arange(size, dtype=torch.float64) + 1) / size - 1
-    points = torch.stack([axis.expand(size, size), -axis[:, None].expand(size, size)], -1).view(-1, 2)
-    lit = grid.flatten() > 0
-    points, mass = points[lit], grid.flatten()[lit]
-    low, high = (torch.tensor(s * params.blob_radius, dtype=torch.float64).log() for s in sizes)
+    points, mass = pixel_to_canvas((grid > 0).nonzero().double() + 0.5, size), grid[grid > 0]
+    low, high = (torch.tensor(s * BLOB_RADIUS, dtype=torch.float64).log() for s in sizes)
     radius = (low + (high - low) * torch.rand(count, 1, generator=generator, dtype=torch.float64)).exp()
-    radius = radius.clamp_min(params.blob_least_radius * cell)
+    radius = radius.clamp_min(BLOB_LEAST_RADIUS * cell)
     mean = place.double()
-    for _ in range(params.blob_steps):  # mean shift
+    for _ in range(BLOB_STEPS):  # mean shift
         window = mass * (-0.5 * torch.cdist(mean, points).square() / radius**2).exp() + 1e-30
         window = window / window.sum(1, keepdim=True)
         mean = window @ points
     off = points - mean[:, None]
-    least = torch.eye(2, dtype=torch.float64) * (params.blob_least_width * cell) ** 2
+    least = torch.eye(2, dtype=torch.float64) * (BLOB_LEAST_WIDTH * cell) ** 2
     covariance = (off * window[..., None]).transpose(1, 2) @ off + least
     source = torch.linalg.cholesky(measure.covariance.cpu().double() + REGULAR * torch.eye(2, dtype=torch.float64))
     turn = affine.rotations(count, generator, reflections=params.reflections).double()

@@ -7,27 +7,37 @@ algorithm, Moscato 1989) finds the code where no single set would.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
-from ....ops.collage import BinnedMeasure, descend, pushforward
+from ....ifs.canvas import pixel_to_canvas
+from ....ops.collage import BinnedMeasure, Descent, descend, pushforward
 from ....runtime.seeds import generator
 from .. import maps as affine
 from ..bins import binned, grid_for
 from ..params import CollageParams
-from .search import descent_of
+
+CROSSED = 0.5        # probability that a child takes maps from another set, instead of random maps
+TWO = 0.45           # probability that two maps are replaced, not one
+GRID = 32            # cells per side on which sets descend
+SIZES = 0.15, 0.85   # range of the larger singular value of a random map
+LEAST_RATIO = 0.2    # minimum ratio of its singular values
+FAINT = 0.02         # mass of a cell, relative to the mean cell, up to which it is no sample
+ANYWHERE = 1e-9      # mass added to each cell when a map is born where mass is missing: perhaps none is
+ALIKE = 0.002        # relative difference of errors below which two sets count as one; a random set replaces it
+DESCENT = Descent(80, rate=0.03, largest=0.95)   # of each set
 
 
 class Population:
     """Sets of `count` maps that explain the measure of masses (R,R), best first: `maps` (P,N,6), `weights` (P,N) and
     their collage `errors` (P,). Every random number derives from the seed and the generation's number."""
 
-    def __init__(self, masses: Tensor, count: int, params: CollageParams, seed: int = 0, smaller_limit: float = 1.0):
+    def __init__(self, masses: Tensor, count: int, params: CollageParams, seed: int = 0):
         self.params, self.count, self.seed = params.population, count, seed
         self.reflections = params.births.reflections
-        size = grid_for(masses.shape[0], self.params.grid, params.descent)
-        self.measure = _without_faint(binned(masses, size, params.descent), self.params.faint)
-        self.how = descent_of(params, self.params.descent, prior=self.params.prior, smaller=smaller_limit)
+        self.measure = _without_faint(binned(masses, grid_for(masses.shape[0], GRID)))
         self.generation = 0
         first = self._descended(*self._random(self.params.first, generator(seed, "first")))
         self.maps, self.weights, self.errors = (each[:self.params.size] for each in _sorted(*first))
@@ -46,7 +56,7 @@ class Population:
         better = errors < self.errors
         self._replace(better, maps[better], weights[better], errors[better])
         alike = torch.zeros_like(better)
-        alike[1:] = self.errors[1:] - self.errors[:-1] < self.params.alike * self.errors[:-1]
+        alike[1:] = self.errors[1:] - self.errors[:-1] < ALIKE * self.errors[:-1]
         if bool(alike.any()):
             self._replace(alike, *self._descended(*self._random(int(alike.sum()), g)))
 
@@ -57,8 +67,8 @@ class Population:
     def _child(self, parent: int, g: torch.Generator) -> tuple[Tensor, Tensor]:
         """A set with one or two maps replaced, by maps of another set or by random maps where mass is missing."""
         maps, weights = self.maps[parent].clone(), self.weights[parent].clone()
-        crossed = bool(torch.rand((), generator=g) < self.params.crossed)
-        many = min(self.count - 1, 1 + int(torch.rand((), generator=g) < self.params.two))
+        crossed = bool(torch.rand((), generator=g) < CROSSED)
+        many = min(self.count - 1, 1 + int(torch.rand((), generator=g) < TWO))
         order = torch.randperm(self.count, generator=g).to(maps.device)
         gone, kept = order[:many], order[many:]
         if crossed:
@@ -67,7 +77,7 @@ class Population:
             maps[gone], weights[gone] = self.maps[other, taken], self.weights[other, taken]
             return maps, weights
         there = pushforward(maps[None, kept], weights[None, kept], self.measure.samples, self.measure.size)[0]
-        lacking = (self.measure.bins - there).clamp_min(0) + self.params.anywhere
+        lacking = (self.measure.bins - there).clamp_min(0) + ANYWHERE
         maps[gone] = self._born(lacking, many, g)
         weights[gone] = affine.volumes(maps[gone])
         return maps, weights
@@ -81,13 +91,12 @@ class Population:
         """Random maps (count,6) that send the mean of the measure to places drawn from `wanted` (G,G)."""
         size = wanted.shape[0]
         cell = torch.multinomial(wanted.flatten().cpu(), count, replacement=True, generator=g)
-        place = torch.stack([(2 * (cell % size) + 1) / size - 1, 1 - (2 * (cell // size) + 1) / size], 1)
-        matrices = affine.random_matrices(count, *self.params.sizes, self.params.least_ratio, g,
-                                          reflections=self.reflections)
+        place = pixel_to_canvas(torch.stack([cell // size, cell % size], 1) + 0.5, size)
+        matrices = affine.random_matrices(count, *SIZES, LEAST_RATIO, g, reflections=self.reflections)
         return affine.sending(matrices, self.measure.mean.cpu().expand(count, 2), place).to(wanted)
 
     def _descended(self, maps: Tensor, weights: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        return descend(maps, weights / weights.sum(1, keepdim=True), self.measure, self.how)
+        return descend(maps, weights / weights.sum(1, keepdim=True), self.measure, DESCENT)
 
 
 def _sorted(maps: Tensor, weights: Tensor, errors: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -96,9 +105,9 @@ def _sorted(maps: Tensor, weights: Tensor, errors: Tensor) -> tuple[Tensor, Tens
     return maps[order], weights[order], errors[order]
 
 
-def _without_faint(measure: BinnedMeasure, share: float) -> BinnedMeasure:
-    """The measure without samples lighter than `share` of a mean cell: there are many, and they tell little."""
+def _without_faint(measure: BinnedMeasure) -> BinnedMeasure:
+    """The measure without faint samples: there are many, and they tell little."""
     mass = measure.samples[:, 2]
-    samples = measure.samples[mass > share / measure.size**2].clone()
+    samples = measure.samples[mass > FAINT / measure.size**2].clone()
     samples[:, 2] /= samples[:, 2].sum()
-    return BinnedMeasure(samples, measure.bins, measure.grids, measure.floor)
+    return replace(measure, samples=samples)

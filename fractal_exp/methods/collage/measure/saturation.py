@@ -7,9 +7,16 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
 from .... import ops
+from ....cameras.levels import Levels
+from ....ifs.canvas import canvas_to_pixel
 from ....ifs.code import IFS
-from ..camera.levels import Levels
 from ..params.measure import SaturationParams
+
+TRUST = 4.0    # power of the agreement between image and rendering that gives the trust in a correction
+LENGTH = 530   # points of each trajectory, including those of the warm-up
+WARMUP = 30    # points at the start of each trajectory that are dropped
+WEAK = 1e-3    # added to both masses of a pixel before their ratio is taken, because faint pixels tell little
+WINDOW = 3     # pixels per side of the window over which all masses are averaged first
 
 
 def saturation_corrected(masses: Tensor, code: IFS, levels: Levels, params: SaturationParams, seed: int) -> Tensor:
@@ -30,18 +37,17 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
         return torch.ones_like(masses)
     resolution = masses.shape[0]
     bins = torch.zeros_like(masses)
-    points = ops.chaos_game(code.linear, code.offset, trajectories=params.trajectories, length=params.length,
-                            warmup=params.warmup, probabilities=code.sampling_probabilities(), seed=seed)
+    points = ops.chaos_game(code.linear, code.offset, trajectories=params.trajectories, length=LENGTH, warmup=WARMUP,
+                            probabilities=code.sampling_probabilities(), seed=seed)
     inside = (points.abs() < 1).all(1)
-    column, row = (((points[inside] * points.new_tensor([1, -1]) + 1) * (resolution / 2)).long().clamp(
-        0, resolution - 1)).unbind(1)
+    row, column = canvas_to_pixel(points[inside], resolution).long().clamp(0, resolution - 1).unbind(1)
     bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
     estimate = levels.measure(levels.render(code, resolution, seed).to(masses))
     if not bool(estimate.any()):  # too thin for a binary image
         return torch.ones_like(masses)
     usual = 1 / estimate.sum()
-    known, shown, seen = (avg_pool2d(image[None, None], params.window, 1, params.window // 2)[0, 0]
+    known, shown, seen = (avg_pool2d(image[None, None], WINDOW, 1, WINDOW // 2)[0, 0]
                           for image in (bins, estimate, masses))
-    ratio = torch.where(shown > 1e-9, (known / usual + params.weak) / (shown + params.weak), 1)
-    agreement = (torch.minimum(shown, seen) / torch.maximum(shown, seen).clamp_min(1e-9)) ** params.trust
+    ratio = torch.where(shown > 1e-9, (known / usual + WEAK) / (shown + WEAK), 1)
+    agreement = (torch.minimum(shown, seen) / torch.maximum(shown, seen).clamp_min(1e-9)) ** TRUST
     return ratio**agreement

@@ -1,11 +1,11 @@
 """Large neighbourhood search over sets of maps: remove some, add new ones, move all, prune.
 
-The scheme is Shaw's (1998), with a continuous repair. One score judges all sets (eq. 5 of docs/collage.md).
+The scheme is Shaw's (1998), with a continuous repair. One score judges all sets (eq. 5 of docs/method.md).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -18,9 +18,45 @@ from ....runtime.seeds import derive, generator
 from .. import maps as affine
 from ..bins import attractor_bins, binned, grid_for
 from ..params import CollageParams
-from ..params.fields import DescentSteps
 from ..state import Candidate
-from .births import Birthplace
+from .births import LARGE, LEAST_RATIO, MEDIUM, SMALL, Birthplace
+
+COARSER = 2                  # times fewer cells per side of the grid on which random sets and new maps first descend
+# Of a score.
+PRICE, DETAIL_PRICE = 2e-4, 1e-4   # cost of a map in stages 1 and 2
+PRIOR, DETAIL_PRIOR = 0.01, 0.03   # strength of the prior that pulls weights towards |det| + 0.01 in stages 1 and 2
+WRONG_NUMBER = 1.0           # cost of each map too many (for `maps` or `at_most`) or too few (for `maps`)
+ATTRACTOR_WEIGHT = 0.5       # of the collage error of the attractor's own measure
+ATTRACTOR_POINTS = 200_000   # of the chaos game that estimate this measure
+# Of mixtures.
+START_SETS, START_MAPS = 40, 8   # random sets that the first mixture of a restart is made from, and maps in each
+START_MIXTURE = 14           # maximum number of maps in this mixture
+RESTARTS_MIXTURE = 24        # maximum number of maps in the mixture of all restarts
+LEAST_WEIGHT = 0.002         # minimum weight of a map in a mixture
+MIXTURE_FLOOR = 1e-4         # added to the mass of a cell; its square root divides the cell's residual in least squares
+LIMIT_TOLERANCE = 1e-4       # by which a map in a mixture may exceed the limit of the smaller singular value: rounding
+# Of a move.
+ADD_ONLY = 0.3               # probability that it adds maps without removing any
+ADD_MOST = 2                 # maximum number of maps added by such a move; other moves add as many as they removed
+REMOVE_ANOTHER = 0.6         # probability, after each removed map, that one more is removed
+REMOVE_MOST = 6              # maximum number of maps removed
+REMOVE_ANYWHERE = 0.4        # probability that they are drawn from all maps, instead of those nearest to one
+LARGE_BIRTH = 0.5            # probability that the first birth after a removal is sought among large maps
+BEST_BIRTH = 0.7             # probability that a birth takes the best of the kept candidates, instead of any of them
+PRICES = 8.0                 # number of map prices by which the error may rise on the way to a better set
+ACCEPT_ERROR = 1.5           # factor on the error, besides these prices, up to which a neighbour is considered further
+ACCEPT_SCORE = 1.3           # factor on the score up to which it is considered further after pruning
+PRUNE_TRIED = 3              # maps whose removal is tried at a time: those whose absence raises the error least
+PRUNE_SHARE = 0.3            # share by which a removal may raise the error to be tried, if it is more than these prices
+SAME_AFFINITY = 0.9          # Bhattacharyya affinity of the images of two maps above which merging them is tried
+# Descents.
+START = Descent(150, rate=0.03, largest=0.97)   # of the random sets of a restart
+MIX = Descent(150, rate=0.015)                  # of a mixture
+RESUME = Descent(100, rate=0.004)               # of a set from an earlier stage
+NEIGHBOUR = Descent(50, rate=0.01)              # of the neighbours in a move
+ACCEPT = Descent(50, rate=0.004)                # of the accepted neighbour
+PRUNE = Descent(25, rate=0.006)                 # of a set without one of its maps
+MERGE = Descent(50, rate=0.006)                 # of a set after two maps were merged
 
 
 @dataclass(frozen=True)
@@ -37,14 +73,12 @@ class Regime:
     @classmethod
     def whole(cls, params: CollageParams) -> Regime:
         """Stage 1."""
-        search, births = params.search, params.births
-        return cls(search.grid, search.price, search.prior, births.count, births.medium)
+        return cls(params.search.grid, PRICE, PRIOR, params.births.count, MEDIUM)
 
     @classmethod
     def detail(cls, params: CollageParams) -> Regime:
         """Stage 2."""
-        search, births = params.search, params.births
-        return cls(search.detail_grid, search.detail_price, search.detail_prior, births.detail_count, births.small)
+        return cls(params.search.detail_grid, DETAIL_PRICE, DETAIL_PRIOR, params.births.count // 2, SMALL)
 
 
 @dataclass(frozen=True)
@@ -70,22 +104,20 @@ class MeasureSearch:
 
     def __init__(self, masses: Tensor, regime: Regime, params: CollageParams, seed: int = 0,
                  smaller_limit: float = 1.0):
-        size = grid_for(masses.shape[0], regime.grid, params.descent)
+        size = grid_for(masses.shape[0], regime.grid)
         self.params, self.regime, self.seed, self.smaller_limit = params, regime, seed, smaller_limit
-        self.measure, self.coarse = (binned(masses, cells, params.descent)
-                                     for cells in (size, size // params.search.coarser))
+        self.measure, self.coarse = (binned(masses, cells) for cells in (size, size // COARSER))
         self.slack = params.search.slack * self.measure.bins
 
     # -- judging ------------------------------------------------------------------------------------------------------
 
     def cheap_score(self, maps: Tensor, weights: Tensor, error: float) -> float:
         """The score without the attractor's term, which takes longer than all other terms."""
-        descent = self.params.descent
         share, tied = weights / weights.sum(), affine.volumes(maps)
         untied = float((share * (share / (tied / tied.sum())).log().square()).sum())
         near = (1 - displacement_squared(maps, self.measure.mean, self.measure.covariance)
-                / descent.identity_radius**2).clamp_min(0)
-        identity = descent.identity_weight * float((weights * near.square()).sum())
+                / Descent.identity_radius**2).clamp_min(0)
+        identity = Descent.identity_weight * float((weights * near.square()).sum())
         return error + self._price(len(maps)) + self.regime.prior / 2 * untied + identity
 
     def _price(self, count: int) -> float:
@@ -93,123 +125,115 @@ class MeasureSearch:
         fixed, most = self.params.maps, self.params.most_maps
         excess = max(0, count - (fixed or most or count))
         short = max(0, (fixed or 0) - count)
-        return self.regime.price * count + self.params.search.wrong_number * (excess + short)
+        return self.regime.price * count + WRONG_NUMBER * (excess + short)
 
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         """The candidate with its score."""
-        search = self.params.search
-        bins = attractor_bins(maps, weights, self.measure.size, points=search.attractor_points,
-                              seed=derive(self.seed, "a"), camera=self.params.camera)
+        bins = attractor_bins(maps, weights, self.measure.size, points=ATTRACTOR_POINTS, seed=derive(self.seed, "a"))
         far = float(collage_error(bins[None], self.measure)[0])
-        return Candidate(maps, weights, error,
-                         self.cheap_score(maps, weights, error) + search.attractor_weight * far)
+        return Candidate(maps, weights, error, self.cheap_score(maps, weights, error) + ATTRACTOR_WEIGHT * far)
 
-    def descend_batch(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, Tensor]:
+    def descend_batch(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
         """A batch of maps (B,N,6) and weights (B,N) after descent on the whole measure, and its errors (B,)."""
         return descend(maps, weights, self.measure, self._descent(how), backgrounds=self.slack[None])
 
-    def descend_one(self, maps: Tensor, weights: Tensor, how: DescentSteps) -> tuple[Tensor, Tensor, float]:
+    def descend_one(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, float]:
         """One set of maps (N,6) and weights (N,) after descent, and its error."""
         m, w, e = self.descend_batch(maps[None], weights[None], how)
         return m[0], w[0], float(e[0])
 
-    def _descent(self, how: DescentSteps) -> Descent:
-        return descent_of(self.params, how, prior=self.regime.prior, smaller=self.smaller_limit)
+    def _descent(self, how: Descent) -> Descent:
+        return replace(how, prior=self.regime.prior, smaller=self.smaller_limit)
 
     # -- starting -----------------------------------------------------------------------------------------------------
 
     def start(self) -> Candidate:
         """The best mixture of random sets. Each set descends on the coarse grid. Then non-negative least squares
         weights all their maps together, and leaves most weights at zero."""
-        search, births, g = self.params.search, self.params.births, generator(self.seed, "start")
-        count, slack = search.start_sets * search.start_maps, search.slack
-        matrices = affine.random_matrices(count, *births.medium, births.least_ratio, g, reflections=births.reflections)
+        count, slack, g = START_SETS * START_MAPS, self.params.search.slack, generator(self.seed, "start")
+        matrices = affine.random_matrices(count, *MEDIUM, LEAST_RATIO, g, reflections=self.params.births.reflections)
         place = self.coarse.samples.cpu()[torch.multinomial(self.coarse.samples[:, 2].cpu(), count, True,
                                                             generator=g), :2]
         some = affine.sending(matrices, self.coarse.mean.cpu().expand(count, 2), place)
-        some = some.view(search.start_sets, search.start_maps, 6).to(self.slack.device)
+        some = some.view(START_SETS, START_MAPS, 6).to(self.slack.device)
         weights = affine.volumes(some)
         weights = (1 - slack) * weights / weights.sum(1, keepdim=True)
-        pool, _, _ = descend(some, weights, self.coarse, self._descent(search.start),
+        pool, _, _ = descend(some, weights, self.coarse, self._descent(START),
                              backgrounds=slack * self.coarse.bins[None])
-        return self._mixture(pool.view(-1, 6), self.coarse, search.start_mixture)
+        return self._mixture(pool.view(-1, 6), self.coarse, START_MIXTURE)
 
     def mixed(self, pool: Tensor) -> Candidate:
         """The best mixture of maps (M,6) from several searches: right maps recur, wrong ones differ."""
-        limit = self.smaller_limit + self.params.search.limit_tolerance
-        return self._mixture(pool[affine.smaller_singular(pool) < limit], self.measure,
-                             self.params.search.restarts_mixture)
+        limit = self.smaller_limit + LIMIT_TOLERANCE
+        return self._mixture(pool[affine.smaller_singular(pool) < limit], self.measure, RESTARTS_MIXTURE)
 
     def _mixture(self, pool: Tensor, grid: BinnedMeasure, most: int) -> Candidate:
         """Weight maps (M,6) by non-negative least squares, keep the `most` heaviest, move them and prune them."""
         from scipy.optimize import nnls
 
-        search = self.params.search
         columns = pushforward(pool[:, None].contiguous(), torch.ones_like(pool[:, :1]), grid.samples, grid.size)
-        scale = (grid.bins + search.mixture_floor).rsqrt()
+        scale = (grid.bins + MIXTURE_FLOOR).rsqrt()
         found, _ = nnls((columns * scale).flatten(1).T.cpu().double().numpy(),
                         (grid.bins * scale).flatten().cpu().double().numpy())
         best = np.argsort(-found)[:max(most, self.params.maps or 0)]
-        best = torch.from_numpy(best[found[best] >= min(search.least_weight, found.max())].copy())
+        best = torch.from_numpy(best[found[best] >= min(LEAST_WEIGHT, found.max())].copy())
         weights = torch.from_numpy(found).float()[best]
-        weights = (1 - search.slack) * (weights / weights.sum()).to(pool)
-        return self.merged(self.pruned(*self.descend_one(pool[best.to(pool.device)], weights, search.mix)))
+        weights = (1 - self.params.search.slack) * (weights / weights.sum()).to(pool)
+        return self.merged(self.pruned(*self.descend_one(pool[best.to(pool.device)], weights, MIX)))
 
     def resume(self, found: Candidate) -> Candidate:
         """A candidate of an earlier stage, moved and pruned on this measure."""
-        search = self.params.search
-        weights = (1 - search.slack) * found.probabilities
-        return self.merged(self.pruned(*self.descend_one(found.maps, weights, search.resume)))
+        weights = (1 - self.params.search.slack) * found.probabilities
+        return self.merged(self.pruned(*self.descend_one(found.maps, weights, RESUME)))
 
     # -- one move -----------------------------------------------------------------------------------------------------
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """The better of `now` and the best of its neighbours."""
-        search, g = self.params.search, generator(self.seed, "step", number)
-        sets = self._with_births([self._ruined(now, g) for _ in range(search.proposals)], g)
+        g = generator(self.seed, "step", number)
+        sets = self._with_births([self._ruined(now, g) for _ in range(self.params.search.proposals)], g)
         batch = _padded([(each.maps, each.weights) for each in sets])
-        maps, weights, errors = self.descend_batch(*batch, search.neighbour)
+        maps, weights, errors = self.descend_batch(*batch, NEIGHBOUR)
         scores = []
         for i, each in enumerate(sets):
             n = len(each.maps)
             scores.append(self.cheap_score(maps[i, :n], weights[i, :n], float(errors[i])))
         best = int(np.argmin(scores))
         count, error = len(sets[best].maps), float(errors[best])
-        if error > search.accept_error * now.error + search.prices * self.regime.price:
+        if error > ACCEPT_ERROR * now.error + PRICES * self.regime.price:
             return now
         new = self.pruned(maps[best, :count], weights[best, :count], error)
-        if new.score > search.accept_score * now.score:
+        if new.score > ACCEPT_SCORE * now.score:
             return now
-        new = self.judged(*self.descend_one(new.maps, new.own_weights, search.accept))
+        new = self.judged(*self.descend_one(new.maps, new.own_weights, ACCEPT))
         return self.merged(new) if new.score < now.score else now
 
     def _ruined(self, now: Candidate, g: torch.Generator) -> _Ruined:
         """The set without some maps, which are close together or anywhere."""
-        search, n = self.params.search, len(now.maps)
-        if n == 1 or torch.rand((), generator=g) < search.add_only:
-            return _Ruined(now.maps, now.own_weights, False, 1 + int(torch.randint(search.add_most, (), generator=g)))
+        n = len(now.maps)
+        if n == 1 or torch.rand((), generator=g) < ADD_ONLY:
+            return _Ruined(now.maps, now.own_weights, False, 1 + int(torch.randint(ADD_MOST, (), generator=g)))
         gone = 1
-        while gone < min(n - 1, search.remove_most) and torch.rand((), generator=g) < search.remove_another:
+        while gone < min(n - 1, REMOVE_MOST) and torch.rand((), generator=g) < REMOVE_ANOTHER:
             gone += 1
-        if torch.rand((), generator=g) < search.remove_anywhere:
+        if torch.rand((), generator=g) < REMOVE_ANYWHERE:
             order = torch.randperm(n, generator=g)
         else:
             centers = (now.maps[:, :4].unflatten(1, (2, 2)) @ self.measure.mean + now.maps[:, 4:]).cpu()
             order = (centers - centers[torch.randint(n, (), generator=g)]).norm(dim=1).argsort()
         keep = order[gone:].sort().values.to(now.maps.device)
-        large = bool(torch.rand((), generator=g) < search.large_birth)
+        large = bool(torch.rand((), generator=g) < LARGE_BIRTH)
         return _Ruined(now.maps[keep], now.own_weights[keep], large, 1 + int(torch.randint(gone, (), generator=g)))
 
     def _with_births(self, sets: list[_Ruined], g: torch.Generator) -> list[_Ruined]:
         """The sets with their new maps. Maps are added one after another, but to all sets at once."""
-        params = self.params
         for turn in range(max(each.births for each in sets)):
             active = [i for i, each in enumerate(sets) if turn < each.births]
             backgrounds = torch.stack([self._explained(sets[i].maps, sets[i].weights) for i in active])
-            sizes = [params.births.large if sets[i].large and turn == 0 else self.regime.sizes for i in active]
+            sizes = [LARGE if sets[i].large and turn == 0 else self.regime.sizes for i in active]
             born, masses = self._births(backgrounds, sizes, g)
             for row, i in enumerate(active):
-                best = torch.rand((), generator=g) < params.search.best_birth
+                best = torch.rand((), generator=g) < BEST_BIRTH
                 pick = 0 if best else int(torch.randint(born.shape[1], (), generator=g))
                 old = sets[i]
                 sets[i] = _Ruined(torch.cat([old.maps, born[row, pick][None]]),
@@ -217,11 +241,8 @@ class MeasureSearch:
         return sets
 
     def _births(self, backgrounds: Tensor, sizes: list[Interval], g: torch.Generator) -> tuple[Tensor, Tensor]:
-        params = self.params
-        coarse, fine = (descent_of(params, how, smaller=self.smaller_limit) for how in (params.births.coarse,
-                                                                                  params.births.fine))
-        place = Birthplace(self.measure, self.coarse, coarse, fine, self.regime.candidates, params.births)
-        return place.births(backgrounds, sizes, 1 - params.search.slack, g)
+        place = Birthplace(self.measure, self.coarse, self.smaller_limit, self.regime.candidates, self.params.births)
+        return place.births(backgrounds, sizes, 1 - self.params.search.slack, g)
 
     def _explained(self, maps: Tensor, weights: Tensor) -> Tensor:
         return self.slack + pushforward(maps[None], weights[None], self.measure.samples, self.measure.size)[0]
@@ -230,24 +251,24 @@ class MeasureSearch:
 
     def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         """The set without maps whose removal, once the others have moved, improves the score."""
-        search, score = self.params.search, self.cheap_score(maps, weights, error)
+        score = self.cheap_score(maps, weights, error)
         while len(maps) > 2:  # one map alone has a point as its attractor
             n = len(maps)
             too_many = n > (self.params.maps or self.params.most_maps or n)
-            if not (search.pruning or too_many):
+            if not (self.params.search.pruning or too_many):
                 break
             without = weights.expand(n, n) * (1 - torch.eye(n, device=weights.device))
             without = without * (weights.sum() / without.sum(1, keepdim=True))
             bins = pushforward(maps.expand(n, n, 6), without, self.measure.samples, self.measure.size) + self.slack
             errors = collage_error(bins, self.measure)
-            tried = errors.argsort()[:search.prune_tried]
+            tried = errors.argsort()[:PRUNE_TRIED]
             if not too_many:
-                rise = max(search.prices * self.regime.price, search.prune_share * error)
+                rise = max(PRICES * self.regime.price, PRUNE_SHARE * error)
                 tried = tried[errors[tried] <= error + rise]
             if len(tried) == 0:
                 break
             m, w, e = self.descend_batch(maps.expand(len(tried), n, 6).contiguous(), without[tried].contiguous(),
-                                         search.prune)
+                                         PRUNE)
             options = []
             for i, dropped in enumerate(tried.tolist()):
                 keep = torch.arange(n, device=maps.device) != dropped
@@ -267,24 +288,14 @@ class MeasureSearch:
         one = torch.ones(len(now.maps), 1, device=now.maps.device)
         images = pushforward(now.maps[:, None].contiguous(), one, self.coarse.samples, self.coarse.size)
         roots = images.flatten(1).clamp_min(0).sqrt()
-        near = (roots @ roots.T > self.params.search.same_affinity).fill_diagonal_(True)
+        near = (roots @ roots.T > SAME_AFFINITY).fill_diagonal_(True)
         leader = near.float().argmax(1)
         leaders = leader.unique()
         if len(leaders) == len(now.maps):
             return now
         weights = torch.stack([now.own_weights[leader == i].sum() for i in leaders])
-        merged = self.judged(*self.descend_one(now.maps[leaders], weights, self.params.search.merge))
+        merged = self.judged(*self.descend_one(now.maps[leaders], weights, MERGE))
         return merged if merged.score < now.score else now
-
-
-def descent_of(params: CollageParams, how: DescentSteps, *, prior: float = 0.0, smaller: float = 1.0,
-               tied: bool = False) -> Descent:
-    """A descent with these steps and the settings that all descents share."""
-    common = params.descent
-    return Descent(how.steps, rate=how.rate, weight_rate=common.weight_rate, decay=common.decay, largest=how.largest,
-                   smaller=smaller, prior=prior, identity_radius=common.identity_radius,
-                   identity_weight=common.identity_weight, tied=tied, beta_1=common.beta_1, beta_2=common.beta_2,
-                   epsilon=common.epsilon)
 
 
 def _padded(sets: list[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:

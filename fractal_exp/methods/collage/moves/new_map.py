@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from ....ops.collage import BinnedMeasure, descend, pushforward
+from ....ops.collage import BinnedMeasure, Descent, descend, pushforward
 from .. import maps as affine
 from ..bins import binned, grid_for, halve
 from ..image.objective import ImageObjective, Rendered
 from ..measure.births import candidates, mirrored, narrowed, reoriented, visible_weights
 from ..measure.saturation import correction
-from ..measure.search import descent_of
 
 if TYPE_CHECKING:
     from .search import ImageSearch
@@ -37,9 +36,8 @@ class CorrectedMeasure:
         params = objective.params
         factors = correction(masses, shown.code, objective.levels, params.saturation, seed)
         corrected = masses * factors
-        size = grid_for(masses.shape[0], params.moves.grid, params.descent)
-        return cls(shown.maps, binned(corrected, size, params.descent),
-                   binned(corrected, size // 2, params.descent), factors, corrected.sum())
+        size = grid_for(masses.shape[0], params.moves.grid)
+        return cls(shown.maps, binned(corrected, size), binned(corrected, size // 2), factors, corrected.sum())
 
     def explained(self, rendered: Rendered, volume: Tensor, objective: ImageObjective) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile, or that their rendering shows. If a
@@ -50,7 +48,7 @@ class CorrectedMeasure:
         tiled = pushforward(rendered.maps[None], shares[None], measure.samples, measure.size)[0]
         seen = objective.levels.measure(rendered.image) * self.correction
         if bool(seen.any()):
-            shown = binned(seen, measure.size, objective.params.descent)
+            shown = binned(seen, measure.size)
             tiled = torch.maximum(tiled, shown.bins * (seen.sum() / self.total))
         return torch.minimum(tiled, measure.bins)
 
@@ -76,11 +74,10 @@ def with_new_map(search: ImageSearch, rest: Rendered, shown: Rendered, old: Tens
     lacking = (measure.bins - explained).clamp_min(0).sum()
     weights = (affine.volumes(born) / volume).clamp_max(lacking).clamp_min(1e-6)
     weights = visible_weights(born, weights, coarse, coarsely, params.visible_shares)
-    born, weights, errors = descend(born[:, None], weights[:, None], coarse, descent_of(search.params, params.rough),
-                                    backgrounds=coarsely)
+    rough, fine = (Descent(**how.model_dump(), prior=0.0) for how in (params.rough, params.fine))
+    born, weights, errors = descend(born[:, None], weights[:, None], coarse, rough, backgrounds=coarsely)
     best = errors.argsort()[:params.kept]
-    born, weights, errors = descend(born[best], weights[best], measure, descent_of(search.params, params.fine),
-                                    backgrounds=background)
+    born, weights, errors = descend(born[best], weights[best], measure, fine, backgrounds=background)
     best = errors.argsort()[:params.rendered]
     renderings += _rendered(search, rest, measure, born[best, 0], weights[best, 0])
     likeliest = min(renderings, key=_error).maps[-1]

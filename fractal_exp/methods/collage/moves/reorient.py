@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
+from ....cameras.points import attractor_points
 from ....ifs.code import PROBABILITY_FLOOR
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..bins import attractor_points
 from ..image.objective import Rendered
 from .lines import Light, profiled
 from .new_map import small_maps, with_map, with_new_map
@@ -48,8 +48,7 @@ def _reprojected(search: ImageSearch, rest: Rendered, shown: Rendered, gone: int
     params, objective = search.params, search.objective
     volumes = affine.volumes(rest.maps).sum() + PROBABILITY_FLOOR
     share = PROBABILITY_FLOOR / volumes if rest.weights is None else shown.probabilities[gone]
-    points = attractor_points(shown.maps, shown.probabilities, params.lines.points, derive(objective.seed, "profile"),
-                              params.camera)
+    points = attractor_points(shown.maps, shown.probabilities, params.lines.points, derive(objective.seed, "profile"))
     light = Light(objective.image, rest.image, objective.levels.supersample, params.camera.points_per_pixel)
     tried = [with_map(objective, rest, each, share)
              for each in profiled(shown.maps[gone], float(share), points, light, params.lines)]

@@ -15,7 +15,6 @@ from torch import Tensor
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive, generator
 from .. import maps as affine
-from ..camera.tones import camera_of
 from ..image.gauss_newton import firmly_framed, fitted_into_frame, polished
 from ..image.jacobian import FromRenderings
 from ..image.objective import ImageObjective, Rendered, error_of
@@ -237,7 +236,7 @@ class ImageSearch:
         """What the search keeps of a rendering."""
         weights = None if rendered.weights is None else rendered.probabilities
         self._shown = replace(rendered, weights=weights)  # the same weights as in a resumed search
-        return Candidate(rendered.maps, weights, rendered.error, self.score(rendered), camera_of(self.objective.levels))
+        return Candidate(rendered.maps, weights, rendered.error, self.score(rendered), self.objective.levels.camera)
 
     def shown(self, now: Candidate) -> Rendered:
         """The candidate's rendering."""

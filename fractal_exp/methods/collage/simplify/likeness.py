@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from torch import Tensor
-
-from ....ifs.code import IFS
+from ....likeness import likeness_of_attractor
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ..camera.levels import Levels
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered, error_of
 
@@ -46,29 +42,3 @@ def worst_error(objective: ImageObjective, shown: Rendered) -> float:
     """The highest error with which a simpler code may replace a code of a picture that others drew."""
     canonical = objective.params.canonical
     return canonical.drawn_worse * max(shown.error, objective.error_at(canonical.drawn_noise))
-
-
-def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
-    """Agreement of a code's attractor with the shape in an image (R,R), as the F1 of a precision and a recall.
-
-    Precision is the share of the attractor within a pixel of the shape. Recall is the share of the shape within a pixel
-    of what the camera's pen draws around the attractor, or within half a tile or twig of the attractor.
-
-    Precision also allows for half a tile: the attractor of a dragon fills what a drawing of few steps shows as a
-    lattice. Large tiles look like the picture itself, and would make a wrong code look right. So the allowance is at
-    most half of `CameraParams.small_tile_px`, except for a code of `CameraParams.tiled_maps` or fewer.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    side = len(image)
-    attractor = levels.occupied(code, side, 1, levels.points(side), 0, False).numpy() > 0
-    shape = (image > levels.lit_above).cpu().numpy()
-    if not attractor.any() or not shape.any():
-        return 0.0
-    pen, tile = levels.pen * side / 2, levels.smallest_part(code, side) * side / 2
-    beside = levels.camera.beside_px
-    largest = tile if len(code) <= levels.camera.tiled_maps else levels.camera.small_tile_px
-    near, inside = max(beside + pen, tile / 2), max(beside, min(tile, largest) / 2)
-    off, away = (np.asarray(distance_transform_edt(~mask), np.float32) for mask in (shape, attractor))
-    precision, recall = float((off[attractor] < inside).mean()), float((away[shape] < near).mean())
-    return 2 * precision * recall / max(precision + recall, 1e-9)

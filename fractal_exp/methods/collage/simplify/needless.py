@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ..image.camera import Seen, may_be_sharpened
+from ..image.camera import Fit, may_be_sharpened
 from ..image.gauss_newton import polished
 from ..image.jacobian import FromPoints, FromRenderings
 from ..image.objective import ImageObjective, Rendered, error_of
@@ -13,7 +13,7 @@ from .likeness import likeness_of_attractor, worst_error
 from .parents import without_contained
 
 
-def without_needless(seen: Seen, least: int, deadline: Deadline = NO_DEADLINE, *, contained: bool = False) -> Seen:
+def without_needless(seen: Fit, least: int, deadline: Deadline = NO_DEADLINE, *, contained: bool = False) -> Fit:
     """Remove maps whose absence the camera can make up for, and polish the others together with the camera.
 
     A code of too many maps and its camera are made for each other. With this camera, the code without such a map looks

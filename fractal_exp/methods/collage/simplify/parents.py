@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
+from ....cameras.points import attractor_points
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..bins import attractor_points
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
 from .flat import on_their_line
@@ -89,7 +89,7 @@ def flattened(objective: ImageObjective, shown: Rendered) -> Tensor:
 def _points(objective: ImageObjective, shown: Rendered) -> Tensor:
     """Points (P,2) of the attractor; not by maps that hardly contract across a line, which reach it slowly."""
     return attractor_points(flattened(objective, shown), shown.probabilities, objective.params.moves.parent_points,
-                            derive(objective.seed, "parents"), objective.params.camera).cpu()
+                            derive(objective.seed, "parents")).cpu()
 
 
 def _undone(maps: Tensor, group: list[Tensor], largest: float) -> Tensor:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ....cameras.points import attractor_points
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..bins import attractor_points
 from ..image.objective import ImageObjective, Rendered
 from ..params.rounding import CanonicalParams
 
@@ -112,7 +112,7 @@ class Spread:
         """The spread of a code's attractor, with the objective's pixels."""
         params = objective.params
         points = attractor_points(found.maps, found.probabilities, canonical.points,
-                                  derive(objective.seed, "rounding"), params.camera).double()
+                                  derive(objective.seed, "rounding")).double()
         return cls(points.mean(0), points.T.cov(), 2 / objective.side, canonical, params.gauss_newton.largest)
 
     def rounded(self, one: Tensor) -> Tensor | None:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
+from ....cameras.blur import blurred
+from ....cameras.kinds import with_camera
+from ....cameras.pens import Drawn
+from ....cameras.strokes import flat_maps
+from ....likeness import TILED_MAPS
 from ....runtime.seeds import derive
-from ..camera.blur import blurred
-from ..camera.pens import Drawn
-from ..camera.strokes import flat_maps
-from ..camera.tones import camera_of, seen_with
-from ..image.camera import Seen, angle_of, as_seen, in_turns
+from ..image.camera import MOST_MAPS, STROKED, Fit, angle_of, in_turns, polish_under
 from ..image.objective import ImageObjective, Rendered
 from ..maps import WeightedMaps
 from ..measure.search import MeasureSearch, Regime
-from ..params import CollageParams
 from ..simplify.likeness import likeness_of
 from ..simplify.pruning import Price
 from ..state import Candidate, State
@@ -25,8 +24,18 @@ from ..trees.trunk import with_trunk
 from .base import Stage
 from .problem import SearchProblem
 
-LEAST_TREE = 3                          # maps: a trunk and two branches
+ENDS = 0.75             # share of the time limit at which the stage ends
 TILES, STROKES = "coverage", "strokes"  # tiles are coverage with a tile size above 0; without one it is a pen
+LEAST_TREE = 3         # maps: a trunk and two branches
+BELOW = 0.985          # likeness of a code, or of strokes, below which a construction, or another one, is sought
+BRANCHES = 4, 3, 2     # most maps in each search for branches; the first one comes before those for tiles
+BLURS_PX = 3.0, 6.0    # of the measure, in searches for few maps that are then seen as tiles
+CONTRACTION = 0.75     # limit of smaller singular values: a mirrored copy of the whole tree is no branch
+TRUNK_STROKES = 4      # that take the place of a code's flat maps at most
+REGISTERED_KEPT = 2    # registered codes, those at the likeliest depths, that are then seen as strokes
+COARSE_SIDE = 128      # pixels of the image on which strokes are polished first, at most
+GAIN = 0.3             # strokes go on to the whole image if their squared angle is at most this share of the maps'
+ALIKE = 0.9            # least F1 within a pixel of a drawing by strokes that is taken
 
 
 @dataclass(frozen=True)
@@ -38,35 +47,29 @@ class _Try:
     camera: str
 
 
-class Recursion(Stage[Any]):
+class Construction(Stage):
     """Searches for few maps, each looked at as tiles or as strokes.
 
     A dragon or a tree of few levels is a lattice of lines. Many maps explain it better than its true code does, unless
-    it is known that the construction ends. From afar it looks like its attractor, so few maps (`camera.tiled_maps`) are
+    it is known that the construction ends. From afar it looks like its attractor, so few maps (`TILED_MAPS`) are
     searched for on a blurred measure, and seen as tiles. A tree has a trunk too, which is what its branches leave over.
     It is seen as strokes, at the depth that suits the drawing. The code is taken if it draws the picture; the moves by
     renderings are then left out. Two maps that a pen draws are taken if they are the simpler code; the moves by
     renderings then go on from them. A move of this stage is a search.
     """
 
-    name, ends_at = "construction", "approach_share"
+    name, ends_at = "construction", ENDS
+    objective: ImageObjective   # the picture as it is seen with the camera that suits the code so far
 
-    def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
+    def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
         super().__init__(problem, number, restart)
-        self._objective: ImageObjective | None = None
-        self._tries = _tries(problem.params)
-
-    @property
-    def objective(self) -> ImageObjective:
-        """The picture as it is seen with the camera that suits the code so far; there once the stage is open."""
-        assert self._objective is not None
-        return self._objective
+        self._tries = _tries(problem)
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them."""
         params = problem.params
-        return (params.camera.estimate and bool(_tries(params)) and isinstance(problem.levels, Drawn)
+        return (params.camera.estimate and isinstance(problem.levels, Drawn) and bool(_tries(problem))
                 and not problem.is_reduced and not params.maps)
 
     @property
@@ -76,52 +79,56 @@ class Recursion(Stage[Any]):
     def is_wanted(self, state: State) -> bool:
         if state.current is not None:
             return True
-        if state.measured_through:  # a density: no construction
+        if state.measured_through is not None:  # a density: no construction
             return False
-        if len(state.leader.maps) > self.params.camera.sharpened_maps:  # so many draw anything
+        if len(state.leader.maps) > MOST_MAPS:  # so many draw anything
             return True
-        self.open(state)
-        likeness = self._likeness(state.leader)
-        if self.objective.levels.is_density:  # a scatter plot, as it seems: constructions are drawn with lines
+        objective = self._objective_for(state.leader)
+        likeness = self._likeness(state.leader, objective)
+        if objective.levels.is_density:  # a scatter plot, as it seems: constructions are drawn with lines
             return likeness < self.params.stages.unlike
         most = max(tried.maps for tried in self._tries)  # a simpler code may draw the picture, too
-        return likeness < self.params.camera.recursion_below or len(state.leader.maps) > most
+        return likeness < BELOW or len(state.leader.maps) > most
 
-    def open(self, state: State) -> None:
-        if self._objective is None:
-            problem, seed = self.problem, derive(self.problem.seed, "recursion")
-            camera = problem.camera(state.leader.code, seed)
-            self._objective = problem.objective(len(problem.image), state.leader.code, seed, camera=camera)
+    def open(self, state: State) -> State:
+        self.objective, best = self._objective_for(state.leader), state.leader
+        return state.begun(lambda: self._candidate(self.objective, self.objective.judge(best.maps, best.weights)))
 
-    def begin(self, state: State) -> Candidate:
-        return self._candidate(self.objective, self.objective.judge(state.leader.maps, state.leader.weights))
+    def _objective_for(self, best: Candidate) -> ImageObjective:
+        problem, seed = self.problem, derive(self.problem.seed, "recursion")
+        return problem.objective(len(problem.image), best.code, seed, camera=problem.camera(best.code, seed))
 
-    def step(self, now: Candidate, number: int) -> Candidate:
+    def move(self, state: State) -> State:
+        return state.moved(self._better(state.now, state.step))
+
+    def _better(self, now: Candidate, number: int) -> Candidate:
+        """`now`, or what a search finds if it is better."""
         tried = self._tries[number]
         few = self._few_maps(tried, number)
-        seen = self._as_strokes(few) if tried.camera == STROKES else as_seen(self.objective, few, TILES, self.deadline)
+        seen = (self._as_strokes(few) if tried.camera == STROKES
+                else polish_under(self.objective, few, TILES, self.deadline))
         if not seen:
             return now
         best = self._candidate(*in_turns(*seen[0], self.deadline))
         is_construction = best.error < self._error_to_beat(now) and self._is_explained(best)
         return best if is_construction or self._is_simpler(best, now) else now
 
-    def _as_strokes(self, few: Rendered) -> list[Seen]:
+    def _as_strokes(self, few: Rendered) -> list[Fit]:
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
         promising = math.inf if self._has_tiles(few) else \
-            self.params.camera.recursion_gain**0.5 * self.objective.angle(few.error)
-        seen = self._polished(self._coarse, self._registered(self._trees(few, self.params.camera.trunk_strokes)))
+            GAIN**0.5 * self.objective.angle(few.error)
+        seen = self._polished(self._coarse, self._registered(self._trees(few, TRUNK_STROKES)))
         if not seen or angle_of(seen[0]) > promising:
             return []
         best = seen[0][1]
-        again = self._trees(best, int(flat_maps(best.code, self.params.camera).sum()))
+        again = self._trees(best, int(flat_maps(best.code).sum()))
         return self._polished(self.objective, [best, *(tree for tree in again if tree is not best)])
 
-    def _polished(self, objective: ImageObjective, trees: list[Rendered]) -> list[Seen]:
+    def _polished(self, objective: ImageObjective, trees: list[Rendered]) -> list[Fit]:
         """The trees polished as strokes on an image, the best first."""
-        return sorted((each for tree in trees for each in as_seen(objective, tree, STROKES, self.deadline)),
+        return sorted((each for tree in trees for each in polish_under(objective, tree, STROKES, self.deadline)),
                       key=angle_of)
 
     def _registered(self, trees: list[Rendered]) -> list[Rendered]:
@@ -129,7 +136,7 @@ class Recursion(Stage[Any]):
         registration = Registration(self.objective, self.deadline)
         fits = sorted((each for tree in trees for each in registration.fits(tree)), key=misfit_of)
         return [self.objective.judge(each.maps.to(self.objective.image))
-                for each in fits[:self.params.camera.registered_kept]]
+                for each in fits[:REGISTERED_KEPT]]
 
     def _trees(self, found: Rendered, most: int) -> list[Rendered]:
         """The copies of a code with a trunk of at most so many strokes and, apart from that, of one."""
@@ -138,9 +145,9 @@ class Recursion(Stage[Any]):
 
     @cached_property
     def _coarse(self) -> ImageObjective:
-        """The picture at no more than `camera.coarse_side` pixels per side."""
+        """The picture at no more than `COARSE_SIDE` pixels per side."""
         problem, camera, side = self.problem, self.params.camera, len(self.problem.image)
-        size = min(side, camera.coarse_side)
+        size = min(side, COARSE_SIDE)
         known = {name: value * size / side for name in ("pen_px", "blur_px") if (value := getattr(camera, name))}
         return ImageObjective(problem.levels.shrunk(problem.image, size), problem.levels,
                               self.params.updated(camera=known), problem.seed)
@@ -150,7 +157,7 @@ class Recursion(Stage[Any]):
         if not self._is_explained(state.now):
             return False
         if has_strokes(state.now):
-            return self._likeness_of_drawing(state.now) >= self.params.camera.recursion_below
+            return self._likeness_of_drawing(state.now) >= BELOW
         return TILES not in {each.camera for each in self._tries[state.step:]}
 
     def close(self, state: State) -> State:
@@ -162,9 +169,9 @@ class Recursion(Stage[Any]):
         """What a search for few maps finds. If the code is to be seen as strokes, a map is left for the trunk."""
         most = (self.params.most_maps or tried.maps + 1) - (tried.camera == STROKES)
         few = self.params.updated(at_most=min(tried.maps, most), bytes=None, likeness=None)
-        masses = blurred(self.problem.masses_of(self.round), tried.blur_px, few.camera)
+        masses = blurred(self.problem.masses_of(self.round), tried.blur_px)
         search = MeasureSearch(masses, Regime.whole(few), few, derive(self.problem.seed, "recursion", number),
-                               few.camera.recursion_contraction)
+                               CONTRACTION)
         found = search.start()
         for move in range(few.search.moves):
             if self.deadline.passed:
@@ -175,7 +182,7 @@ class Recursion(Stage[Any]):
     def _error_to_beat(self, now: Candidate) -> float:
         if self._is_explained(now):
             return now.error
-        return float("inf") if self._has_tiles(now) else self.params.camera.stroked * now.error
+        return float("inf") if self._has_tiles(now) else STROKED * now.error
 
     def _has_tiles(self, found: WeightedMaps) -> bool:
         """Whether a code is drawn by tiles, which show the picture itself, so that its error says nothing."""
@@ -183,10 +190,10 @@ class Recursion(Stage[Any]):
 
     def _is_explained(self, found: Candidate) -> bool:
         """Whether a code draws the picture as strokes, or as tiles of so few maps that this is no accident."""
-        if not is_construction(found, self.params.camera.tiled_maps):
+        if not is_construction(found):
             return False
         if has_strokes(found):
-            return self._likeness_of_drawing(found) >= self.params.camera.recursion_alike
+            return self._likeness_of_drawing(found) >= ALIKE
         return self._likeness_of_drawing(found) >= self.params.moves.alike \
             and self._likeness(found) >= self.params.stages.unlike
 
@@ -199,52 +206,51 @@ class Recursion(Stage[Any]):
 
     def _likeness_of_drawing(self, found: Candidate) -> float:
         """How like the picture a code's drawing is, whatever its attractor."""
-        shown, objective = self._shown(found)
+        shown, objective = self._shown(found, self.objective)
         return objective.likeness(shown.image)
 
-    def _likeness(self, found: Candidate) -> float:
+    def _likeness(self, found: Candidate, objective: ImageObjective | None = None) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
-        return likeness_of(*self._shown(found))
+        return likeness_of(*self._shown(found, objective or self.objective))
 
-    def _shown(self, found: Candidate) -> tuple[Rendered, ImageObjective]:
-        objective = self.objective
-        if found.camera:
-            objective = objective.seen_with(seen_with(objective.levels, found.camera))
+    def _shown(self, found: Candidate, objective: ImageObjective) -> tuple[Rendered, ImageObjective]:
+        if found.camera is not None and found.camera.is_known:
+            objective = objective.seen_with(with_camera(objective.levels, found.camera))
         return objective.judge(found.maps, found.weights), objective
 
     def _candidate(self, objective: ImageObjective, shown: Rendered) -> Candidate:
         error = self._error(objective, shown)
-        return Candidate(shown.maps, shown.weights, error, error, camera_of(objective.levels))
+        return Candidate(shown.maps, shown.weights, error, error, objective.levels.camera)
 
     def _error(self, objective: ImageObjective, shown: Rendered) -> float:
         """The error by which pens, tiles, strokes and dots are compared: that of a pen for the same angle."""
         return 2 * self.problem.levels.supersample**2 * objective.angle(shown.error) ** 2
 
 
-def _tries(params: CollageParams) -> list[_Try]:
+def _tries(problem: SearchProblem) -> list[_Try]:
     """The searches: the first one for strokes, then those for tiles, then the others for strokes. None for tiles where
     the user knows the pen, none at all where the user knows that the picture shows dots."""
-    if "coverage" not in params.camera_kinds:
+    params, camera = problem.params, problem.params.camera
+    if "coverage" not in problem.levels.kinds or not camera.constructions:
         return []
-    camera = params.camera
-    has_tiles = camera.tiles_px and camera.pen_px is None
-    tiles = [_Try(camera.tiled_maps, blur, TILES) for blur in (camera.recursion_blurs_px if has_tiles else ())]
+    has_tiles = camera.tiles and camera.pen_px is None
+    tiles = [_Try(TILED_MAPS, blur, TILES) for blur in (BLURS_PX if has_tiles else ())]
     has_strokes = camera.strokes and (params.most_maps or LEAST_TREE) >= LEAST_TREE
-    strokes = [_Try(most, 0.0, STROKES) for most in (camera.recursion_maps if has_strokes else ())]
+    strokes = [_Try(most, 0.0, STROKES) for most in (BRANCHES if has_strokes else ())]
     return [*strokes[:1], *tiles, *strokes[1:]]
 
 
 def has_strokes(found: Candidate) -> bool:
     """Whether a code was last judged by what it draws as strokes."""
-    return found.camera[:1] == (STROKES,)
+    return found.camera is not None and found.camera.depth is not None
 
 
 def has_pen(found: Candidate) -> bool:
     """Whether a code was last judged by its attractor, drawn with a pen."""
-    return found.camera[:1] == (TILES,) and float(found.camera[1]) == 0
+    return found.camera is not None and found.camera.tile == 0
 
 
-def is_construction(found: Candidate, most: int) -> bool:
-    """Whether a code was last judged by strokes, or by tiles of at most so many maps."""
-    has_tiles = found.camera[:1] == (TILES,) and float(found.camera[1]) > 0
-    return has_strokes(found) or has_tiles and len(found.maps) <= most
+def is_construction(found: Candidate) -> bool:
+    """Whether a code was last judged by strokes, or by tiles of at most `TILED_MAPS` maps."""
+    has_tiles = found.camera is not None and bool(found.camera.tile)
+    return has_strokes(found) or has_tiles and len(found.maps) <= TILED_MAPS

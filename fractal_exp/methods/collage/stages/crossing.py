@@ -10,7 +10,20 @@ from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
 from ..measure.population import Population
 from ..params import CollageParams
-from ..state import Candidate
+from ..state import Candidate, State
+from .base import Stage
+from .measure import DETAIL_ENDS
+from .plan import Plan
+
+POPULATIONS = 5     # most populations, each started from scratch
+POPULATION_SIDE = 64   # most pixels per side of the image by which their sets are judged and polished
+JUDGED_EVERY = 10   # generations after which the best sets are rendered
+JUDGED = 8          # number of sets that are rendered
+POLISHED = 3        # number of sets that are polished: those with the best renderings
+FIRST_POLISH = 3    # Gauss-Newton steps of each polished set
+POLISH = 8          # further steps if the first ones were hopeful
+HOPEFUL = 0.3       # share of the error that the first steps leave near the true code
+SETTLED = 1.15      # noise ratio up to which a code counts as the true one; above it, another population starts
 
 
 class Crossing:
@@ -24,7 +37,7 @@ class Crossing:
                  done: int = 0, deadline: Deadline = NO_DEADLINE):
         self.masses, self.objective, self.deadline, self.seed = masses, objective, deadline, seed
         self.all, self.params = params, params.population
-        self._noise: tuple[Tensor, float] | None = None
+        self._noises: dict[tuple[float, ...], float] = {}
         self._begin(done // self.params.generations)
         for number in range(done - done % self.params.generations, done):
             self._advance(number)
@@ -39,16 +52,17 @@ class Crossing:
             self._begin(number // self.params.generations)
         new = [self._judged(i) for i in self._advance(number)]
         new.sort(key=lambda rendered: rendered.error)
-        for each in new[:self.params.polished]:
+        for each in new[:POLISHED]:
             if not self.deadline.passed:
                 now = min(now, self._candidate(self._polished(each)), key=lambda candidate: candidate.error)
         return now
 
     def is_settled(self, now: Candidate) -> bool:
         """Whether the code explains the image."""
-        if self._noise is None or self._noise[0] is not now.maps:
-            self._noise = now.maps, self.objective.noise(now.code)
-        return now.error <= self.params.settled * self._noise[1]
+        numbers = *now.maps.flatten().tolist(), *now.probabilities.tolist()
+        if numbers not in self._noises:
+            self._noises = {numbers: self.objective.noise(now.code)}
+        return now.error <= SETTLED * self._noises[numbers]
 
     def _begin(self, number: int) -> None:
         """Start a new population."""
@@ -60,9 +74,9 @@ class Crossing:
     def _advance(self, number: int) -> list[int]:
         """Make one generation; return the sets to judge now, without those judged before."""
         self.population.advance()
-        if (number + 1) % self.params.judged_every:
+        if (number + 1) % JUDGED_EVERY:
             return []
-        errors = self.population.errors[:self.params.judged].tolist()
+        errors = self.population.errors[:JUDGED].tolist()
         new = [i for i, error in enumerate(errors) if error not in self._seen]
         self._seen |= set(errors)
         return new
@@ -71,11 +85,44 @@ class Crossing:
         return self.objective.judge(self.population.maps[i], self.population.probabilities[i])
 
     def _polished(self, first: Rendered) -> Rendered:
-        found = polished(self.objective, first, self.params.polish_first, deadline=self.deadline)
-        if found.error > self.params.hopeful * first.error:
+        found = polished(self.objective, first, FIRST_POLISH, deadline=self.deadline)
+        if found.error > HOPEFUL * first.error:
             return found
-        return polished(self.objective, found, self.params.polish, deadline=self.deadline)
+        return polished(self.objective, found, POLISH, deadline=self.deadline)
 
     @staticmethod
     def _candidate(rendered: Rendered) -> Candidate:
         return Candidate(rendered.maps, rendered.probabilities, rendered.error, rendered.error)
+
+
+class Populations(Stage):
+    """Crossed populations of sets with the given number of maps, instead of stages 1 and 2 where they search better."""
+
+    name, ends_at = "population", DETAIL_ENDS
+
+    @property
+    def expected_moves(self) -> int:
+        return self.params.population.generations
+
+    @property
+    def most_moves(self) -> int:
+        return POPULATIONS * self.expected_moves
+
+    def open(self, state: State) -> State:
+        problem, size = self.problem, POPULATION_SIDE
+        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
+        seed = derive(problem.seed, "population", self.round)
+        objective = ImageObjective(image, problem.levels, self.params, seed)
+        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
+                               deadline=self.deadline)
+        return state.begun(self.search.start)
+
+    def is_settled(self, state: State) -> bool:
+        return self.search.is_settled(state.now)
+
+
+class CrossedPlan(Plan):
+    """The stages of a search with populations."""
+
+    def search(self, number: int) -> list[Stage]:
+        return [Populations(self.problem, number)]

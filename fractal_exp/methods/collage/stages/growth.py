@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from functools import cached_property
 
+from ....cameras.estimate import showing
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..growth.growing import Grower
-from ..image.camera import showing
 from ..simplify.likeness import likeness_of
 from ..state import Candidate, Grown, State
 from .base import Stage
 from .problem import SearchProblem
 
+UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
+MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found
 
-class Growth(Stage[Any]):
+
+class Growth(Stage):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
     the grown sets. It is skipped if the search found the code."""
 
-    name, ends_at = "growth", "canonical_share"
+    name = "growth"
 
-    def __init__(self, problem: SearchProblem, number: int = 0, restart: int = 0):
+    def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
         super().__init__(problem, number, restart)
         self.counts = self._counts()
 
@@ -48,20 +51,21 @@ class Growth(Stage[Any]):
         found = state.result
         if found is None or state.current is not None:
             return True
-        self.open(state)
         likeness = self._likeness(found)
         if likeness < (self.params.likeness or 0):
             return True
-        return likeness < self.params.growth.unlike and not self._explains_rendering(found)
+        return likeness < UNLIKE and not self._explains_rendering(found)
 
-    def open(self, state: State) -> None:
+    @cached_property
+    def grower(self) -> Grower:
+        """What draws and grows sets for the image, whatever the search has found."""
         problem = self.problem
-        self.grower = Grower(problem.image, self.params, derive(problem.seed, "growth"), problem.deadline)
+        return Grower(problem.image, self.params, derive(problem.seed, "growth"), problem.deadline)
 
-    def begin(self, state: State) -> Candidate:
-        return state.result or self._candidate(self.grower.plain(self.counts[0]))
+    def open(self, state: State) -> State:
+        return state.begun(lambda: state.result or self._candidate(self.grower.plain(self.counts[0])))
 
-    def moved(self, state: State) -> State:
+    def move(self, state: State) -> State:
         grown = self.grower.grown(self.counts[state.step], state.curve[-1] if state.curve else None)
         return replace(state.moved(self._candidate(grown)), curve=(*state.curve, grown))
 
@@ -72,7 +76,7 @@ class Growth(Stage[Any]):
         found, chosen = state.result, self._chosen(state.curve)
         grown, likeness = self._drawn(chosen)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
-                likeness < self._likeness(found) + self.params.growth.margin or self._draws_better(found, chosen)):
+                likeness < self._likeness(found) + MARGIN or self._draws_better(found, chosen)):
             return replace(state, best=found, before=None)
         return replace(state, best=grown, before=None,
                        stopped=f"{len(chosen.maps)} maps were grown, F1 {likeness:.3f} within a pixel")
@@ -80,7 +84,7 @@ class Growth(Stage[Any]):
     def _drawn(self, chosen: Grown) -> tuple[Candidate, float]:
         """Grown maps with the camera that shows them best, and the likeness of what it draws."""
         problem, seed = self.problem, derive(self.problem.seed, "grown")
-        camera = showing(problem.image, problem.levels, chosen.code, self.params, seed)
+        camera = showing(problem.image, problem.levels, chosen.code, seed)
         objective = problem.objective(len(problem.image), chosen.code, seed, camera=camera)
         shown = objective.judge(chosen.maps, chosen.weights)
         drawn = Candidate(chosen.maps, chosen.weights, shown.error, shown.error, camera)
@@ -94,7 +98,7 @@ class Growth(Stage[Any]):
             return False
         objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
         shown, other = (objective.judge(each.maps, each.weights) for each in (found, grown))
-        return shown.error < other.error and objective.likeness(shown.image) >= self.params.growth.unlike
+        return shown.error < other.error and objective.likeness(shown.image) >= UNLIKE
 
     def _likeness(self, found: Candidate) -> float:
         """The likeness (F1 within a pixel) of what the search found."""

@@ -4,24 +4,60 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ....cameras.kinds import with_camera
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
-from ..camera.levels import may_be_density
-from ..camera.pens import Drawn
-from ..image.camera import angle_as_density
-from ..image.objective import ImageObjective
-from ..measure.search import MeasureSearch, Regime
-from ..state import Candidate, Key, State
+from .. import maps as affine
+from ..measure.saturation import saturation_corrected
+from ..measure.search import WRONG_NUMBER, MeasureSearch, Regime
+from ..state import Candidate, State
 from .base import Stage
-from .crossing import Crossing
-from .problem import SearchProblem
+
+ISOMETRY = 0.95      # smaller singular value above which a map counts as a near-isometry
+CONTRACTION = 0.9    # upper limit of the smaller singular value in rounds that avoid near-isometries
+# Shares of a round's part of the time at which restarts, the search from their mixture, and stage 2 end
+RESTARTS_END, MIXTURE_ENDS, DETAIL_ENDS = 0.35, 0.45, 0.65
+AGREEMENT = 0.02        # relative difference of scores below which two restarts agree; the others are then skipped
 
 
-class Restart(Stage[MeasureSearch]):
+class MeasureStage(Stage):
+    """A search on the image's measure."""
+
+    search: MeasureSearch
+
+    def _search_of(self, state: State, found: Candidate | None, regime: Regime, seed: int) -> MeasureSearch:
+        """The search on the image's measure, which `found` corrects for saturation."""
+        masses = self.problem.masses_of(self.round, state.measured_through)
+        if found is not None:
+            levels = with_camera(self.problem.levels, state.measured_through)
+            masses = saturation_corrected(masses, found.code, levels, self.params.saturation, seed)
+        return MeasureSearch(masses, regime, self.params, seed, self._smaller_limit(state))
+
+    def _smaller_limit(self, state: State) -> float:
+        """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
+        identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. The
+        first and third rounds avoid them in pictures that others drew, and in binary images that may have several
+        rounds."""
+        levels = self.problem.levels
+        if not levels.is_exact:
+            avoided = self.round % 2 == 0
+        elif not levels.is_graded:
+            avoided = self.round % 2 == 0 and self.problem.rounds > 1
+        else:
+            avoided = self.round % 2 == 1 and self._has_failed_with_isometry(state)
+        return CONTRACTION if self.params.stages.avoid_isometries and avoided else 1.0
+
+    @staticmethod
+    def _has_failed_with_isometry(state: State) -> bool:
+        """Whether the code of an earlier round has a near-isometry."""
+        return state.before is not None and bool((affine.smaller_singular(state.before.maps) > ISOMETRY).any())
+
+
+class Restart(MeasureStage):
     """A search from random maps. At its end, the maps of all restarts so far are mixed: those of this round and, unless
     rounds are independent, of earlier ones."""
 
-    name, part, ends_at = "search", "restart", "search_share"
+    name, part, ends_at = "search", "restart", RESTARTS_END
 
     @property
     def expected_moves(self) -> int:
@@ -30,25 +66,22 @@ class Restart(Stage[MeasureSearch]):
     @property
     def latest_start(self) -> Deadline:
         """The first restart may begin as long as its round lasts, because the later stages need its code."""
-        return self.deadline if self.key.restart else self._until("image_share")
+        return self.deadline if self.restart else self.problem.times.round_end(self.round)
 
     def is_wanted(self, state: State) -> bool:
         """False once two restarts of the round agree."""
         if len(state.scores) < 2:
             return True
-        within = 1 + self.params.search.agreement
-        # above it, the number of maps is wrong
-        limit = min(self.params.search.wrong_number, within * state.leader.score)
+        # above WRONG_NUMBER, the number of maps is wrong
+        limit = min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
         return state.scores[1] >= limit
 
-    def open(self, state: State) -> None:
+    def open(self, state: State) -> State:
         # the words in seed paths name random streams: another word gives other numbers
-        seed = derive(self.problem.seed, "island", 1000 * self.round + self.restart)
+        seed = derive(self.problem.seed, "island", 1000 * self.round + int(self.restart))
         before = None if self.problem.has_independent_rounds else state.before
-        self.search = self._measure_search(state, before, Regime.whole(self.params), seed)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.start()
+        self.search = self._search_of(state, before, Regime.whole(self.params), seed)
+        return state.begun(self.search.start)
 
     def close(self, state: State) -> State:
         found = state.now
@@ -61,100 +94,32 @@ class Restart(Stage[MeasureSearch]):
         return replace(state, best=best, scores=scores, pool=pool)
 
 
-class Uncurved(Restart):
-    """A restart on the image as a density behind a usual tone curve. The search stays with this measure if the code
-    that was found on it explains the image better as a density than the code of the restart before."""
-
-    MEASURED = ("tonemapped",)
-
-    @property
-    def key(self) -> Key:
-        """Between the first restart and the second, whose random numbers stay the same."""
-        return Key(self.round, self.part, self.restart + 0.5)
-
-    @staticmethod
-    def may_help(problem: SearchProblem) -> bool:
-        """Whether an image that others drew may be a density."""
-        params = problem.params
-        return (params.levels == "auto" and "tonemapped" in params.camera_kinds and params.camera.estimate
-                and isinstance(problem.levels, Drawn) and may_be_density(problem.given, params.camera))
-
-    def is_wanted(self, state: State) -> bool:
-        return True
-
-    def open(self, state: State) -> None:
-        super().open(replace(state, measured_through=self.MEASURED))
-
-    def close(self, state: State) -> State:
-        found = state.now
-        if self._angle(found) >= self._angle(state.leader):
-            return state
-        return replace(state, best=found, scores=(found.score,), pool=state.pool_with(found.maps),
-                       measured_through=self.MEASURED)
-
-    def _angle(self, found: Candidate) -> float:
-        problem, seed = self.problem, derive(self.problem.seed, "uncurved")
-        return angle_as_density(problem.image, problem.levels, found.code, self.params, seed)
-
-
-class FromMixture(Stage[MeasureSearch]):
+class FromMixture(MeasureStage):
     """The search from the best mixture, on a measure that the mixture corrects for saturation."""
 
-    name, part, ends_at = "search", "mixture", "mixture_share"
+    name, part, ends_at = "search", "mixture", MIXTURE_ENDS
 
     @property
     def expected_moves(self) -> int:
         search = self.params.search
         return search.moves if search.restarts > 1 and search.mixture else 0
 
-    def open(self, state: State) -> None:
+    def open(self, state: State) -> State:
         seed = derive(self.problem.seed, "closing", self.round)
-        self.search = self._measure_search(state, state.best, Regime.whole(self.params), seed)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.leader)
+        self.search = self._search_of(state, state.best, Regime.whole(self.params), seed)
+        return state.begun(lambda: self.search.resume(state.leader))
 
 
-class Detail(Stage[MeasureSearch]):
+class Detail(MeasureStage):
     """Stage 2: the search on a finer grid."""
 
-    name, ends_at = "detail", "detail_share"
+    name, ends_at = "detail", DETAIL_ENDS
 
     @property
     def expected_moves(self) -> int:
         return self.params.search.detail_moves
 
-    def open(self, state: State) -> None:
+    def open(self, state: State) -> State:
         seed = derive(self.problem.seed, "detail", self.round)
-        self.search = self._measure_search(state, state.best, Regime.detail(self.params), seed)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.resume(state.leader)
-
-
-class Populations(Stage[Crossing]):
-    """Crossed populations of sets with the given number of maps, instead of stages 1 and 2 where they search better."""
-
-    name, ends_at = "population", "detail_share"
-
-    @property
-    def expected_moves(self) -> int:
-        return self.params.population.generations
-
-    @property
-    def most_moves(self) -> int:
-        return self.params.population.rounds * self.expected_moves
-
-    def open(self, state: State) -> None:
-        problem, size = self.problem, self.params.population.view
-        image = problem.image if len(problem.image) <= size else problem.levels.shrunk(problem.image, size)
-        seed = derive(problem.seed, "population", self.round)
-        objective = ImageObjective(image, problem.levels, self.params, seed)
-        self.search = Crossing(problem.masses, objective, self.params, seed=seed, done=state.step,
-                               deadline=self.deadline)
-
-    def begin(self, state: State) -> Candidate:
-        return self.search.start()
-
-    def is_settled(self, state: State) -> bool:
-        return self.search.is_settled(state.now)
+        self.search = self._search_of(state, state.best, Regime.detail(self.params), seed)
+        return state.begun(lambda: self.search.resume(state.leader))

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 from torch import Tensor
 
+from ....cameras.blur import blurred
+from ....cameras.camera import Camera
+from ....cameras.estimate import estimated
+from ....cameras.kinds import with_camera
+from ....cameras.levels import Levels
+from ....cameras.points import attractor_points
 from ....ifs.code import IFS
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from ..bins import attractor_points
-from ..camera.blur import blurred
-from ..camera.levels import Levels
-from ..camera.tones import Camera, seen_with
-from ..image.camera import estimated
 from ..image.frame import Frame
 from ..image.objective import ImageObjective, reduced
 from ..maps import WeightedMaps
@@ -23,38 +24,81 @@ from ..moves.search import ImageSearch
 from ..params import CollageParams
 from ..simplify.pruning import without_doubles
 
-ROUND_SIDE = 256   # maximum side, pixels, of an image to which `StageParams.round_seconds` applies as it is
+DENSITY_ROUNDS = 4      # where grey levels are a density
+BINARY_ROUNDS = 2       # on a binary image, if rounds continue from each other
+DRAWN_ROUNDS = 3        # on pictures that others drew
+ROUND_SECONDS = 30.0    # in which a round finds something, on an image of at most ROUND_SIDE pixels per side
+ROUND_SIDE = 256
+LATER_RESTARTS = 0.5    # share of the restarts, rounded up, in rounds that are not full
+# Shares of a round's part of the time limit at which its moves end, and those of all later rounds
+ROUND_ENDS = 0.95
+BINARY_ROUND_ENDS = 0.85   # of a binary image that has a frame: this leaves time for the firm polishes in the frame
+DRAWN_ROUND_ENDS = 0.8     # of a picture that others drew: this leaves time for the last stage
+DRAWN_BLUR_PX = 3.0     # more in each later round: from afar, a construction that ended early looks like its attractor
+
+
+@dataclass(frozen=True)
+class Timetable:
+    """When the parts of a search end. Each of the first rounds, `parts` of them, has an equal part of the time limit.
+    Later rounds have what is left of the last part. round_ends: the share of a part at which a round ends."""
+
+    limit: Deadline
+    rounds: int
+    parts: int
+    round_ends: float
+
+    def part_end(self, number: int, share: float = 1.0) -> Deadline:
+        """When this share of a round's part has passed."""
+        return self.limit.until((min(number, self.parts - 1) + share) / self.parts)
+
+    def round_end(self, number: int) -> Deadline:
+        """When the moves of a round end."""
+        return self.part_end(number, self.round_ends)
+
+    def stage_end(self, number: int, share: float | None) -> Deadline:
+        """When a stage ends that has a share of its round's part, or, after all rounds, of the whole limit. None: it
+        ends with its round, as all stages of rounds without a part do."""
+        if share is None or self.parts <= number < self.rounds:
+            return self.round_end(number)
+        return self.limit.until(share) if number >= self.rounds else self.part_end(number, share)
 
 
 @dataclass(frozen=True)
 class SearchProblem:
-    """The image `given` (R,R). The search uses a version of it, `image`, with at most `stages.largest_side` pixels per
-    side, and its `masses`. `full_side` is the side on which the code of a larger image is polished."""
+    """The image `given` (R,R), what its grey levels mean, and all that a search of its code is given besides."""
 
     given: Tensor
     levels: Levels
     params: CollageParams
     seed: int = 0
     deadline: Deadline = NO_DEADLINE
-    image: Tensor = field(init=False)
-    full_side: int = field(init=False)
-    masses: Tensor = field(init=False)
 
-    def __post_init__(self) -> None:
-        side, stages = self.given.shape[0], self.params.stages
-        size = side // math.ceil(side / stages.largest_side)
-        image = self.given if size == side else self.levels.shrunk(self.given, size)
-        object.__setattr__(self, "image", image)
-        object.__setattr__(self, "full_side", min(side, stages.full_side))
-        object.__setattr__(self, "masses", self.levels.measure(image))
+    @cached_property
+    def image(self) -> Tensor:
+        """The image on which the search works: with at most `stages.largest_side` pixels per side."""
+        side = len(self.given)
+        size = side // math.ceil(side / self.params.stages.largest_side)
+        return self.given if size == side else self.levels.shrunk(self.given, size)
+
+    @cached_property
+    def masses(self) -> Tensor:
+        """The masses of the pixels of `image`."""
+        return self.levels.measure(self.image)
 
     @property
-    def rounds(self) -> int:
-        """Maximum number of rounds."""
-        stages = self.params.stages
-        other = stages.independent_rounds if self.has_independent_rounds else stages.other_rounds
-        most = 1 if self.is_crossed else stages.density_rounds if self.levels.is_density else other
-        return self.params.rounds or (most if self.levels.is_exact else stages.drawn_rounds)
+    def full_side(self) -> int:
+        """The side, pixels, on which the code of a larger image is polished at the end."""
+        return min(len(self.given), self.params.stages.full_side)
+
+    @property
+    def is_reduced(self) -> bool:
+        """Whether the search uses a smaller image than the given one."""
+        return self.image is not self.given
+
+    @property
+    def kind(self) -> str:
+        """Which stages the image needs, a name in `plan.PLANS`."""
+        return "drawn" if not self.levels.is_exact else "crossed" if self.is_crossed else "rendered"
 
     @property
     def is_crossed(self) -> bool:
@@ -67,63 +111,78 @@ class SearchProblem:
         return Frame.firm_of(self.image, self.levels, self.params.frame) is not None
 
     @property
-    def image_share_name(self) -> str:
-        """The name in `StageParams` of the share at which stage 3 and later rounds end on such an image."""
-        if not self.levels.is_exact:
-            return "drawn_image_share"
-        return "binary_image_share" if self.is_framed_firmly else "image_share"
-
-    @property
     def has_independent_rounds(self) -> bool:
         """Whether each round begins from nothing. The measure of a binary image often leads to a wrong code that draws
         it well, and a round that begins with the maps of such a code ends with them."""
         return self.levels.is_exact and not self.levels.is_graded and self.params.stages.independent_rounds > 0
 
     @property
+    def rounds(self) -> int:
+        """Maximum number of rounds."""
+        other = self.params.stages.independent_rounds if self.has_independent_rounds else BINARY_ROUNDS
+        most = 1 if self.is_crossed else DENSITY_ROUNDS if self.levels.is_density else other
+        return self.params.rounds or (most if self.levels.is_exact else DRAWN_ROUNDS)
+
+    @property
     def full_rounds(self) -> int:
         """Number of rounds that have all restarts, and equal parts of the time limit. Later rounds have fewer restarts,
-        and the time that is left."""
+        and the time that is left. Parts are at least as long as a round needs on an image of this size."""
         if not self.has_independent_rounds:
             return 1
-        seconds = self.params.stages.round_seconds * max(1.0, (len(self.image) / ROUND_SIDE) ** 2)
+        seconds = ROUND_SECONDS * max(1.0, (len(self.image) / ROUND_SIDE) ** 2)
         limit = self.deadline.seconds
         return self.rounds if limit is None else max(1, int(min(self.rounds, limit / seconds)))
 
-    def masses_of(self, number: int, measured_through: Camera = ()) -> Tensor:
+    @cached_property
+    def times(self) -> Timetable:
+        """When rounds and stages end."""
+        exact = BINARY_ROUND_ENDS if self.is_framed_firmly else ROUND_ENDS
+        return Timetable(self.deadline, self.rounds, self.full_rounds,
+                         exact if self.levels.is_exact else DRAWN_ROUND_ENDS)
+
+    def restarts(self, number: int) -> int:
+        """Number of restarts in a round."""
+        restarts = self.params.search.restarts
+        return restarts if number < self.full_rounds else math.ceil(restarts * LATER_RESTARTS)
+
+    def masses_of(self, number: int, measured_through: Camera | None = None) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""
-        sigma = 0 if self.levels.is_exact else number * self.params.stages.drawn_blur_px
-        masses = self._masses(seen_with(self.levels, measured_through)) if measured_through else self.masses
-        return blurred(masses, sigma, self.params.camera)
+        sigma = 0 if self.levels.is_exact else number * DRAWN_BLUR_PX
+        masses = self._masses(with_camera(self.levels, measured_through)) if measured_through else self.masses
+        return blurred(masses, sigma)
 
     def _masses(self, levels: Levels) -> Tensor:
         """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
         return levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
 
-    def restarts(self, number: int) -> int:
-        """Number of restarts in a round."""
-        restarts = self.params.search.restarts
-        return restarts if number < self.full_rounds else math.ceil(restarts * self.params.stages.later_restarts)
-
-    @property
-    def is_reduced(self) -> bool:
-        """Whether the search uses a smaller image than the given one."""
-        return self.image is not self.given
-
-    def camera(self, code: IFS, seed: int, measured_through: Camera = ()) -> Camera:
-        """The camera of the image, estimated from a nearly right code; empty if the levels are exact.
+    def camera(self, code: IFS, seed: int, measured_through: Camera | None = None) -> Camera:
+        """The camera of the image, estimated from a nearly right code; the one that is known if the levels are exact.
         measured_through: the camera through which the search reads masses."""
-        return estimated(self.image, seen_with(self.levels, measured_through), code, self.params, seed)
+        if self.levels.is_exact:
+            return self.levels.camera
+        numbers = [each for each in (code.linear, code.offset, code.probabilities) if each is not None]
+        key = seed, measured_through, *(each.cpu().numpy().tobytes() for each in numbers)
+        if key not in self._cameras:
+            levels = with_camera(self.levels, measured_through)
+            self._cameras[key] = estimated(self.image, levels, code, seed) or self.levels.camera
+        return self._cameras[key]
 
-    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1, camera: Camera = ()
-                  ) -> ImageObjective:
+    @cached_property
+    def _cameras(self) -> dict[tuple[object, ...], Camera]:
+        """The cameras estimated so far, by all that they depend on. A stage that is asked whether it is wanted needs
+        the same one as when it is opened."""
+        return {}
+
+    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1,
+                  camera: Camera | None = None) -> ImageObjective:
         """The objective at this image size. `code` is the best so far, `camera` the camera that renders it."""
-        image, levels = self.given, seen_with(self.levels, camera)
+        image, levels = self.given, with_camera(self.levels, camera)
         if size != image.shape[0]:
             image = reduced(image, size, code, levels, self.params, seed)
         return ImageObjective(image, levels, self.params, seed, renderings)
 
     def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
-                     camera: Camera | None = None, measured_through: Camera = ()) -> ImageSearch:
+                     camera: Camera | None = None, measured_through: Camera | None = None) -> ImageSearch:
         """The search by renderings, at the size of the problem's image. `code` is the best so far; without a camera,
         the one that suits the code best is estimated."""
         seed = derive(self.seed, *path)
@@ -139,7 +198,7 @@ class SearchProblem:
         params = self.params
         if params.maps:
             return found
-        points = attractor_points(found.maps, found.probabilities, params.moves.parent_points, self.seed, params.camera)
+        points = attractor_points(found.maps, found.probabilities, params.moves.parent_points, self.seed)
         near = 2 / len(self.image) * params.moves.double_px
         maps, weights = without_doubles(found.maps, found.probabilities, points, near)
         return found if len(maps) < 2 or len(maps) == len(found.maps) else WeightedMaps(maps, weights)

@@ -14,14 +14,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....cameras.strokes import TWIGS_PX, parts_of
 from ....ops.collage.reference import contract
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .. import maps as affine
-from ..camera.strokes import parts_of
 from ..image.objective import ImageObjective, Rendered
 from .trunk import flat_maps_onto, lit_shape, middle_of, positions
 
-FAR = 3.0   # times the median distance: a point farther away belongs to another line
+FAR = 3.0        # times the median distance: a point farther away belongs to another line
+REACH_PX = 4.0   # distance, pixels, up to which a point always counts
+ALONG = 0.1      # weight of squared distances along a stroke, relative to those across it
+STEPS = 60       # of a registration, at most
+LITTLE = 0.001   # a registration ends if a step lowers the cost by less than this share
+MOST_STROKES = 4000    # in the last generation of a drawing that is registered
+MOST_POINTS = 20_000   # on the strokes, besides one for each: more are no longer a pixel apart
 
 
 class Registered(NamedTuple):
@@ -84,7 +90,7 @@ class Registration:
     def fits(self, found: Rendered) -> list[Registered]:
         """The code registered at each depth to which its strokes may be drawn, the best first. Empty if it has no
         strokes of a pixel or more, or fewer than two copies, or if the picture shows no more than a pixel."""
-        segments, copies = (each.double().numpy() for each in parts_of(found.code, self.params.camera))
+        segments, copies = (each.double().numpy() for each in parts_of(found.code))
         segments = segments[_lengths(segments) >= self.pixel]
         if len(copies) < 2 or not len(segments) or len(self.points) < 2:
             return []
@@ -93,26 +99,25 @@ class Registration:
             if self.deadline.passed:
                 break
             fits.append(self._fitted(tree, depth))
-        kept = (each for each in fits if len(parts_of(affine.to_code(each.maps), self.params.camera)[1]) == len(copies))
+        kept = (each for each in fits if len(parts_of(affine.to_code(each.maps))[1]) == len(copies))
         return sorted(kept, key=misfit_of)
 
     def _deepest(self, tree: _Tree) -> int:
         """The depth at which there are too many strokes, or at which all of them are too short to see."""
-        camera, count = self.params.camera, len(tree.segments)
+        count = len(tree.segments)
         ratio = np.linalg.norm(tree.copies[:, :4].reshape(-1, 2, 2), 2, (1, 2)).max()
         length, depth = _lengths(tree.segments).max(), 0
-        while (count * len(tree.copies) <= camera.registered_strokes
-               and length >= camera.twigs_px[0] * self.pixel):
+        while (count * len(tree.copies) <= MOST_STROKES and length >= TWIGS_PX[0] * self.pixel):
             count, length, depth = count * len(tree.copies), length * ratio, depth + 1
         return depth
 
     def _fitted(self, tree: _Tree, depth: int) -> Registered:
-        params, camera = self.params.gauss_newton, self.params.camera
+        params = self.params.gauss_newton
         pairs, damping = self._pairs(tree, depth), params.damping
-        for _ in range(camera.registration_steps):
+        for _ in range(STEPS):
             if self.deadline.passed:
                 break
-            reach = max(camera.registration_px * self.pixel, *(FAR * np.median(each.distances) for each in pairs))
+            reach = max(REACH_PX * self.pixel, *(FAR * np.median(each.distances) for each in pairs))
             before, (square, gradient) = _cost(pairs, reach), _normal_equations(pairs, reach)
             for _ in range(params.tries):
                 step = np.linalg.solve(square + damping * np.diag(square.diagonal()), gradient)
@@ -122,7 +127,7 @@ class Registration:
                     tree, pairs, damping = moved, others, max(damping / params.damping_down, params.least_damping)
                     break
                 damping *= params.damping_up
-            if _cost(pairs, reach) > (1 - camera.registration_little) * before:
+            if _cost(pairs, reach) > (1 - LITTLE) * before:
                 break
         return self._as_maps(tree, float(sum((each.distances**2).mean() for each in pairs)))
 
@@ -131,9 +136,8 @@ class Registration:
         the nearest point of the strokes."""
         from scipy.spatial import KDTree
 
-        camera = self.params.camera
-        drawn = _drawn(tree, depth, self.pixel, camera.registered_points)
-        along = camera.registration_along**0.5
+        drawn = _drawn(tree, depth, self.pixel, MOST_POINTS)
+        along = ALONG**0.5
         (there, lit), (here, near) = self.lit.query(drawn.places), KDTree(drawn.places).query(self.lines)
         return (_Pairs(there, *_seen_along(drawn, self.lit.data[lit], along)),
                 _Pairs(here, *_seen_along(_Points(*(each[near] for each in drawn)), self.lines, along)))

@@ -10,16 +10,21 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....cameras.strokes import extent, flat_maps, onto_segment
 from ....ifs import attractor
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from .. import maps as affine
-from ..camera.strokes import extent, flat_maps, onto_segment
+from ..bins import lit_pixels
 from ..image.objective import ImageObjective, Rendered
-from ..params.camera import CameraParams
 
 Segment = tuple[Tensor, Tensor]   # two ends (2,) on the canvas
-DIRECTIONS = 180                  # in which the extent of a shape is measured
+DIRECTIONS = 180   # in which the extent of a shape is measured
+BESIDE_PX = 2.5    # greatest distance from the images of the shape at which a lit pixel counts as drawn by them
+LEAST_PX = 8.0     # length of a stroke
+LINE_PX = 1.0      # distance at which a pixel counts as beside a line
+GAP_PX = 4.0       # longest gap in a stroke
+TRIALS = 200       # lines that are tried for each stroke
 
 
 def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendered | None:
@@ -32,15 +37,14 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
     least as far from its outline as all of their neighbours. The longest is taken first.
     """
     params = objective.params
-    camera = params.camera
-    flat = flat_maps(found.code, camera)
+    flat = flat_maps(found.code)
     copies = found.maps[~flat]
     shape = lit_shape(objective)
     if len(copies) < 2 or not bool(shape.any()):
         return None
     points = positions(shape)
     most = min(most, (params.most_maps or len(copies) + most) - len(copies))
-    segments = _segments(_left_over(shape, points, copies, camera), shape, most, camera, objective.seed)
+    segments = _segments(_left_over(shape, points, copies), shape, most, objective.seed)
     if not segments:
         return found if bool(flat.any()) else None
     trunk = flat_maps_onto(segments, copies, points, params.gauss_newton.largest)
@@ -49,7 +53,7 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
 
 def lit_shape(objective: ImageObjective) -> Tensor:
     """The mask (R,R) of what a picture shows. Thin lines are faint."""
-    return (objective.image > objective.params.growth.lit * objective.image.max()).cpu()
+    return lit_pixels(objective.image).cpu()
 
 
 def middle_of(shape: Tensor) -> Tensor:
@@ -66,7 +70,7 @@ def positions(shape: Tensor) -> Tensor:
     return torch.stack([2 * column / len(shape) - 1, 1 - 2 * row / len(shape)], 1)
 
 
-def _left_over(shape: Tensor, points: Tensor, copies: Tensor, camera: CameraParams) -> Tensor:
+def _left_over(shape: Tensor, points: Tensor, copies: Tensor) -> Tensor:
     """The pixels (R,R) of the shape that are far from the images of its points (n,2) under all copies."""
     from scipy.ndimage import distance_transform_edt
 
@@ -79,10 +83,10 @@ def _left_over(shape: Tensor, points: Tensor, copies: Tensor, camera: CameraPara
     drawn[row, column] = True
     if not bool(drawn.any()):
         return shape
-    return shape & torch.from_numpy(np.asarray(distance_transform_edt(~drawn.numpy())) > camera.trunk_beside_px)
+    return shape & torch.from_numpy(np.asarray(distance_transform_edt(~drawn.numpy())) > BESIDE_PX)
 
 
-def _segments(mask: Tensor, shape: Tensor, most: int, camera: CameraParams, seed: int) -> list[Segment]:
+def _segments(mask: Tensor, shape: Tensor, most: int, seed: int) -> list[Segment]:
     """At most so many segments on a mask (R,R) of parts of a shape (R,R), the longest first, by RANSAC (Fischler and
     Bolles 1981): of the lines through random pairs of pixels, that with the longest run of pixels beside it."""
     from scipy.ndimage import maximum_filter
@@ -90,37 +94,37 @@ def _segments(mask: Tensor, shape: Tensor, most: int, camera: CameraParams, seed
     rng, found, near = np.random.default_rng(derive(seed, "trunk")), [], maximum_filter(shape.numpy(), 3)
     left = np.argwhere(middle_of(mask).numpy()) + 0.5
     while len(left) >= 2 and len(found) < most:
-        pairs = [rng.choice(len(left), 2, replace=False) for _ in range(camera.trunk_trials)]
-        runs = (_run(left, near, left[first], left[second] - left[first], camera) for first, second in pairs)
+        pairs = [rng.choice(len(left), 2, replace=False) for _ in range(TRIALS)]
+        runs = (_run(left, near, left[first], left[second] - left[first]) for first, second in pairs)
         run = left[max(runs, key=lambda each: each[1])[0]]
         middle = run.mean(0)
         direction = np.linalg.svd(run - middle, full_matrices=False)[2][0]
         along = (run - middle) @ direction
         start, end = along.min(), along.max()
-        if end - start < camera.trunk_least_px:
+        if end - start < LEAST_PX:
             break
         found.append(tuple(_on_canvas(middle + place * direction, len(mask)) for place in (start, end)))
         place = (left - middle) @ direction
         beside = np.linalg.norm(left - middle - place[:, None] * direction, axis=1)
-        width = 2 * camera.trunk_line_px
+        width = 2 * LINE_PX
         left = left[(beside > width) | (place < start - width) | (place > end + width)]
     return found
 
 
-def _run(places: np.ndarray, lit: np.ndarray, origin: np.ndarray, direction: np.ndarray, camera: CameraParams
+def _run(places: np.ndarray, lit: np.ndarray, origin: np.ndarray, direction: np.ndarray
          ) -> tuple[np.ndarray, float]:
     """Indices of the places (n,2) beside a line that form its longest run, and the length of this run. Two pieces are
     one run if the gap between them is small, or if it is shorter than both and the picture is `lit` (R,R) there: a
     branch may hide a part of its trunk."""
     direction = direction / np.linalg.norm(direction)
     along = (places - origin) @ direction
-    beside = np.linalg.norm(places - origin - along[:, None] * direction, axis=1) <= camera.trunk_line_px
+    beside = np.linalg.norm(places - origin - along[:, None] * direction, axis=1) <= LINE_PX
 
     def length(run: np.ndarray) -> float:
         return float(along[run[-1]] - along[run[0]])
 
     order = np.flatnonzero(beside)[along[beside].argsort()]
-    pieces = np.split(order, np.flatnonzero(np.diff(along[order]) > camera.trunk_gap_px) + 1)
+    pieces = np.split(order, np.flatnonzero(np.diff(along[order]) > GAP_PX) + 1)
     runs = pieces[:1]
     for before, piece in pairwise(pieces):
         gap = along[piece[0]] - along[before[-1]]

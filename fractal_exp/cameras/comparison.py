@@ -1,0 +1,107 @@
+"""A picture and renderings of codes, compared pixel by pixel at several scales."""
+
+from __future__ import annotations
+
+import copy
+from typing import Self
+
+import torch
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
+
+from ..evaluation import metrics
+from ..ifs.code import IFS
+from ..runtime.seeds import derive
+from .levels import Levels
+
+GRIDS = 4           # that are compared, each half as fine as the one before
+FINEST = 512        # greatest number of cells per side of the finest grid: a larger rendering only has less noise
+HALVED_FROM = 8     # cells per side from which on a coarser grid follows
+LEAST_NOISE = 1e-3  # lower limit of the noise of a rendering
+NOISE_RENDERINGS = 4   # that estimate the noise of a linear image, which has few independent parts under a blur
+
+
+class Comparison:
+    """The target image (R,R) in [0,1], and the error of renderings against it.
+
+    If a share I of n subpixels of a pixel is lit, the counting error of I depends on I. But arcsin(sqrt(I)) has
+    variance 1/4n for every I (Anscombe 1948), so faint tips count for what they are worth. The error is the mean over
+    grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest grid
+    throughout. It is about 0.1 for two renderings of one code, and 0.3 for pixels that only share their brightness. The
+    mean of several renderings has less noise.
+    """
+
+    def __init__(self, image: Tensor, levels: Levels, seed: int = 0, renderings: int = 1):
+        self.image, self.levels = image, levels
+        self.seed, self.renderings = derive(seed, "picture"), renderings
+        self.side = min(image.shape[0], FINEST)
+        self.subpixels = levels.subpixels(image.shape[0], self.side)
+        self.stable = self.stabilized(image)
+        self.lit = [max(1, int((grid > 0).sum())) for grid in self.grids(image)]
+
+    def seen_with(self, levels: Levels) -> Self:
+        """The same comparison with other levels that have the same number of subpixels."""
+        other = copy.copy(self)
+        other.levels = levels
+        return other
+
+    def hasty(self) -> Self:
+        """The same comparison with a single rendering of each code."""
+        other = copy.copy(self)
+        other.renderings = 1
+        return other
+
+    def grids(self, image: Tensor) -> list[Tensor]:
+        """The image (R,R) on grids with `side` and fewer cells per side."""
+        image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
+        grids = [image]
+        while len(grids) < GRIDS and grids[-1].shape[0] >= HALVED_FROM:
+            grids.append(avg_pool2d(grids[-1][None], 2, ceil_mode=True)[0])
+        return grids
+
+    def stabilized(self, image: Tensor) -> list[Tensor]:
+        """The grids of an image, transformed to variance 1 / 4n everywhere."""
+        return [self.levels.stabilized(grid, self.subpixels * 4**k) for k, grid in enumerate(self.grids(image))]
+
+    def residuals(self, rendering: Tensor) -> list[Tensor]:
+        """Target minus rendering (R,R) on every grid, after the transform to equal variance."""
+        return [a - b for a, b in zip(self.stable, self.stabilized(rendering), strict=True)]
+
+    def render(self, code: IFS, *path: int | str) -> Tensor:
+        """The code rendered as the target was, (R,R). The same path of a random stream gives the same points."""
+        resolution = self.image.shape[0]
+        once = {"independent": True} if self.renderings > 1 else {}  # a percent of the error matters then
+        images = [self.levels.render(code, resolution, derive(self.seed, *path, *([n] if n else [])), **once)
+                  for n in range(self.renderings)]
+        return torch.stack(images).mean(0).to(self.image)
+
+    def error(self, rendering: Tensor) -> float:
+        """The error of a rendering (R,R); lower is better."""
+        sums = torch.stack([residual.square().sum() for residual in self.residuals(rendering)]).tolist()
+        parts = [each / n for each, n in zip(sums, self.lit, strict=True)]
+        return 2 * self.subpixels * sum(parts) / len(parts)
+
+    def angle(self, error: float) -> float:
+        """The root mean square of arcsin sqrt I - arcsin sqrt J, in radians, that corresponds to an error."""
+        return (error / (2 * self.subpixels)) ** 0.5
+
+    def error_at(self, angle: float) -> float:
+        """The error that corresponds to an angle."""
+        return 2 * self.subpixels * angle**2
+
+    def noise(self, code: IFS) -> float:
+        """The error that the true code would have by chance, estimated from renderings of this code."""
+        if self.levels.is_linear:  # renderings have less noise than the image
+            shown = self.render(code)
+            drawn = (self.levels.noisy(code, len(shown), derive(self.seed, "again", n)).to(shown)
+                     for n in range(NOISE_RENDERINGS))
+            errors = [Comparison(each, self.levels).error(shown) for each in drawn]
+            return max(LEAST_NOISE, sum(errors) / len(errors))
+        other = Comparison(self.render(code, "again"), self.levels)
+        return max(LEAST_NOISE, other.error(self.render(code)))
+
+    def likeness(self, rendering: Tensor) -> float:
+        """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `Levels.lit_above`."""
+        least = self.levels.lit_above
+        masks = ((image > least).float()[None] for image in (rendering, self.image))
+        return float(metrics.f1_1px(*masks))

@@ -1,0 +1,201 @@
+"""Pictures that others drew, with a pen or dots of unknown width and grey levels of unknown gain.
+
+The unknown values of their camera are estimated with a nearly right code, by trying all of them, and polished with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from ..ifs.code import IFS
+from .blur import blurred
+from .camera import Camera
+from .levels import FAINT, Coverage, Density, may_be_density
+from .tiles import tiled
+
+# Values that are tried where the user knows none. Lengths are in pixels of the image.
+PENS_PX = 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0
+BLURS_PX = 0.0, 0.2, 0.35, 0.5, 0.7, 1.0
+TILES_PX = 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0
+GAINS = tuple(0.01 * 2**(k / 2) for k in range(18))
+GAMMAS = 1.5, 2.2, 3.0, 4.0, 6.0
+CURVED_BLURS_PX = 0.0, 0.35, 0.7   # under a tone curve
+USUAL_GAMMA = 2.2         # with which an image is searched before the estimate, as of sRGB
+HISTOGRAM_LEVELS = 4096   # by which the histograms of image and rendering are compared
+PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
+DOT_SUPERSAMPLE = 2       # and where dots are blurred
+
+
+class Drawn(Coverage):
+    """Lines and areas: the share of a pixel that the drawing covers, blurred by a Gaussian. The drawing shows the
+    attractor, drawn with a round pen, or a step of its construction, whose smallest parts are tiles of one shape
+    (`tiles`). A tile size of 0 means the attractor."""
+
+    is_exact = False
+    values = "tile", "pen", "blur"
+
+    @property
+    def pen(self) -> float:
+        return self.camera.pen or 0.0
+
+    @property
+    def shows_attractor(self) -> bool:
+        return not self.camera.tile
+
+    @property
+    def open_values(self) -> list[str]:
+        """Without the pen if tiles are drawn, which have none."""
+        return [name for name in super().open_values if not (self.camera.tile and name == "pen")]
+
+    def drawn(self, camera: Camera) -> tuple[float | None, ...]:
+        """The tile size."""
+        return (camera.tile,)
+
+    def smallest_part(self, code: IFS, resolution: int) -> float:
+        return self.camera.tile or 0.0
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        camera = self.camera
+        if not camera.is_known:
+            return super().render(code, resolution, seed, independent=independent)
+        if camera.tile:
+            drawn = tiled(self.picture, code, camera.tile, resolution, PEN_SUPERSAMPLE)
+        else:
+            distance = self._distance(code, resolution, seed, independent)
+            drawn = inked(distance, self.pen * resolution / 2)
+        return blurred(drawn, (camera.blur or 0.0) * resolution / 2)
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
+        """Pairs of a camera and the rendering (R,R) of the code with it."""
+        params, pixel = self.params, 2 / resolution
+        blurs = given(params.blur_px, BLURS_PX)
+        distance = self._distance(code, resolution, seed, False)
+        for radius in given(params.pen_px, PENS_PX):
+            drawn, found = inked(distance, radius), Camera(self.kind, tile=0.0, pen=radius * pixel)
+            yield from ((replace(found, blur=sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
+        for size in TILES_PX if params.tiles and params.pen_px is None else ():
+            drawn = tiled(self.picture, code, size * pixel, resolution, PEN_SUPERSAMPLE)
+            found = Camera(self.kind, tile=size * pixel, pen=0.0)
+            yield from ((replace(found, blur=sigma * pixel), blurred(drawn, sigma)) for sigma in blurs)
+
+    def _distance(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
+        """Distance (3R,3R) from each subpixel to the nearest one that the attractor lights, pixels."""
+        return distance_to(self.occupied(code, resolution * PEN_SUPERSAMPLE, 1, self.points(resolution), seed,
+                                         independent))
+
+
+class Dots(Density):
+    """A scatter plot: each point is a dot of unknown width and opacity. Grey levels are I = 1 - exp(-gain · density),
+    with the density relative to a uniform one on the canvas. The blur is the standard deviation of a dot's Gaussian."""
+
+    kind = "dots"
+    is_exact = False
+    values = "gain", "blur"
+
+    @property
+    def lit_above(self) -> float:
+        is_faint = self.image is not None and may_be_density(self.image)
+        return FAINT if is_faint else super().lit_above
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        camera = self.camera
+        if not camera.is_known:
+            return super().render(code, resolution, seed, independent=independent)
+        sigma = (camera.blur or 0.0) * resolution * DOT_SUPERSAMPLE / 2
+        return self._toned(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
+        """Pairs of a camera and the rendering (R,R) of the code with it."""
+        params, pixel = self.params, 2 / resolution
+        density = self._density(code, resolution, seed, False)
+        for sigma in given(params.blur_px, self.blurs_px):
+            spread = blurred(density, sigma * DOT_SUPERSAMPLE)
+            for gain in given(params.gain, GAINS):
+                yield Camera(self.kind, gain=gain, blur=sigma * pixel), self._toned(spread, gain)
+
+    @property
+    def blurs_px(self) -> Sequence[float]:
+        """Blurs that are tried, pixels."""
+        return BLURS_PX
+
+    def _density(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
+        return self.occupied(code, resolution * DOT_SUPERSAMPLE, 1, self.points(resolution), seed, independent,
+                             "density")
+
+    def _toned(self, density: Tensor, gain: float) -> Tensor:
+        return avg_pool2d((1 - (-gain * density).exp())[None], DOT_SUPERSAMPLE)[0]
+
+
+class ToneMapped(Dots):
+    """A density seen through a tone curve, as flame renderers and plots of logarithmic counts show it. Grey levels are
+    I = (1 - exp(-gain · density))^(1 / gamma), which with both numbers free is close to a logarithm too."""
+
+    kind = "tonemapped"
+    values = "gain", "gamma", "blur"
+
+    @property
+    def gamma(self) -> float:
+        """The gamma that is known, or a usual one."""
+        return self.camera.gamma or self.params.gamma or USUAL_GAMMA
+
+    @property
+    def blurs_px(self) -> Sequence[float]:
+        return CURVED_BLURS_PX
+
+    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
+        return curved(super().render(code, resolution, seed, independent=independent), self.gamma)
+
+    def measure(self, image: Tensor) -> Tensor:
+        return super().measure(image.clamp_min(0) ** self.gamma)
+
+    def shrunk(self, image: Tensor, size: int) -> Tensor:
+        return curved(super().shrunk(image, size), self.gamma)
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
+        """The camera whose rendering (R,R) has the histogram most like the image's, with this rendering. A map
+        that is a little off hardly changes the histogram, but it moves light from pixel to pixel."""
+        wanted, gammas = self._levels_of(self.picture.cpu()), given(self.params.gamma, GAMMAS)
+        found, least = [], math.inf
+        for camera, grey in super().candidates(code, resolution, seed):
+            levels = self._levels_of(grey)
+            for gamma in gammas:
+                off = float((curved(levels, gamma).sqrt().asin() - wanted.sqrt().asin()).square().sum())
+                if off < least:
+                    found, least = [(replace(camera, gamma=gamma), curved(grey, gamma))], off
+        yield from found
+
+    def _levels_of(self, image: Tensor) -> Tensor:
+        """`HISTOGRAM_LEVELS` grey levels of an image, the lowest first, with equally many pixels between them."""
+        levels = image.flatten().sort().values
+        return levels[torch.linspace(0, len(levels) - 1, HISTOGRAM_LEVELS).long()].clamp(0, 1)
+
+
+def distance_to(lit: Tensor) -> Tensor:
+    """Distance (3R,3R) from each subpixel to the nearest lit one, pixels."""
+    from scipy.ndimage import distance_transform_edt
+
+    if not bool(lit.any()):
+        return torch.full_like(lit, torch.inf)
+    return torch.from_numpy(np.asarray(distance_transform_edt(lit.numpy() == 0)) / PEN_SUPERSAMPLE).float()
+
+
+def inked(distance: Tensor, radius: float) -> Tensor:
+    """The share (R,R) of each pixel within a radius, from distances (3R,3R); both in pixels."""
+    return avg_pool2d(((radius - distance) * PEN_SUPERSAMPLE + 0.5).clamp(0, 1)[None], PEN_SUPERSAMPLE)[0]
+
+
+def curved(grey: Tensor, gamma: float) -> Tensor:
+    """Grey levels in [0,1] after a display with this gamma."""
+    return grey.clamp_min(0) ** (1 / gamma)
+
+
+def given(value: float | None, others: Sequence[float]) -> Sequence[float]:
+    """The camera value that the user gave, or else those to try."""
+    return others if value is None else (value,)

@@ -1,0 +1,231 @@
+"""What `invert` returns: the code, its likeness to the input, and how it was found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from torch import Tensor
+
+from ..cameras.camera import Camera, parse_camera
+from ..cameras.params import CameraParams
+from ..errors import InputError
+from ..ifs.code import IFS, View
+from ..images.levels import decided
+from ..images.placement import Placement
+from ..images.reading import ReadImage, read_colour, read_target, write_image
+from ..likeness import Likeness, default_camera, redrawn
+from ..methods.base import CurvePoint
+from ..methods.history import StageRecord
+from ..rendering import sheets
+from ..rendering.colour import on_ground
+from ..rendering.still import points_per_view, render_with_info
+from ..verdict import Verdict
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+VERSION = 2  # of the facts in inversion.json
+COLOUR = (255, 96, 0)
+OVERLAY_SUPERSAMPLE = 4
+CODE, INVERSION, TARGET = "code.json", "inversion.json", "target.png"  # files in the folder of an inversion
+WARNED = 0.8  # F1 within a pixel below which an approximation comes with a warning
+OVERLAY_POINTS = points_per_view(2048)  # maximum, so that larger overlays get fainter, not slower
+
+
+@dataclass(frozen=True, eq=False)
+class Inversion:
+    """A code recovered from a picture, and all that is known about it.
+
+    code: in the frame of the canvas [-1,1]²; target: the picture as the method saw it (white on black, (R,R)), with
+    its `placement`; source: the given picture, a path or an array; likeness: of the code's rendering to the target;
+    verdict: what the code is worth, and what may help; history: a record of every stage; stopped: why the method ended;
+    seconds: how long it took; options: of the method; notes: what was done to the picture and what the method reports;
+    warnings: what may spoil the result; camera: how the picture was drawn, as far as it is known or was found out;
+    curve: codes of more and more maps and their likeness, if the picture showed no code and maps were grown.
+    """
+
+    code: IFS
+    target: ReadImage
+    source: Path | np.ndarray | Tensor
+    likeness: Likeness
+    verdict: Verdict
+    camera: Camera
+    history: tuple[StageRecord, ...]
+    stopped: str
+    seconds: float
+    method: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    curve: tuple[CurvePoint, ...] = ()
+
+    @property
+    def placement(self) -> Placement:
+        """The mapping between pixels of the picture and the canvas."""
+        return self.target.placement
+
+    def render(self, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
+               supersample: int = 8, seed: int = 0, mode: str = "occupancy", path: str | Path | None = None) -> Tensor:
+        """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
+
+        path: a PNG to write, or None. A drawing in colour is written on white if the picture was dark on light, else on
+        black. Raises `InputError` if it cannot be written.
+        """
+        image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
+                                    supersample=supersample, seed=seed, mode=mode)
+        if path is not None:
+            level = float(self.target.inverted)
+            write_image(path, on_ground(image, (level, level, level)) if mode == "colour" else image)
+        return image
+
+    def redrawn(self, *, seed: int = 0) -> Tensor:
+        """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as they were found."""
+        return redrawn(self.code, self.target, self.camera, params=self._known, seed=seed)
+
+    @property
+    def _known(self) -> CameraParams:
+        """What the user knew of the camera. Options that an older version had are left out."""
+        given = dict(self.options.get("camera") or {})
+        return CameraParams().updated(**{key: given[key] for key in given.keys() & CameraParams.model_fields.keys()})
+
+    def overlay(self, path: str | Path | None = None, *, colour: tuple[int, int, int] = COLOUR,
+                opacity: float = 0.8) -> Image:
+        """The code's rendering in `colour` (red, green, blue up to 255) over the given picture, at the picture's
+        resolution, as a Pillow image. It is also written to `path` as a PNG, if given.
+
+        opacity: of a fully lit pixel, in (0,1]. If `invert` was given a path, the picture is read again. Raises
+        `InputError` if colour or opacity are out of range, or if the picture cannot be read or the file written.
+        """
+        from PIL import Image
+
+        if len(colour) != 3 or not all(0 <= part <= 255 for part in colour):
+            raise InputError(f"colour must be (red, green, blue) from 0 to 255 each, got {colour!r}")
+        if not 0 < opacity <= 1:
+            raise InputError(f"opacity must be above 0 and at most 1, got {opacity!r}")
+        below = read_colour(self.source, backdrop=float(self.target.inverted))
+        height, width = below.shape[:2]
+        if (width, height) != self.placement.size:
+            raise InputError(f"the picture {self.source} now has {width}×{height} pixels, but had "
+                             f"{self.placement.size[0]}×{self.placement.size[1]}; give `invert` the new one")
+        longer = max(width, height)
+        lit = self.render(self.placement.view(), resolution=longer, supersample=OVERLAY_SUPERSAMPLE,
+                          points_in_view=min(points_per_view(longer), OVERLAY_POINTS))
+        cover = opacity * lit.numpy()[:height, :width, None]
+        pixels = np.rint((1 - cover) * below + cover * np.array(colour, np.float32)).astype(np.uint8)
+        if path is not None:
+            write_image(path, pixels)
+        return Image.fromarray(pixels)
+
+    def facts(self) -> dict[str, Any]:
+        """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
+        placement {size, crop_box}, scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
+        f1_1px, colour}, verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error,
+        maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
+        """
+        return {
+            "version": VERSION, "method": self.method, "options": _plain(self.options),
+            "source": str(self.source) if isinstance(self.source, Path) else None,
+            "resolution": self.target.image.shape[-1], "inverted": self.target.inverted,
+            "placement": {name: list(value) for name, value in asdict(self.placement).items()},
+            "scale": self.target.scale, "likeness": asdict(self.likeness), "verdict": asdict(self.verdict),
+            "levels": self.target.levels, "camera": self.camera.facts(self.target.image.shape[-1]),
+            "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
+            "notes": list(self.notes), "warnings": list(self.warnings),
+            "curve": [{"maps": each.maps, "likeness": each.likeness, "bytes": each.bytes, "code": each.code.to_json()}
+                      for each in self.curve],
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write the code and all facts, and return the absolute path.
+
+        A path that ends in .json becomes one file: the code in this package's format, with `facts` under "inversion"
+        in its `meta`. Any other path becomes a folder with code.json (the code alone), inversion.json (a file as above)
+        and target.png (the picture as the method saw it, with 16 bits). `IFS.load` reads both JSON files, and
+        `Inversion.load` the folder. Raises `InputError` if a file cannot be written.
+        """
+        path = Path(path).absolute()
+        whole = replace(self.code, meta={**self.code.meta, "inversion": self.facts()})
+        if path.suffix == ".json":
+            return whole.save(path)
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {path}: {error.strerror}") from error
+        self.code.save(path / CODE)
+        whole.save(path / INVERSION)
+        write_image(path / TARGET, self.target.image, bits=16)
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Inversion:
+        """Load what `save` wrote to a folder. path: the folder, or inversion.json in it.
+
+        The target has 16 bits. The source is the path of the picture, or else the target. Older files hold no codes
+        of the curve, so `curve` is empty there, and no levels, which are then decided anew. Raises `InputError` if a
+        file is missing or damaged.
+        """
+        path = Path(path).absolute()
+        folder = path.parent if path.name == INVERSION else path
+        code = IFS.load(folder / INVERSION)
+        facts = code.meta.get("inversion")
+        if not isinstance(facts, Mapping) or facts.get("version") != VERSION:
+            raise InputError(f"{folder / INVERSION} is not an inversion of this version ({VERSION}); IFS.load reads "
+                             "its code")
+        try:
+            return cls._from(facts, replace(code, meta={key: value for key, value in code.meta.items()
+                                                        if key != "inversion"}), folder / TARGET)
+        except (KeyError, TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"{folder / INVERSION} is damaged ({error!r}); invert the picture again") from error
+
+    @classmethod
+    def _from(cls, facts: Mapping[str, Any], code: IFS, target: Path) -> Inversion:
+        side = int(facts["resolution"])
+        image = read_target(target, side, frame="keep", invert=False).image
+        width, height = facts["placement"]["size"]
+        x0, y0, x1, y1 = facts["placement"]["crop_box"]
+        notes, warnings = (tuple(map(str, facts[key])) for key in ("notes", "warnings"))
+        source = Path(facts["source"]) if facts["source"] else image
+        levels = facts.get("levels") or decided(facts["options"].get("levels", "auto"), image)
+        read = ReadImage(image, bool(facts["inverted"]), (width, height), (x0, y0, x1, y1), float(facts["scale"]),
+                         notes, warnings, source=source, levels=levels)
+        camera = parse_camera(facts["camera"], side) if facts.get("camera") else default_camera(read)
+        curve = tuple(CurvePoint(each["maps"], each["likeness"], each["bytes"], IFS.from_json(each["code"]))
+                      for each in facts.get("curve", ()) if "code" in each)
+        return cls(code=code, target=read, source=source, likeness=Likeness(**facts["likeness"]),
+                   verdict=Verdict(**facts["verdict"]), history=tuple(StageRecord(**each) for each in facts["stages"]),
+                   stopped=facts["stopped"], seconds=float(facts["seconds"]), method=facts["method"],
+                   options=facts["options"], notes=notes, warnings=warnings, camera=camera, curve=curve)
+
+    def __str__(self) -> str:
+        count = len(self.code)
+        return (f"{self.verdict.words}: {self.likeness}, {count} map{'s' * (count > 1)}, {self.seconds:.0f} s, "
+                f"{self.stopped}")
+
+    def __repr__(self) -> str:
+        return f"<Inversion: {self}>"
+
+    def _repr_png_(self) -> bytes:
+        """What a notebook shows: the input, the code's rendering, and their difference."""
+        image = self.target.image
+        drawn = self.render(resolution=image.shape[-1])
+        return sheets.png(sheets.comparison_strip(drawn[None], image[None], [f"F1 {self.likeness.f1:.3f}"], side=256))
+
+
+def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:
+    """What a user should know before trusting a code: doubts about the picture, and whether the code is far from it."""
+    unlike = likeness.f1_1px < WARNED
+    far = verdict.kind == "not self-similar" or (verdict.kind == "approximation" and unlike)
+    return (*target.warnings, *([f"{verdict} ({stopped})"] if far else []))
+
+
+def _plain(value: Any) -> Any:
+    """Options as JSON data."""
+    return json.loads(json.dumps(dict(value), default=lambda thing: thing.item() if hasattr(thing, "item")
+                                 else repr(thing)))

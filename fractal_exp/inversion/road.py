@@ -1,0 +1,89 @@
+"""The one road from a target to a verdict. Likeness and verdict are made here alone, whatever the method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from ..cameras.params import CameraParams
+from ..ifs.code import IFS
+from ..images.reading import ReadImage
+from ..likeness import Likeness, camera_for
+from ..methods.base import CodeReconstruction, Method, OnStep, Progress, Reconstruction, stop_reason
+from ..methods.history import History, StageRecord
+from ..runtime.checkpoint import Checkpoint
+from ..verdict import Verdict
+from .result import Inversion, warnings_of
+
+INTERRUPTED = "interrupted"
+LAST_CODES = 4  # how many codes of an interrupted search are compared: a later round may start worse
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a method did: what it found, its stages, the codes on the way with the seconds since the start, why it
+    stopped, how many seconds it took, and what its user knew of the camera."""
+
+    found: Reconstruction
+    stages: tuple[StageRecord, ...] = ()
+    course: tuple[tuple[float, IFS], ...] = ()
+    stopped: str = ""
+    seconds: float = 0.0
+    camera: CameraParams = CameraParams()
+
+
+def run(target: ReadImage, method: Method, *, name: str, options: Mapping[str, Any] | None = None, seed: int = 0,
+        on_step: OnStep | None = None, checkpoint: Checkpoint | None = None, keep_interrupted: bool = False
+        ) -> Inversion:
+    """Let a method reconstruct a target, and judge the code: `reconstruct`, then `conclude`."""
+    work = reconstruct(target, method, seed=seed, on_step=on_step, checkpoint=checkpoint,
+                       keep_interrupted=keep_interrupted)
+    return conclude(work, target, name=name, options=options, seed=seed)
+
+
+def reconstruct(target: ReadImage, method: Method, *, seed: int = 0, on_step: OnStep | None = None,
+                checkpoint: Checkpoint | None = None, keep_interrupted: bool = False) -> Work:
+    """Let a method reconstruct a target. on_step, checkpoint: as for `Method.reconstruct`; keep_interrupted: an
+    interruption (Ctrl-C) ends the work with the best code so far, if there is one, instead of raising
+    KeyboardInterrupt. Raises `InputError`, before any work, if the method cannot use the target."""
+    codes: list[IFS] = []
+    history = History([each for each in (on_step, partial(_note, codes)) if each is not None])
+    try:
+        found, stopped = method.reconstruct(target, on_step=history, checkpoint=checkpoint), ""
+    except KeyboardInterrupt:
+        if not (keep_interrupted and codes):
+            raise
+        found, stopped = CodeReconstruction(_most_alike(codes, target, method.camera, seed)), INTERRUPTED
+    took = history.seconds()
+    return Work(found, history.stages(), tuple(history.course),
+                stopped or stop_reason(found, getattr(method, "seconds", None), took), took, method.camera)
+
+
+def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, Any] | None = None, seed: int = 0
+             ) -> Inversion:
+    """The result of a method's work on a target. name: of the method; options: that were given, for the record and for
+    what may help. Raises TypeError if the method found no code."""
+    found, options = work.found, options or {}
+    if not isinstance(found, CodeReconstruction):
+        raise TypeError(f"the method {name!r} returned a {type(found).__name__}, which is not a code")
+    camera = found.camera or camera_for(found.code, target, params=work.camera, seed=seed)
+    likeness = Likeness.of(found.code, target, camera, params=work.camera, seed=seed)
+    verdict = Verdict.of(likeness, len(found.code), target, stopped=work.stopped, options=options)
+    return Inversion(
+        code=found.code, target=target, source=target.image if target.source is None else target.source,
+        likeness=likeness, verdict=verdict, camera=camera, history=work.stages, stopped=work.stopped,
+        seconds=work.seconds, method=name, options=options, notes=(*target.notes, *found.notes),
+        warnings=warnings_of(target, verdict, likeness, work.stopped), curve=found.curve)
+
+
+def _note(codes: list[IFS], progress: Progress) -> None:
+    if progress.code is not None:
+        codes.append(progress.code)
+
+
+def _most_alike(codes: Sequence[IFS], target: ReadImage, camera: CameraParams, seed: int) -> IFS:
+    """The best of the codes at the ends of the last stages."""
+    return max(codes[-LAST_CODES:],
+               key=lambda code: Likeness.of(code, target, params=camera, seed=seed).f1_1px)

@@ -1,0 +1,37 @@
+"""The files of a result, the same with the same names from every command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import InputError
+from ..images.reading import write_image
+from .result import CODE, INVERSION, TARGET, Inversion
+
+REDRAWN, RENDERING, OVERLAY, PAGE = "redrawn.png", "rendering.png", "overlay.png", "code.html"
+SIDE = 1024             # pixels, of the rendering
+LARGEST_OVERLAY = 4096  # pixels of the picture's longer side
+
+
+def write(found: Inversion, folder: Path) -> list[str]:
+    """Write a result into a folder, and return the names of the files.
+
+    code.json, the code alone; inversion.json, the code and all that is known of it; target.png, the picture as the
+    method saw it; redrawn.png, the code drawn like the picture; rendering.png, the code alone, in colour if it has any;
+    code.html, a page, unless the code is too large for one; and overlay.png, the code laid over the picture, unless the
+    picture has more than 4096 px a side. Raises `InputError` if a file cannot be written.
+    """
+    found.save(folder)
+    mode = "occupancy" if found.code.colours is None else "colour"
+    found.render(resolution=SIDE, mode=mode, path=folder / RENDERING)
+    write_image(folder / REDRAWN, found.redrawn())
+    names = [CODE, INVERSION, TARGET, REDRAWN, RENDERING]
+    try:
+        found.code.save_html(folder / PAGE)
+        names.append(PAGE)
+    except InputError:
+        pass  # more maps than a page shows
+    if max(found.placement.size) <= LARGEST_OVERLAY:
+        found.overlay(folder / OVERLAY)
+        names.append(OVERLAY)
+    return names

@@ -1,0 +1,113 @@
+"""The likeness of what a code draws to the picture that it was found on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from .cameras.camera import Camera
+from .cameras.comparison import Comparison
+from .cameras.estimate import estimated
+from .cameras.kinds import levels_of, with_camera
+from .cameras.levels import Levels
+from .cameras.params import CameraParams
+from .evaluation import metrics
+from .ifs.code import IFS
+from .images.levels import TargetImage
+from .runtime.seeds import derive
+
+# What is good enough, for the search as for the verdict.
+WITHIN_NOISE = 1.2   # noise ratio below which a code cannot be told from the true one
+ALIKE = 0.985        # F1 within a pixel at which a code of few maps is no accident
+UNLIKE = 0.95        # F1 within a pixel from which the shape is right, though grey levels may be wrong
+BESIDE_PX = 1.5      # an attractor's pixel that is nearer counts as beside one of the shape: all eight neighbours are
+SMALL_TILE_PX = 8.0  # an attractor may lie off the shape by half a tile, but by no more than half of this
+TILED_MAPS = 2       # except for a code of at most so many maps, which do not draw a picture by chance
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """The likeness of a code's rendering to the input, both (R,R). The code is rendered as the input was drawn: its
+    grey levels are a density of points, a coverage of pixels, or black and white.
+
+    f1, iou: of the masks I > 0 on the whole canvas, in [0,1]; for a picture that others drew, I > 1/4, or I > 1/20
+    in a density that is grey inside. f1_1px: F1 within a pixel, with each mask compared to the other's dilation by 3×3
+    pixels; for a picture that others drew, at most the attractor's own, so that a camera cannot make a wrong code look
+    right. noise_ratio: the error of the rendering over the error between two renderings of the code with different
+    random points; about 1 for the true code. The error compares both images at several scales, see
+    `cameras.comparison`. colour: the mean CIEDE2000 difference between the code's colours and the picture's (see
+    `colouring.error`), or None for a code without colours.
+    """
+
+    f1: float
+    iou: float
+    noise_ratio: float
+    f1_1px: float
+    colour: float | None = None
+
+    @classmethod
+    def of(cls, code: IFS, target: TargetImage, camera: Camera | None = None, *, params: CameraParams | None = None,
+           seed: int = 0) -> Likeness:
+        """The likeness of a contractive code to a target. camera: that drew it, or None to estimate it if necessary,
+        see `camera_for`; params: what the user knows of it."""
+        image, camera = target.image, camera or camera_for(code, target, params=params, seed=seed)
+        levels = with_camera(levels_of(image, target.levels, params or CameraParams()), camera)
+        comparison = Comparison(image, levels, derive(seed, "likeness"))
+        rendering = comparison.render(code)
+        least = 0.0 if levels.is_exact else levels.lit_above
+        masks = [(each > least).float()[None] for each in (rendering, image)]
+        f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
+        if not levels.is_exact and levels.is_whole:
+            f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
+        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code), f1_1px)
+
+    def __str__(self) -> str:
+        colour = "" if self.colour is None else f", colours {self.colour:.2g} apart (CIEDE2000)"
+        return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, "
+                f"error {self.noise_ratio:.3g} × noise{colour}")
+
+
+def camera_for(code: IFS, target: TargetImage, *, params: CameraParams | None = None, seed: int = 0) -> Camera:
+    """The camera that suits a code and a target best: of the kind that the target's levels say, with its values
+    estimated if others drew the picture."""
+    levels = levels_of(target.image, target.levels, params or CameraParams())
+    return estimated(target.image, levels, code, derive(seed, "likeness")) or levels.camera
+
+
+def default_camera(target: TargetImage, params: CameraParams | None = None) -> Camera:
+    """The camera of a target as far as its levels and the user say."""
+    return levels_of(target.image, target.levels, params or CameraParams()).camera
+
+
+def redrawn(code: IFS, target: TargetImage, camera: Camera, *, params: CameraParams | None = None, seed: int = 0
+            ) -> Tensor:
+    """The code (R,R) drawn as the target was, with this camera."""
+    levels = with_camera(levels_of(target.image, target.levels, params or CameraParams()), camera)
+    return levels.render(code, target.image.shape[-1], seed)
+
+
+def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
+    """Agreement of a code's attractor with the shape in an image (R,R), as the F1 of a precision and a recall.
+
+    Precision is the share of the attractor within a pixel of the shape. Recall is the share of the shape within a pixel
+    of what the camera's pen draws around the attractor, or within half a tile or twig of the attractor.
+
+    Precision also allows for half a tile: the attractor of a dragon fills what a drawing of few steps shows as a
+    lattice. Large tiles look like the picture itself, and would make a wrong code look right. So the allowance is at
+    most half of `SMALL_TILE_PX`, except for a code of `TILED_MAPS` or fewer.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    side = len(image)
+    attractor = levels.occupied(code, side, 1, levels.points(side), 0, False).numpy() > 0
+    shape = (image > levels.lit_above).cpu().numpy()
+    if not attractor.any() or not shape.any():
+        return 0.0
+    pen, tile = levels.pen * side / 2, levels.smallest_part(code, side) * side / 2
+    largest = tile if len(code) <= TILED_MAPS else SMALL_TILE_PX
+    near, inside = max(BESIDE_PX + pen, tile / 2), max(BESIDE_PX, min(tile, largest) / 2)
+    off, away = (np.asarray(distance_transform_edt(~mask), np.float32) for mask in (shape, attractor))
+    precision, recall = float((off[attractor] < inside).mean()), float((away[shape] < near).mean())
+    return 2 * precision * recall / max(precision + recall, 1e-9)

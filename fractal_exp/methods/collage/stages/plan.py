@@ -1,0 +1,76 @@
+"""Which stages a search has, in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import chain
+
+from .base import Stage
+from .image import Approach, FullSize, ImageMoves
+from .measure import Detail, FromMixture, Restart
+from .problem import SearchProblem
+from .rounding import LastDigits
+
+
+class Plan:
+    """All stages that a search may have, one instance of each: `rounds` of them, and the `last` ones, after all rounds.
+
+    Pictures of another kind have a subclass, see `PLANS`.
+    """
+
+    rounding: type[Stage] = LastDigits
+
+    def __init__(self, problem: SearchProblem):
+        self.problem, searches = problem, not problem.params.grows_at_once
+        self.rounds = [self.round(number) for number in range(problem.rounds)] if searches else []
+        self.last = self.polish() if searches else []
+        if problem.params.growth.enabled:
+            from .growth import Growth
+
+            self.last.append(Growth(problem, problem.rounds))
+
+    @property
+    def stages(self) -> list[Stage]:
+        """All stages in order."""
+        return [*chain(*self.rounds), *self.last]
+
+    def round(self, number: int) -> list[Stage]:
+        """The stages of a round."""
+        approach = [Approach(self.problem, number)] if self.problem.is_reduced else []
+        return [*self.search(number), *approach, *self.moves(number)]
+
+    def search(self, number: int) -> list[Stage]:
+        """Those that search on the image's measure."""
+        restarts = [Restart(self.problem, number, restart) for restart in range(self.problem.restarts(number))]
+        return [*restarts, FromMixture(self.problem, number), Detail(self.problem, number)]
+
+    def moves(self, number: int) -> list[Stage]:
+        """Those that move single maps of a nearly right code."""
+        return [ImageMoves(self.problem, number)]
+
+    def polish(self) -> list[Stage]:
+        """Those that polish the best code of all rounds."""
+        problem = self.problem
+        full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []
+        return [*full, *([self.rounding(problem, problem.rounds)] if problem.params.canonical.enabled else [])]
+
+
+def plan_of(problem: SearchProblem) -> Plan:
+    """The stages of a search on this image."""
+    return PLANS[problem.kind](problem)
+
+
+def _crossed(problem: SearchProblem) -> Plan:
+    from .crossing import CrossedPlan
+
+    return CrossedPlan(problem)
+
+
+def _drawn(problem: SearchProblem) -> Plan:
+    from .drawn import DrawnPlan
+
+    return DrawnPlan(problem)
+
+
+# By the kind of the image. What only some images need is imported for them alone.
+PLANS: dict[str, Callable[[SearchProblem], Plan]] = {"rendered": Plan, "crossed": _crossed, "drawn": _drawn}

@@ -1,0 +1,104 @@
+import json
+
+import pytest
+from configured import ABLATIONS, composed, options, plain
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+
+from fractal_exp import InputError
+from fractal_exp.cli import configuration
+from fractal_exp.runtime.checkpoint import compare
+
+
+@pytest.mark.parametrize("group", ["target", "model", "loss", "optimizer", "scale", "tracking", "ablation", "init"])
+def test_every_choice_composes_passes_its_schema_and_differs_from_the_others(group):
+    composed = {}
+    for choice in options(group):
+        extra = ["target.path=leaf.png"] if (group, choice) == ("target", "image") else []
+        composed[choice] = plain(f"{group}={choice}", *extra)
+    assert len({json.dumps(each, sort_keys=True, default=str) for each in composed.values()}) == len(composed) > 1
+
+
+def test_a_module_that_does_not_import_is_a_defect_and_no_name_that_is_not_there(tmp_path, monkeypatch):
+    (tmp_path / "broken_model.py").write_text("import a_library_that_nobody_has\nclass Model: pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ImportError, match="a_library_that_nobody_has"):
+        configuration.check_components(OmegaConf.create({"_target_": "broken_model.Model"}), "model")
+
+
+def test_a_fit_that_begins_with_collage_search_has_one_start_and_a_name_of_its_own():
+    config = plain("init=collage", "scale=smoke")
+    assert config["method"]["starts"] == 1 and config["method"]["init"]["search"]["moves"] == 8
+    assert configuration.method_name(config["method"]) == "collage-chaotic"
+    assert configuration.method_name(plain()["method"]) == "chaotic"
+    with pytest.raises(InputError, match="take method=chaotic"):
+        plain("init=collage", "method=collage")
+
+
+def test_every_ablation_is_listed_here():
+    assert set(options("ablation")) == {*ABLATIONS, "none"}
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+@pytest.mark.parametrize("scale", ["laptop", "paper"])
+def test_an_ablation_differs_from_the_full_method_by_what_it_names_alone(name, scale):
+    full, ablated = plain(f"scale={scale}"), plain(f"scale={scale}", f"ablation={name}")
+    assert ablated.pop("variant") == name and full.pop("variant") == "full"
+    full.pop("method"), ablated.pop("method")  # repeats model, loss and optimizer
+    changed = {line.split(":")[0] for line in compare(full, ablated)}
+    assert changed, "an ablation must change something"
+    for key in changed:
+        assert any(key == named or key.startswith(named + ".") for named in ABLATIONS[name]), key
+
+
+def test_scales_have_the_stated_sizes():
+    paper = plain("scale=paper")
+    assert paper["resolution"] == 1024 and paper["iterations"] == 15000 and paper["perceptual"] == "lpips_alex"
+    assert paper["model"]["trajectories"] * (paper["model"]["length"] - paper["model"]["warmup"]) == 480_000
+    laptop = plain("scale=laptop")
+    assert laptop["resolution"] == 256
+    assert laptop["model"]["trajectories"] * (laptop["model"]["length"] - laptop["model"]["warmup"]) == 100_000
+
+
+def test_the_librarys_defaults_are_those_of_the_laptop_scale():
+    from hydra.utils import instantiate
+
+    from fractal_exp.methods.chaotic.method import laptop
+
+    ours, configured = laptop(), instantiate(configuration.resolve(composed("scale=laptop")).method)
+
+    def plain_numbers(thing):
+        return {name: value if isinstance(value, int | float | str | tuple | None) else plain_numbers(value)
+                for name, value in vars(thing).items() if name not in ("objective", "parameterization")}
+
+    assert plain_numbers(ours) == plain_numbers(configured)
+
+
+def test_the_command_line_wins_over_scale_and_ablation():
+    config = plain("scale=smoke", "ablation=no_multisampling", "iterations=7", "model.sigma_px=1.5")
+    assert config["iterations"] == 7 and config["method"]["iterations"] == 7 and config["model"]["sigma_px"] == 1.5
+
+
+def test_paths_are_absolute(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = plain("target=image", "target.path=leaf.png")
+    assert config["target"]["path"] == str(tmp_path / "leaf.png") and config["output"] == str(tmp_path / "outputs")
+
+
+@pytest.mark.parametrize(("overrides", "message"), [
+    (["model.maps=many"], "model.maps: .*got 'many'"),
+    (["model.sigma_px=wide"], "model.sigma_px: .*got 'wide'"),
+    (["optimizer.annealing.spread=x"], "optimizer.annealing.spread: .*got 'x'"),
+    (["target.kind=color"], "target.kind: Input should be 'grey' or 'binary', got 'color'"),
+    (["+model.layers=3"], "model.layers: .*not permitted; ForwardModel takes parameterization, resolution, maps"),
+    (["target=image"], "no value was given for target.path; add picture=FILE"),
+])
+def test_wrong_keys_and_types_are_refused_by_name(overrides, message):
+    with pytest.raises(InputError, match=message):
+        configuration.resolve(composed(*overrides))
+
+
+@pytest.mark.parametrize("override", ["model.layers=3", "resolution=big", "seed=x", "target=nothing", "colour=red"])
+def test_hydra_refuses_what_it_can_see_itself(override):
+    with pytest.raises(HydraException):
+        composed(override)

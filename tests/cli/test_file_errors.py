@@ -1,0 +1,149 @@
+"""Full disks, taken folders, damaged records and names too long, as fits and commands meet them: in one line."""
+
+import errno
+import multiprocessing
+import os
+import resource
+import signal
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_module
+from PIL import Image
+
+from fractal_exp import InputError
+from fractal_exp.cli import commands, configuration, render, suite
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.jobs import Outcome
+from fractal_exp.cli.train import fit
+from fractal_exp.runtime import files
+
+FORK = multiprocessing.get_context("fork")
+TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1", "name=fit",
+        "tracking=none", "target=image"]
+
+
+@pytest.fixture
+def train(tmp_path):
+    """A function that fits a cross, of the overrides given."""
+    image = np.zeros((64, 64), np.uint8)
+    image[10:54, 28:36] = image[28:36, 10:54] = 255
+    Image.fromarray(image).save(tmp_path / "cross.png")
+    configuration.register()
+
+    def run(*overrides):
+        with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+            return fit(compose("train", [*TINY, f"target.path={tmp_path / 'cross.png'}", f"output={tmp_path}",
+                                         *overrides]))
+
+    return run
+
+
+def hold(folder, entered):
+    with files.alone_in(folder, wait=False):
+        entered.set()
+        signal.pause()
+
+
+def test_a_second_fit_in_a_folder_is_refused_at_once(train, tmp_path):
+    entered = FORK.Event()
+    holder = FORK.Process(target=hold, args=(tmp_path / "fits" / "fit", entered))
+    holder.start()
+    assert entered.wait(60)
+    try:
+        with pytest.raises(InputError, match=f"process {holder.pid} is at work in .*/fit; wait until it has ended, "
+                                             "or choose another folder with name=NAME or output=FOLDER"):
+            train()
+        assert {path.name for path in (tmp_path / "fits" / "fit").iterdir()} == {".lock", "views"}
+    finally:
+        holder.kill()
+        holder.join()
+
+
+def test_a_disk_that_fills_up_ends_a_fit_in_one_line_and_the_fit_goes_on_from_what_was_saved(train, tmp_path,
+                                                                                            monkeypatch):
+    train("name=whole", "resume=true")
+    fsync, saved = os.fsync, []
+
+    def full(descriptor):
+        if ".checkpoint.safeten" in os.readlink(f"/proc/self/fd/{descriptor}"):
+            saved.append(descriptor)
+            if len(saved) == 2:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="cannot write .*/checkpoint.safetensors: No space left on device; free some "
+                                         "space.*; what was saved before stays, and resume=true goes on from it"):
+        train("resume=true")
+    folder = tmp_path / "fits" / "fit"
+    assert (folder / "checkpoint.safetensors").exists() and not list(folder.glob(".*partial"))
+    train("resume=true")
+    assert (folder / "code.json").read_text() == (tmp_path / "fits" / "whole" / "code.json").read_text()
+
+
+@pytest.mark.parametrize("key", ["name", "study", "output"])
+def test_names_too_long_are_refused_with_what_to_shorten(train, tmp_path, key):
+    with pytest.raises(InputError, match="File name too long; choose another with output=FOLDER, study=STUDY or "
+                                         "name=NAME"):
+        train(f"{key}={tmp_path if key == 'output' else ''}{'/' if key == 'output' else ''}{'x' * 300}")
+
+
+@contextmanager
+def a_disk_that_takes(size):
+    """No file may grow beyond so many bytes."""
+    handler, limits = signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+@pytest.mark.parametrize(("main", "arguments", "size", "names"), [
+    (suite.main, ["suite", "--count", "1", "--resolution", "64"], 100, "suite/codes/000.json"),
+    (suite.main, ["suite", "--count", "1", "--resolution", "64"], 1400, "suite/sheet.png"),
+    (render.main, ["fern", "fern.png", "--size", "64", "--points", "1e4"], 200, "fern.png"),
+    (render.main, ["fern", "fern.gif", "--size", "64", "--points", "1e4", "--seconds", "0.1"], 200, "fern.gif"),
+])
+def test_a_full_disk_ends_a_command_in_one_line(main, arguments, size, names, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end, a_disk_that_takes(size):
+        main(arguments)
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert end.value.code == 2 and f"error: cannot write {tmp_path / names}: File too large" in last
+    assert not (tmp_path / names).exists() and not list(tmp_path.rglob(".*partial*"))
+
+
+def test_what_the_system_refuses_a_command_is_one_line_but_a_closed_pipe_is_not_of_a_file(capsys):
+    def work(error):
+        def raise_it(options):
+            raise error
+        return raise_it
+
+    parser = commands.command_parser("fractal-test", "")
+    with pytest.raises(SystemExit) as end:
+        commands.command("fractal-test", work(OSError(errno.ENOSPC, "No space left on device", "/x")), parser, [])
+    assert end.value.code == 2
+    assert capsys.readouterr().err == ("fractal-test: error: /x: No space left on device; free some space, or choose "
+                                       "another disk\n")
+    for error in (BrokenPipeError(errno.EPIPE, "Broken pipe"), ConnectionRefusedError(errno.ECONNREFUSED, "refused")):
+        with pytest.raises(type(error)):
+            commands.command("fractal-test", work(error), parser, [])
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"identity": 1, "scores": {}}', '{"identity": {}}',
+                                  "[" * 9999, '{"uri": "sqlite://"}',
+                                  '{"identity": {}, "scores": {"eval/f1": "good"}}'])
+def test_damaged_records_are_refused_by_name(tmp_path, text):
+    folder = FitFolder.open(tmp_path, "fit")
+    folder.checkpoint.touch()
+    for path, read in ((folder.path / "finished.json", lambda: folder.finished_scores({})),
+                       (folder.path / "run.json", lambda: folder.run_to_resume("sqlite://")),
+                       (Outcome.path(folder.path), lambda: Outcome.read(folder.path))):
+        path.write_text(text)
+        with pytest.raises(InputError, match=f"{path.name} is ") as error:
+            read()
+        assert "\n" not in str(error.value)

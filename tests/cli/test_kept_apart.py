@@ -1,0 +1,78 @@
+"""What must not be mixed up: sweeps in one output folder, runs of two stores, values that come in during a sending."""
+
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+from hydra import compose, initialize_config_module
+from omegaconf import open_dict
+
+from fractal_exp.cli import configuration
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.sweeps import RunningSweep
+from fractal_exp.tracking.outbox import BATCH, Outbox
+
+
+@contextmanager
+def planned(output: Path, *overrides: str):
+    """A sweep of two jobs, opened as Hydra opens it."""
+    configuration.register()
+    words = ["tracking=none", f"output={output}", "scale=smoke", "sweep.count=1", "seed=0,1", *overrides]
+    with initialize_config_module("fractal_exp.sweeps", version_base="1.3"):
+        composed = [*(word for word in words if word != "seed=0,1"), "hydra.searchpath=[pkg://fractal_exp.conf]"]
+        config = compose("seeds", composed, return_hydra_config=True)
+        with open_dict(config):
+            config.hydra.overrides.task = words
+        sweep = RunningSweep(config)
+        try:
+            yield sweep
+        finally:
+            sweep.watch.stop()
+
+
+def folder(output: Path, *overrides: str) -> Path:
+    with planned(output, *overrides) as sweep:
+        return sweep.folder
+
+
+def test_sweeps_that_score_or_fit_otherwise_have_folders_of_their_own(tmp_path):
+    first = folder(tmp_path)
+    others = [folder(tmp_path, change) for change in ("evaluation.resolution=48", "evaluation.align=none",
+                                                      "resolution=128", "model.maps=3")]
+    assert len({first, *others}) == 5
+    for change in ("threads=1", "checkpoint_every=3", "sweep.workers=2", "sweep.count=2"):
+        assert folder(tmp_path, change) == first, change
+    assert folder(tmp_path / "elsewhere").name == first.name
+
+
+def test_a_resumed_fit_goes_on_with_the_run_of_the_same_store_alone(tmp_path):
+    fit = FitFolder.open(tmp_path, "fit")
+    fit.remember_run("sqlite:////a/mlflow.db", "run-of-a")
+    assert fit.run_to_resume("sqlite:////a/mlflow.db") is None, "there is nothing to go on from"
+    fit.checkpoint.touch()
+    assert fit.run_to_resume("sqlite:////a/mlflow.db") == "run-of-a"
+    assert fit.run_to_resume("sqlite:////b/mlflow.db") is None
+
+
+def test_what_comes_in_while_a_batch_is_sent_is_sent_with_the_next(tmp_path):
+    class Client:
+        tracking_uri = "sqlite:////nowhere.db"
+        begun, values, tags = threading.Event(), [], {}
+
+        def log_batch(self, run_id, metrics, tags):
+            if not self.begun.is_set():
+                outbox.metric("late", 1.0, 0, 0)
+                outbox.tag("late", "yes")
+                self.begun.set()
+            self.values += [metric.key for metric in metrics]
+            self.tags |= {tag.key: tag.value for tag in tags}
+
+        def set_terminated(self, *_, **__):
+            pass
+
+    outbox = Outbox(Client(), "run", tmp_path, set(), set())
+    for i in range(2 * BATCH + 500):
+        outbox.metric("early", 1.0, 0, i)
+    assert Client.begun.wait(60)
+    outbox.close("FINISHED")
+    assert sorted(Client.values) == ["early"] * (2 * BATCH + 500) + ["late"] and Client.tags == {"late": "yes"}

@@ -1,0 +1,154 @@
+"""fractal-render and fractal-suite from the command line to the files."""
+
+import json
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from fractal_exp import IFS, Colours, View, codes, render
+from fractal_exp.cli import render as render_app
+from fractal_exp.cli import suite as suite_app
+from fractal_exp.ifs import attractor
+from fractal_exp.rendering import still as rendering
+from fractal_exp.suite import random_suite, target
+
+
+def pixels(path) -> np.ndarray:
+    return np.asarray(Image.open(path))
+
+
+def test_a_still_is_what_render_draws(tmp_path, capsys):
+    fern = attractor.normalize(codes.known("fern"))
+    fern.save(tmp_path / "leaf.json")
+    out = tmp_path / "leaf.png"
+    render_app.main([str(tmp_path / "leaf.json"), str(out), "--size", "96", "--points", "1e5", "--frame", "own",
+                     "--center", "0.1", "-0.2", "--zoom", "4", "--bits", "16", "--supersample", "4", "--seed", "3"])
+    expected = render(fern, View((0.1, -0.2), 4), resolution=96, points_in_view=100_000, supersample=4, seed=3)
+    np.testing.assert_allclose(pixels(out) / 65535, expected.numpy(), atol=1e-5)
+    assert str(out) in capsys.readouterr().out
+
+
+def test_transparent_and_density_stills(tmp_path):
+    render_app.main(["fern", str(tmp_path / "a.png"), "--size", "64", "--transparent"])
+    image = pixels(tmp_path / "a.png")
+    assert image.shape == (64, 64, 2) and (image[..., 0] == 255).all() and image[..., 1].max() > 100
+    render_app.main(["suite:3", str(tmp_path / "b.png"), "--size", "64", "--mode", "density"])
+    assert 0 < (pixels(tmp_path / "b.png") > 0).mean() < 0.9
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "webm", "gif"])
+def test_a_film(tmp_path, suffix):
+    out = tmp_path / f"zoom.{suffix}"
+    render_app.main(["sierpinski_triangle", str(out), "--size", "64", "--points", "2e4", "--seconds", "0.5", "--fps",
+                     "10", "--zoom", "1e4", "--center", "0.2", "0.1"])
+    film = iio.imread(out)
+    assert len(film) == 5 and (film.reshape(5, -1).mean(1) > 3).all()
+
+
+def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
+    pattern = tmp_path / "m-%03d.png"
+    render_app.main(["sierpinski_triangle", "koch_curve", "--loop", "fern", str(pattern), "--size", "63", "--points",
+                     "1e5", "--seconds", "1.2", "--fps", "20"])
+    told = capsys.readouterr().out
+    assert "24 frames, 1.2 s of film, about" in told and "to draw" in told and str(pattern) in told
+    files = sorted(tmp_path.iterdir())
+    assert [file.name for file in files] == [f"m-{number:03d}.png" for number in range(1, 25)]
+    drawn = [pixels(file) / 255 for file in files]
+    assert all(picture.shape == (63, 63) for picture in drawn)
+    for place, name in ((0, "sierpinski_triangle"), (8, "koch_curve"), (16, "fern")):
+        known = render(attractor.normalize(codes.known(name)), resolution=63, points_in_view=100_000).numpy()
+        assert 2 * (drawn[place] * known).sum() / (drawn[place]**2 + known**2).sum() > 0.8, name
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["ferm", "a.png"], "did you mean 'fern'? give"),
+    (["no.json", "a.png"], "cannot read the code"),
+    (["suite:x", "a.png"], "suite:INDEX"),
+    (["fern", "a.jpg"], "end the name in .png"),
+    (["fern", "no/such/a.png"], "cannot write"),
+    (["fern", "a.png", "--zoom", "0"], "zoom must be a finite number above 0"),
+    (["fern", "a.png", "--zoom", "nan"], "zoom must be a finite number above 0"),
+    (["fern", "a.png", "--size", "20000"], "from 1 to 16384"),
+    (["fern", "a.png", "--points", "nan"], "--points"),
+    (["fern", "a.png", "--points", "-5"], "--points"),
+    (["fern", "a.mp4", "--size", "63"], "even"),
+    (["fern", "a.mp4", "--transparent"], "stills"),
+    (["fern", "a.mp4", "--seconds", "0"], "at least 2 frames"),
+    (["fern", "a.mp4", "--zoom", "0.5"], "must end above"),
+    (["fern", "tree", "a.mp4", "--seconds", "0.1", "--loop", "--fps", "20"], "has at least 4 frames, got 2"),
+    (["fern", "%d.png", "--seconds", "1"], "%d has too few digits for 30 frames; write %02d"),
+    (["fern", "%d-%d.png"], "stands once in a name"),
+    (["fern", "a.webm", "--size", "63"], "even"),
+    (["fern", "tree", "a.gif", "--fps", "60"], "a GIF at most 50"),
+    (["fern", "a.png", "--mode", "colour"], "the code has no colours to draw"),
+    (["fern", "a.png", "--background", "white"], "--background changes nothing with --mode occupancy"),
+])
+def test_what_a_user_can_mend_is_one_line(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        render_app.main(arguments)
+    error = capsys.readouterr().err
+    assert stop.value.code == 2 and message in error and error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_suite_in_files(tmp_path):
+    suite_app.main([str(tmp_path / "suite"), "--count", "3", "--resolution", "32", "--seed", "5"])
+    folder = tmp_path / "suite"
+    code = random_suite(3, 5)[2]
+    saved = IFS.load(folder / "codes" / "002.json")
+    assert torch.equal(saved.linear, code.linear) and torch.equal(saved.offset, attractor.normalize(code).offset)
+    assert saved.meta["suite_index"] == 2
+    np.testing.assert_allclose(pixels(folder / "targets" / "002.png") / 65535, target(code, 32).numpy(), atol=1e-5)
+    assert json.loads((folder / "suite.json").read_text()) == {"count": 3, "seed": 5, "resolution": 32, "kind": "grey"}
+    assert pixels(folder / "sheet.png").max() > 100
+    suite_app.main([str(tmp_path / "binary"), "--count", "1", "--resolution", "32", "--binary"])
+    assert set(np.unique(pixels(tmp_path / "binary" / "targets" / "000.png"))) == {0, 255}
+
+
+def test_an_empty_view_names_the_nearest_point(tmp_path, capsys):
+    for center, empty in ((("0.9", "0.9"), True), (("0", "0"), False)):
+        render_app.main(["sierpinski_triangle", str(tmp_path / "a.png"), "--size", "32", "--points", "1e4",
+                         "--center", *center, "--zoom", "8" if empty else "1"])
+        told = capsys.readouterr().err
+        assert ("nearest to its centre is at --center" in told) == empty
+        if empty:
+            point = tuple(float(word) for word in told.split("--center ")[1].split())
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    assert render(code, View(point, 50), resolution=32, points_in_view=1000).max() > 0
+
+
+def coloured_triangle(path) -> IFS:
+    triangle = codes.known("sierpinski_triangle")
+    code = IFS(triangle.linear, triangle.offset, colours=Colours([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [1.0, 1.0, 1.0]))
+    code.save(path)
+    return code
+
+
+def test_a_code_with_colours_is_drawn_in_colour(tmp_path, monkeypatch):
+    monkeypatch.setattr(rendering, "COLOUR_TILE", 40)
+    coloured_triangle(tmp_path / "code.json")
+    draw = ["--size", "96", "--points", "2e5", "--supersample", "4"]
+    for name, more in {"black": [], "white": ["--background", "white"], "clear": ["--transparent"],
+                       "fine": ["--bits", "16"], "plain": ["--mode", "occupancy"]}.items():
+        render_app.main([str(tmp_path / "code.json"), str(tmp_path / f"{name}.png"), *draw, *more])
+    black, white, clear = (pixels(tmp_path / f"{name}.png").astype(int) for name in ("black", "white", "clear"))
+    assert black.shape == (96, 96, 3) and clear.shape == (96, 96, 4) and pixels(tmp_path / "plain.png").ndim == 2
+    cover, shade = clear[..., 3:] / 255, clear[..., :3]
+    assert np.abs(black - cover * shade).max() <= 1 and np.abs(white - (cover * shade + 255 * (1 - cover))).max() <= 1
+    # Each corner is one map's alone: red below on the left, green on the right, blue on top.
+    for channel, part in enumerate((black[60:, :40], black[60:, 56:], black[:40])):
+        assert part[..., channel].max() > 200 and np.delete(part, channel, -1).max() == 0
+    assert (tmp_path / "fine.png").read_bytes()[24] == 16
+
+
+def test_a_film_in_colour(tmp_path):
+    coloured_triangle(tmp_path / "code.json")
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "zoom.gif"), "--size", "64", "--points", "2e4",
+                     "--seconds", "0.5", "--fps", "10", "--zoom", "100", "--center", "0.2", "0.1", "--background",
+                     "#ffffff"])
+    first = iio.imread(tmp_path / "zoom.gif")[0].astype(int)
+    assert first[0, 0].min() > 240 and np.ptp(first, axis=-1).max() > 100

@@ -1,0 +1,80 @@
+"""What a fit, a run or a weight file holds is refused by its size before it is read."""
+
+import os
+
+import pytest
+from safetensors.torch import load_file, save_file
+
+from fractal_exp import InputError, codes, tracking
+from fractal_exp.cli import evaluate as app
+from fractal_exp.cli import records
+from fractal_exp.cli.candidates import gather
+from fractal_exp.perceptual import fractal_features
+from fractal_exp.runtime import files
+
+
+@pytest.fixture
+def fit(tmp_path):
+    """The folder of a finished fit of the fern."""
+    folder = tmp_path / "fit"
+    folder.mkdir()
+    codes.known("fern").save(folder / "code.json")
+    (folder / "finished.json").write_text("{}")
+    return folder
+
+
+@pytest.mark.parametrize(("name", "most"), [("code.json", 2**24), ("truth.json", 2**24), ("target.png", 2**28)])
+def test_a_fits_file_that_is_too_large_ends_in_one_line(fit, capsys, name, most):
+    with open(fit / name, "ab") as file:
+        file.truncate(most + 1)  # takes no room on the disk
+    with pytest.raises(SystemExit) as stop:
+        app.main([str(fit)])
+    [line] = capsys.readouterr().err.strip().splitlines()
+    assert stop.value.code == 2 and f"fit/{name}: it has {most + 1} bytes, at most {most} are read" in line
+
+
+def test_an_artifact_that_is_too_large_is_not_fetched(fit, tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.setattr(files, "LARGEST_JSON", 1000)
+    monkeypatch.setattr(records, "LARGEST_JSON", 1000)
+    uri = tracking.prepare_store(tmp_path)
+    with tracking.start_run(uri, "fits", "fern", folder=tmp_path) as run:
+        run.artifact("code.json", "x" * 1001)
+        run.artifact("truth.json", "{}")
+    [logged] = tracking.runs_frame(uri, "fits").itertuples()
+    assert tracking.read_artifact(uri, logged.run_id, "truth.json", 2) == b"{}"
+    monkeypatch.setattr("mlflow.MlflowClient.download_artifacts", None)
+    with pytest.raises(InputError, match="'code.json' of run .* has 1001 bytes, at most 1000 are read"):
+        gather([f"run:{logged.run_id}"], None, tmp_path)
+
+
+@pytest.fixture
+def weights(tmp_path):
+    """A function that writes the weights of this package with another recipe."""
+    with fractal_features.resources.as_file(fractal_features.resources.files("fractal_exp") / "data") as data:
+        tensors = load_file(data / fractal_features.SHIPPED)
+
+    def write(recipe: str):
+        notes = {"format": fractal_features.FORMAT, "version": fractal_features.VERSION, "recipe": recipe}
+        save_file(tensors, tmp_path / "mine.safetensors", metadata=notes)
+        return tmp_path / "mine.safetensors"
+    return write
+
+
+@pytest.mark.parametrize(("recipe", "message"), [
+    ("[" * 100_000, "damaged: its recipe is no JSON that can be read: its lists are nested too deeply"),
+    ('{"steps": 1, "steps": 2}', "damaged: its recipe gives the key 'steps' twice"),
+])
+def test_a_crafted_recipe_of_weights_is_refused(weights, recipe, message):
+    with pytest.raises(InputError, match=message):
+        fractal_features.load(weights(recipe))
+
+
+def test_weights_that_are_huge_or_no_file_are_not_read(tmp_path):
+    with open(tmp_path / "huge.safetensors", "wb") as file:
+        file.truncate(2**28 + 1)
+    with pytest.raises(InputError, match="cannot read the weight file .* at most 268435456 are read"):
+        fractal_features.load(tmp_path / "huge.safetensors")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="cannot read the weight file .* it is a pipe"):
+        fractal_features.load(tmp_path / "pipe")

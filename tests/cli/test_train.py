@@ -1,0 +1,234 @@
+"""The command line as users meet it, at sizes that take moments."""
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import run_here
+from omegaconf import OmegaConf
+from PIL import Image
+from train_helpers import TINY, train
+
+from fractal_exp import IFS, InputError
+from fractal_exp.cli import composed as program
+from fractal_exp.cli import interruption
+from fractal_exp.tracking import read_artifact, read_series, runs_frame
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory) -> Path:
+    """A black cross on white."""
+    path = tmp_path_factory.mktemp("picture") / "cross.png"
+    image = np.full((64, 64), 255, np.uint8)
+    image[10:54, 28:36] = image[28:36, 10:54] = 0
+    Image.fromarray(image).save(path)
+    return path
+
+
+def command(*arguments: str) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-m", "fractal_exp.cli.composed", *TINY, *arguments], text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
+    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}")
+    folder = tmp_path / "fits" / "fit"
+    assert len(IFS.load(folder / "code.json")) == 10
+    assert (folder / "code.html").read_text().startswith("<!doctype html>")
+    assert OmegaConf.load(folder / "config.yaml").iterations == 6
+    assert {p.name for p in (folder / "views").iterdir()} >= {"target.png", "result.png", "comparison.png"}
+    assert set(scores) == {"eval/f1", "eval/iou", "eval/psnr", "eval/ssim", "time/fit_seconds"}
+    assert not (folder / "checkpoint.safetensors").exists()
+    printed = capsys.readouterr().out
+    history = json.loads((folder / "history.json").read_text())
+    assert history["stopped"] == "all 6 iterations done" and [stage["name"] for stage in history["stages"]] == ["fit"]
+    assert "stopped    all 6 iterations done" in printed
+    verdict = history["verdict"]
+    assert verdict["kind"] != "recovered" and f"verdict    {verdict['words']} ({verdict['remedy']})" in printed
+    assert "no perceptual term in this objective" in printed and "inverted" in printed and str(folder) in printed
+
+    uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
+    run = runs_frame(uri, "fits").iloc[0]
+    assert read_artifact(uri, run["run_id"], "code.html") == (folder / "code.html").read_bytes()
+    assert run["status"] == "FINISHED"
+    assert run["metrics.eval/f1"] == pytest.approx(scores["eval/f1"])
+    assert run["tags.variant"] == "full" and run["tags.perceptual"] == "none" and run["tags.scale"] == "smoke"
+    assert run["params.model.maps"] == "10" and run["params.optimizer.lr"] == "0.01"
+    assert "**cross** by chaotic (full, smoke scale)" in run["tags.mlflow.note.content"]
+    series = read_series(uri, run["run_id"], "train/loss")
+    assert list(series["step"]) == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_known_code_is_scored_on_seven_views(tmp_path):
+    train("target=known", "target.name=sierpinski_triangle", "model.maps=3", f"output={tmp_path}", "tracking=none",
+          "evaluation.points_in_view=20000")
+    folder = tmp_path / "fits" / "fit"
+    rows = (folder / "per_view.csv").read_text().splitlines()
+    assert len(rows) == 8 and rows[0].startswith("view,zoom,") and "f1,iou,psnr,ssim" in rows[0]
+    assert not (tmp_path / "mlflow.db").exists()
+
+
+@pytest.mark.parametrize("ablation", ["naive", "no_multisampling", "moments", "no_gradients"])
+def test_variants_run_from_the_command_line(picture, tmp_path, ablation):
+    scores = train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
+                   f"ablation={ablation}")
+    assert 0 <= scores["eval/f1"] <= 1
+
+
+def test_a_finished_fit_is_not_repeated_on_resume_but_another_is_refused(picture, tmp_path, capsys):
+    settings = ["target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none"]
+    first = train(*settings)
+    assert train(*settings, "resume=true") == first
+    assert "finished; resume=false fits it again" in capsys.readouterr().out
+    assert train(*settings)["eval/f1"] == first["eval/f1"]
+    assert "held this fit, finished; it is fitted again (resume=true takes it as it is)" in capsys.readouterr().out
+    with pytest.raises(InputError, match="seed: 0 there, 1 now"):
+        train(*settings, "resume=true", "seed=1")
+
+
+@pytest.mark.slow
+def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path):
+    settings = ["target=image", f"target.path={picture}", "iterations=60", "resume=true"]
+    train(*settings, f"output={tmp_path / 'whole'}", "tracking=none")
+    output = tmp_path / "killed"
+    folder = output / "fits" / "fit"
+    process = command(*settings, f"output={output}")
+    deadline = time.monotonic() + 120
+    while not (folder / "checkpoint.safetensors").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert (folder / "checkpoint.safetensors").exists() and not (folder / "finished.json").exists()
+    train(*settings, f"output={output}")
+    assert (folder / "code.json").read_text() == (
+        tmp_path / "whole" / "fits" / folder.name / "code.json").read_text()
+    frame = runs_frame(f"sqlite:///{output / 'mlflow.db'}", "fits")
+    assert list(frame["status"]) == ["FINISHED"], "one run, gone on with"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_got_lost_is_raised_again(number):
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        interruption.listen()
+        interruption.check()
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(number)
+        with pytest.raises(KeyboardInterrupt):
+            interruption.check()
+        interruption.listen()
+        interruption.check()
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):
+    process = command("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none",
+                      "iterations=100000", "checkpoint_every=1000000", "method.previews=5000")
+    folder = tmp_path / "fits" / "fit"
+    deadline = time.monotonic() + 120
+    while not (folder / "views" / "preview.png").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and "resume=true goes on" in errors and "Traceback" not in errors, errors
+    with pytest.raises(InputError, match="another configuration: iterations: 100000 there, 6 now"):
+        train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none", "resume=true")
+
+
+def test_a_changed_picture_is_not_gone_on_with(picture, tmp_path):
+    copy = tmp_path / "copy.png"
+    copy.write_bytes(picture.read_bytes())
+    settings = ["target=image", f"target.path={copy}", f"output={tmp_path}", "tracking=none"]
+    train(*settings)
+    Image.open(picture).rotate(45, fillcolor=255).save(copy)
+    with pytest.raises(InputError, match="target_image"):
+        train(*settings, "resume=true")
+
+
+def test_different_fits_have_different_folders_unless_named(picture, tmp_path):
+    settings = ["target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none"]
+    for maps in (2, 3):
+        train(*settings, "name=null", f"model.maps={maps}")
+    names = [path.name for path in (tmp_path / "fits").iterdir()]
+    assert len(names) == 2 and all(name.startswith("cross-chaotic-full-smoke-seed0-") for name in names)
+    train(*settings)
+    with pytest.raises(InputError, match="holds a fit of another configuration: .*name=NAME"):
+        train(*settings, "model.maps=3")
+
+
+def test_an_unfinished_fit_that_is_not_resumed_is_kept_aside(picture, tmp_path, capsys):
+    folder = tmp_path / "fits" / "fit"
+    folder.mkdir(parents=True)
+    (folder / "checkpoint.safetensors").write_bytes(b"earlier work")
+    train("target=image", f"target.path={picture}", f"output={tmp_path}", "tracking=none")
+    assert (folder / "checkpoint.previous-1.safetensors").read_bytes() == b"earlier work"
+    assert "checkpoint is kept as" in capsys.readouterr().out
+
+
+BAD = {
+    "missing file": (["target=image", "target.path=nothing.png"], "nothing.png"),
+    "unknown code": (["target.name=fren"], "no classic code is called 'fren'; did you mean 'fern'"),
+    "wrong type": (["model.maps=many"], "model.maps: .* got 'many'"),
+    "no maps": (["target=retina", "model.maps=0"], "N must be at least 1, got 0"),
+    "unknown perceptual distance": (["target=retina", "perceptual=lpips"], "no perceptual distance 'lpips'"),
+    "missing weights": (["target=retina", "perceptual=lpips_alex", "perceptual_weights=none.pth"], "none.pth"),
+    "a picture whose inner part is too small": (["target=retina", "perceptual=fractal"],
+                                                "fractal needs pictures .*inner 24 px of 32; raise resolution to 42"),
+    "views whose inner part is too small": (["perceptual=fractal", "resolution=64", "evaluation.resolution=41"],
+                                            "inner 31 px of 41; raise evaluation.resolution to 42"),
+    "wrong device": (["device=gpu"], "there is no device 'gpu'"),
+    "wrong evaluation device": (["target=retina", "evaluation.device=tpu"], "images are drawn on cpu or cuda"),
+    "wrong backend": (["target=retina", "backend=magic"], "backend must be one of auto, cpu, cuda, torch"),
+    "resolution without mip levels": (["target=retina", "resolution=48"], "power of two"),
+    "no checkpoint interval": (["target=retina", "checkpoint_every=0"], "at least 1, got 0"),
+    "unknown views": (["evaluation.views=all"], "views must be one of"),
+    "no supersampling": (["evaluation.supersample=0"], "evaluation.supersample must be an integer of at "
+                                                         "least 1, got 0"),
+    "too much supersampling": (["evaluation.supersample=65"], "evaluation.supersample must be an integer of at most"),
+    "a truth value for a number": (["evaluation.supersample=true"], "evaluation.supersample"),
+    "a truth value for a resolution": (["evaluation.resolution=true"], "evaluation.resolution must be an integer"),
+    "unknown evaluation option": (["+evaluation.zoom=3"], "'zoom' is none of them"),
+    "a float for a count": (["model.trajectories=2e2"], "model.trajectories: .*integer, got 200.0"),
+    "too many threads": (["threads=1000"], "threads must be between 1 and"),
+    "unwritable output": (["output=/proc/nowhere"], "cannot write to the output folder /proc/nowhere"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_refused_before_any_work(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    overrides, message = BAD[name]
+    output = [] if any(o.startswith("output=") for o in overrides) else [f"output={tmp_path}"]
+    with pytest.raises(InputError, match=message):
+        train(*output, *overrides)
+    assert not (tmp_path / "mlflow.db").exists() and not (tmp_path / "fits" / "fit" / "config.yaml").exists()
+
+
+def test_the_command_prints_an_error_as_one_line(tmp_path):
+    status, printed = run_here(program, *TINY, "target=image", "target.path=nothing.png", f"output={tmp_path}")
+    assert status == 2
+    assert re.fullmatch(r"fractal-train: error: .*nothing\.png.*\n", printed), printed
+
+
+def test_no_weights_offline_names_the_remedies(picture, tmp_path, monkeypatch):
+    monkeypatch.setenv("TORCH_HOME", str(tmp_path / "empty"))
+    monkeypatch.setenv("https_proxy", "http://127.0.0.1:9")
+    with pytest.raises(InputError, match="perceptual_weights|perceptual=none"):
+        train("target=image", f"target.path={picture}", f"output={tmp_path}", "perceptual=lpips_alex")
+
+
+def test_importing_the_package_is_light():
+    code = "import sys, fractal_exp; print([m for m in ('numba', 'mlflow', 'lpips', 'matplotlib', 'hydra', 'kornia', " \
+           "'skimage', 'torch') if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, check=True, env=os.environ)
+    assert json.loads(out.stdout.replace("'", '"')) == []

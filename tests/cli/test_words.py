@@ -1,0 +1,247 @@
+"""What a wrong word on the command line is answered with, and what picture= and seconds= come to."""
+
+import argparse
+import errno
+
+import numpy as np
+import pytest
+import torch
+from commands import run_here, said
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+from PIL import Image
+from places import ROOT
+
+from fractal_exp import InputError, codes, invert, render
+from fractal_exp.cli import commands, composed, configuration, interruption, sweep, words
+from fractal_exp.cli.train import NOT_PART_OF_A_FIT
+from fractal_exp.ifs import attractor
+
+SHOWN = ["--cfg", "job"]
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["method=colage"], "did you mean 'collage'?"),
+    (["target=image", "target.pth=leaf.png"], "did you mean target.path"),
+    (["sedd=3"], "did you mean seed"),
+    (["optimizer.annealing.spred=3"], "did you mean optimizer.annealing.spread"),
+    (["maps=3"], "did you mean model.maps?"),
+    (["method=collage", "detail_moves=3"], "did you mean method.search.detail_moves"),
+    (["metod=collage"], "did you mean method"),
+    (["ablatoin=naive"], "did you mean ablation?"),
+    (["~sedd"], "did you mean seed"),
+    (["--sedd", "3"], "written without dashes: did you mean seed"),
+    (["leaf.png"], "a picture: picture=leaf.png"),
+    (["name=a(b"], """quoted twice: "name='a(b'\""""),
+    (["seed=abc"], "'abc' of type 'str' could not be converted to Integer\n    full_key: seed"),
+    (["seed=1,2"], "add --multirun to your command line"),
+    (["--config-dir", "nowhere"], "nowhere' not found"),
+    (["picture=a.png", "target=known"], "picture=a.png and target=known both name a target"),
+    (["picture=a.png", "target.path=b.png"], "both name a target"),
+    (["picture="], "picture= needs a file"),
+    (["-m", "method=colage"], "did you mean 'collage'"),
+    (["-m", "sedd=1,2"], "did you mean seed"),
+])
+def test_what_a_wrong_word_may_have_meant_is_said_after_what_hydra_says(arguments, message):
+    assert message in said(composed, *arguments, *(SHOWN if "-m" not in arguments else []))
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["ablation"], "there is no study 'ablation'; did you mean 'ablations'"),
+    (["seeds", "sedd=3"], "did you mean seed"),
+    (["seeds", "sweep.cuont=3"], "did you mean sweep.count"),
+    (["seeds", "method=chaotic,colage"], "did you mean 'collage'"),
+    (["seeds", "seed=1,abc"], "'abc' of type 'str' could not be converted to Integer"),
+    (["seeds", "picture=a.png", "target=known"], "both name a target"),
+])
+def test_a_sweep_is_refused_before_it_is_opened(arguments, message, tmp_path):
+    assert message in said(sweep, *arguments, f"output={tmp_path / 'out'}")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_defect_of_ours_keeps_its_traceback(monkeypatch):
+    def broken(config):
+        raise ZeroDivisionError("of ours")
+    monkeypatch.setattr("fractal_exp.cli.train.fit", broken)
+    status, printed = run_here(composed)
+    assert status == 1 and "ZeroDivisionError: of ours" in printed
+
+
+def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(monkeypatch, tmp_path):
+    done = []
+
+    def fit(config):
+        if config.seed == 1:
+            raise InputError("this seed is out")
+        if config.seed == 3:
+            raise ZeroDivisionError("of ours")
+        done.append(config.seed)
+    monkeypatch.setattr("fractal_exp.cli.train.fit", fit)
+    status, printed = run_here(composed, "-m", "seed=0,1,2,3,4", f"output={tmp_path}")
+    assert status == 2 and done == [0, 2, 4], printed
+    told = ["seed=1: this seed is out", "seed=3: ZeroDivisionError: of ours"]
+    assert [f"  {line}" for line in told] == printed.splitlines()[-2:] and "2 failed" in printed
+    assert "Traceback" in printed, "of the defect"
+
+
+def completed(*given: str) -> list[str]:
+    return words.completed(given, ["method=collage"])
+
+
+def settings(*given: str) -> dict:
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        config = configuration.resolve(compose("train", completed(*given)))
+    plain = OmegaConf.to_container(config)
+    return {key: value for key, value in plain.items() if key not in NOT_PART_OF_A_FIT}
+
+
+def known_to(*choices: str) -> set[str]:
+    """All settings and groups by their full names."""
+    def paths(data):
+        for key, value in data.items() if isinstance(data, dict) else ():
+            yield from (key, *(f"{key}.{inner}" for inner in paths(value)))
+
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        config = OmegaConf.to_container(compose("train", list(choices), return_hydra_config=True))
+    return {*paths(config), *config["hydra"]["runtime"]["choices"]}
+
+
+def test_a_picture_takes_its_target_and_collage_search(tmp_path):
+    path = tmp_path / "leaf.png"
+    whole = settings(f"picture={path}")
+    assert whole["target"]["path"] == str(path) and whole["method"]["_target_"].endswith("Collage")
+    assert whole == settings("target=image", f"target.path={path}", "method=collage"), "one fit, written in two ways"
+    assert whole == settings("target=image", f"picture={path}")
+    assert settings("picture=a.png", "method=chaotic")["method"]["_target_"].endswith("Chaotic")
+    assert settings("picture=a.png", "model.maps=5")["method"]["model"]["maps"] == 5
+    assert settings("picture=a.png", "target.threshold=0.5")["target"]["threshold"] == 0.5
+    assert settings("picture=a.png", "method.maps=4")["method"]["maps"] == 4
+
+
+def test_a_picture_may_have_any_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("my leaf (1).png", "a,b.png", "it's [x]=y.png"):
+        (tmp_path / name).touch()
+        assert settings(f"picture={name}")["target"]["path"] == str(tmp_path / name)
+
+
+def test_a_limit_of_time_is_that_of_the_method_however_it_is_written():
+    assert settings("seconds=60") == settings("method.seconds=60") == settings("seconds=60.0") != settings("seconds=61")
+    assert settings("seconds=60", "method=collage")["method"]["seconds"] == 60
+    assert settings("seconds=60", "init=collage")["method"]["init"]["seconds"] == 60
+
+
+def test_flags_may_stand_anywhere():
+    assert completed("seed=1,2", "-m", "threads=1") == ["-m", "seed=1,2", "threads=1"]
+    assert completed("~name", "--config-dir", "mine") == ["--config-dir", "mine", "~name"]
+
+
+def test_a_study_of_the_suite_takes_a_picture_instead(tmp_path):
+    path = tmp_path / "cross.png"
+    image = np.full((64, 64), 255, np.uint8)
+    image[10:54, 28:36] = image[28:36, 10:54] = 0
+    Image.fromarray(image).save(path)
+    status, printed = run_here(sweep, "seeds", f"picture={path}", "scale=smoke", "seed=0,1", "iterations=2",
+                               "resolution=32", "tracking=none", f"output={tmp_path / 'out'}", "threads=1")
+    assert status == 0 and "2 of 2 jobs finished" in printed, printed
+    assert {each.parent.name for each in (tmp_path / "out").rglob("code.json")} == {"seed=0", "seed=1"}
+
+
+def test_the_help_lists_settings_that_exist():
+    status, text = run_here(composed, "--help")
+    assert status == 0
+    block = text.split("Settings", 1)[1].split("\n\n", 1)[0].splitlines()[1:]
+    listed = [word for line in block for word in line.split("  ")[1].split(", ")]
+    assert {"picture", "seconds", "seed", "method", "target.name", "model.maps", "method.maps", "resolution", "output",
+            "name", "resume", "threads", "device", "scale", "evaluation.views"} <= set(listed)
+    known = {*known_to("method=collage"), *known_to("method=chaotic")}
+    assert [key for key in listed if key not in known] == []
+    assert len(text.splitlines()) < 70
+
+
+SQUARE = np.pad(np.ones((32, 20), np.float32), ((16, 16), (22, 22)))
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"map": 3}, "the method 'collage' has no option 'map'; did you mean 'maps'"),
+    ({"restarts": 3}, "the method 'collage' has no option 'restarts'; did you mean search.restarts?"),
+    ({"levels": "densty"}, "got 'densty'; did you mean 'density'?"),
+    ({"seconds": "a"}, "seconds must be a number or None, got 'a'"),
+    ({"seed": 1.5}, "seed must be a whole number, got 1.5"),
+    ({"maps": True}, "maps must be a whole number, got True"),
+    ({"method": "colage"}, "there is no method 'colage'; did you mean 'collage'"),
+    ({"on_step": 3}, "on_step must be a function"),
+    ({"seed": np.int64(3), "maps": 1}, "maps must be at least 2, got 1"),
+])
+def test_a_wrong_option_of_invert_is_named(options, message):
+    with pytest.raises(InputError, match=message):
+        invert(SQUARE, **options)
+
+
+def test_a_defect_inside_a_method_is_not_blamed_on_the_options(monkeypatch):
+    from fractal_exp.methods.collage import method as collage
+
+    def broken(*, resolution: int, seed: int, seconds: float | None = None) -> collage.Collage:
+        raise TypeError("of ours")
+    monkeypatch.setattr(collage, "laptop", broken)
+    with pytest.raises(TypeError, match="of ours"):
+        invert(SQUARE)
+
+
+@pytest.mark.parametrize(("code", "message"), [
+    ("fern", r"must be an IFS, got 'fern'; fractal_exp.codes.known\('fern'\)"),
+    ("leaf.json", r"IFS.load\('leaf.json'\)"), (3, "must be an IFS, got int"),
+])
+def test_what_is_no_code_is_not_drawn(code, message):
+    with pytest.raises(InputError, match=message):
+        render(code, resolution=32)
+
+
+def test_a_code_with_gradients_is_drawn_by_its_values():
+    code = attractor.normalize(codes.known("fern"))
+    image = render(code, resolution=32)
+    for tensor in (code.linear, code.offset):
+        tensor.requires_grad_()
+    again = render(code, resolution=32)
+    assert torch.equal(image, again) and not again.requires_grad
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device", "/x"),
+                                   BrokenPipeError(errno.EPIPE, "Broken pipe"), OSError("a library's own words")])
+def test_what_the_system_refuses_of_a_file_is_one_line(error, monkeypatch):
+    def fail(config):
+        raise error
+
+    monkeypatch.setattr("fractal_exp.cli.train.fit", fail)
+    status, printed = run_here(composed)
+    assert (status == 2) == bool(error.filename) and ("Traceback" in printed) != bool(error.filename)
+    assert not error.filename or "error: /x: No space left on device; free some space" in printed
+
+
+@pytest.mark.parametrize("study", [["seeds"], ["collage_ablation", "without=roots,nothing"], ["function_count"]])
+def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypatch):
+    """Each job has a target of nothing but the picture's own settings, and the table speaks of it."""
+    jobs = []
+    monkeypatch.setattr("fractal_exp.cli.jobs.run_job", lambda config: jobs.append(configuration.resolve(config)))
+    run_here(sweep, *study, f"picture={tmp_path / 'leaf.png'}", "sweep.count=2", "tracking=none",
+             f"output={tmp_path}")
+    assert len(jobs) > 1
+    for job in jobs:
+        assert set(job.target) == set(OmegaConf.load(ROOT / "conf" / "target" / "image.yaml"))
+        assert job.target._target_.endswith("Picture")
+    assert len({(job.sweep.row, job.sweep.sample) for job in jobs}) == len(jobs)
+
+
+def test_an_error_after_a_signal_is_the_interruption_in_every_command(monkeypatch):
+    def fail(*_):
+        interruption._asked = True
+        raise AttributeError
+
+    monkeypatch.setattr(interruption, "_asked", False)
+    monkeypatch.setattr("fractal_exp.cli.train.fit", fail)
+    status, printed = run_here(composed)
+    assert status == 130 and "interrupted" in printed and "Traceback" not in printed
+    with pytest.raises(SystemExit, match="130"):
+        commands.command("fractal-view", fail, argparse.ArgumentParser(), [])

@@ -1,0 +1,37 @@
+"""Configurations of fractal-train as Hydra composes them."""
+
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from fractal_exp.cli import configuration
+
+ABLATIONS = {  # the keys by which each row of the paper's ablation table may differ from the full method
+    "naive": {"model.parameterization._target_", "loss.weights.regularizer"},
+    "no_multisampling": {"model.supersample", "model.sigma_px"},
+    "no_mip": {"loss.terms.mse.levels"},
+    "no_ssim": {"loss.weights.ssim"},
+    "no_perceptual": {"loss.terms.perceptual.kind", "loss.weights.perceptual"},
+    "no_regularizer": {"loss.weights.regularizer"},
+    "moments": {"loss"},
+    "no_annealing": {"optimizer"},
+    "no_gradients": {"optimizer"},
+    "noisy_gradients": {"optimizer"},
+}
+
+
+def composed(*overrides: str):
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        return compose("train", list(overrides))
+
+
+def plain(*overrides: str) -> dict:
+    return OmegaConf.to_container(configuration.resolve(composed(*overrides)))
+
+
+def options(group: str) -> list[str]:
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        from hydra.core.global_hydra import GlobalHydra
+
+        return GlobalHydra.instance().config_loader().get_group_options(group)

@@ -1,0 +1,311 @@
+"""Collage search on binary images, which hide faint tips: the frame, near-isometries, and the price of a map."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from collage_helpers import BINARY, PARAMS, objective, problem, random, tied
+
+from fractal_exp import suite
+from fractal_exp.ifs.attractor import normalize
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.image import gauss_newton
+from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
+from fractal_exp.methods.collage.moves import search as search_module
+from fractal_exp.methods.collage.moves.search import ImageSearch
+from fractal_exp.methods.collage.pipeline import Pipeline
+from fractal_exp.methods.collage.simplify.rounding import Rounding
+from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves
+from fractal_exp.methods.collage.stages.measure import Restart
+from fractal_exp.methods.collage.stages.plan import plan_of
+from fractal_exp.methods.collage.stages.rounding import LastDigits
+from fractal_exp.methods.collage.state import Key, State
+from fractal_exp.runtime.deadline import Deadline
+
+
+def search(image, **options) -> ImageSearch:
+    return ImageSearch(objective(image, BINARY, **options), BINARY.measure(image), noise=1.0)
+
+
+def test_the_lit_pixels_of_a_binary_image_may_fall_short_of_its_frame():
+    image = torch.zeros(128, 128)
+    image[40:88, 30:98] = 1  # 68 of the 96 pixels of a frame
+    assert objective(image, BINARY).firm_frame() is not None
+    assert objective(image, BINARY, frame={"binary_shortest": 0.8}).firm_frame() is None
+    assert objective(image, BINARY, frame={"firm": ()}).firm_frame() is None
+    assert objective(image).firm_frame() is None, "an image with greys"
+    assert objective(image, BINARY).own_frame() is None, "what is nearly right is polished without"
+
+
+def test_every_other_round_of_a_binary_image_avoids_isometries(triangle):
+    right = affine.from_code(triangle[0])
+    before = tied(torch.cat([right, torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])]), 1.0)  # with a turn
+
+    def limit(number, **options):
+        stage = Restart(problem((triangle[1] > 0.25).float(), **{"rounds": 2} | options), number)
+        stage.open(State(current=before, before=before if number else None))
+        return stage.search.smaller_limit
+
+    assert [limit(number, rounds=3) for number in range(3)] == [0.9, 1.0, 0.9]
+    assert limit(0, rounds=1) == limit(0, stages={"avoid_isometries": False}) == 1.0
+
+
+def test_a_map_must_save_a_share_of_the_error_in_a_binary_image(triangle):
+    image = triangle[1]
+    assert search((image > 0.25).float()).price.share == PARAMS.moves.worth
+    assert ImageSearch(objective(image), image, noise=1.0).price.share == 0
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    """A binary image, its true code, and a code that misses its frame by four pixels."""
+    code = normalize(suite.random_suite(10, seed=7)[9])
+    maps = affine.from_code(code)
+    return suite.target(code, 128, "binary"), maps, maps + 0.004 * torch.randn(maps.shape, generator=random(1))
+
+
+def misfit(given, found) -> float:
+    return float(given.objective.firm_frame().misfit(found.maps, found.probabilities).abs().max())
+
+
+def test_the_frame_pulls_tips_that_a_binary_image_hides(pulled):
+    image, _, maps = pulled
+    given = search(image)
+    wrong = given.objective.judge(maps)
+    fitted = firmly_framed(given.objective, wrong)
+    soft = firmly_framed(objective(image, BINARY, frame={"firm": (1.0, 1.0, 1.0)}), wrong)
+    assert misfit(given, wrong) > 4 and misfit(given, fitted) < 0.2 and misfit(given, soft) > misfit(given, fitted)
+    assert fitted.error == given.objective.error(fitted.image)
+    assert given.objective.framed_error(fitted) < given.objective.framed_error(wrong)
+
+
+def test_the_framed_error_is_that_of_the_code_and_of_the_code_that_fills_the_frame(pulled):
+    image, right, maps = pulled
+    given = objective(image, BINARY)
+    wrong, scaled = given.judge(maps), given.judge(affine.from_code(normalize(affine.to_code(maps))))
+    assert given.framed_error(wrong) == pytest.approx((wrong.error * scaled.error) ** 0.5, rel=0.05)
+    exact = given.judge(right)
+    assert given.framed_error(exact) == pytest.approx(exact.error, rel=0.2) and exact.error < 0.1 * wrong.error
+    grey = objective(image)
+    assert grey.framed_error(grey.judge(maps)) == grey.judge(maps).error, "no firm frame"
+
+
+def test_a_firm_polish_that_the_code_does_not_need_is_left_out(pulled):
+    image, _, maps = pulled
+    given = objective(image, BINARY, frame={"firm_above": 1000.0, "firm_only": 1000.0})
+    wrong = given.judge(maps)
+    assert firmly_framed(given, wrong) is wrong
+
+
+def test_firm_polishes_end_once_the_code_is_nearly_right(pulled, monkeypatch):
+    image, right, maps = pulled
+    given, told = objective(image, BINARY), []
+    monkeypatch.setattr(gauss_newton, "polished", lambda within, *_, **__: told.append(1) or within.judge(right))
+    found = firmly_framed(given, given.judge(maps))
+    assert len(told) == 1 and torch.equal(found.maps, right)
+
+
+def test_a_firm_polish_keeps_the_code_of_least_framed_error(pulled):
+    image, _, maps = pulled
+    given = objective(image, BINARY)
+    wrong = given.judge(maps)
+    judged = []
+    given.framed_error = lambda shown: judged.append(shown) or (4.0, 1.0, 2.0, 5.0)[len(judged) - 1]
+    assert firmly_framed(given, wrong) is judged[1]
+    given.framed_error = lambda shown: 1.0 + (shown is not wrong)
+    assert firmly_framed(given, wrong) is wrong
+
+
+def test_a_firm_polish_that_the_image_refuses_or_that_comes_too_late_is_not_kept(pulled):
+    image, _, maps = pulled
+    given = objective(image, BINARY, frame={"firm_worse": 0.01})
+    wrong = given.judge(maps)
+    assert firmly_framed(given, wrong) is wrong
+    given = objective(image, BINARY)
+    assert firmly_framed(given, wrong, Deadline(0)) is wrong is not firmly_framed(given, wrong)
+
+
+def test_rounds_on_a_binary_image_are_compared_by_the_framed_score(pulled):
+    """Those on other images by the score, which says nothing here."""
+    image, right, wrong = pulled
+
+    def is_better(firm, *near):
+        stage = ImageMoves(problem(image, frame={"firm": firm}), 1)
+        stage.search = search(image)
+        stage.search.noise_ratio = lambda now: 1.1 if now.score in near else 10.0
+        exact, other = (replace(stage.search.judged(tied(maps)), score=score)
+                        for maps, score in ((right, 2.0), (wrong, 1.0)))
+        return stage._is_better(exact, other), stage._is_better(other, exact)
+
+    assert is_better(PARAMS.frame.firm) == (True, False) and is_better(()) == (False, True)
+    for near in (1.0, 2.0):
+        assert is_better(PARAMS.frame.firm, near) == (False, True), "what is nearly right need not fill the frame"
+
+
+def test_missing_maps_cost_as_much_in_the_framed_score_as_in_the_score(pulled):
+    image, right, wrong = pulled
+    given = ImageSearch(objective(image, BINARY, maps=len(right)), BINARY.measure(image), noise=1.0)
+    few, full = (given.judged(tied(maps)) for maps in (right[:-1], wrong))
+    assert given.framed_score(few) > PARAMS.moves.missing > given.framed_score(full)
+
+
+def test_a_fit_into_the_frame_does_not_make_a_code_hopeless(pulled):
+    image, _, maps = pulled
+    given = objective(image, BINARY)
+    wrong = given.judge(maps)
+    given.is_hopeless = lambda error: error != wrong.error
+    assert firmly_framed(given, wrong) is wrong
+
+
+@pytest.mark.parametrize(("ratios", "steps"), [
+    ((10.0, 10.0), ["firm"]), ((1.5, 2.5), ["firm", "clean", "firm"]), ((2.5, 1.5), ["firm", "clean", "firm"]),
+    ((1.1, 1.1), ["clean"])])
+def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, monkeypatch, ratios, steps):
+    image, right, _ = pulled
+    given, told, ratio = search(image), [], iter(ratios)
+    monkeypatch.setattr(given, "noise_ratio", lambda now: next(ratio))
+    monkeypatch.setattr(given, "_polished_last", lambda now: told.append("clean") or now)
+    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, found, *_: told.append("firm") or found)
+    given.finish(given.candidate(given.objective.judge(right)))
+    assert told == steps
+
+
+def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled, monkeypatch):
+    image, right, wrong = pulled
+    given, told = search(image), []
+    monkeypatch.setattr(given, "_polished_last", lambda now: told.append(given.noise_ratio(now)) or now)
+    monkeypatch.setattr(search_module, "firmly_framed", lambda objective, *_: objective.judge(right))
+    given.finish(given.candidate(given.objective.judge(wrong)))
+    assert len(told) == 1 and told[0] < 2
+
+
+def test_another_round_of_a_binary_image_begins_from_nothing(pulled, monkeypatch):
+    """Even after a hopeless one. With greys, a round continues from the rounds before."""
+    image, right, wrong = pulled
+
+    def after(levels):
+        given = problem(image, levels=levels, rounds=2, search={"restarts": 3, "mixture": True})
+        stage = ImageMoves(given, 0)
+        state = stage.open(State(best=tied(wrong), pool=wrong))
+        monkeypatch.setattr(stage.search, "noise_ratio", lambda now: 10.0)
+        monkeypatch.setattr(stage.search.objective, "is_hopeless", lambda error: levels == "binary")
+        state, again = stage.close(state), Restart(given, 1)
+        again.open(replace(state, before=tied(right), current=tied(right)))
+        return state, again, given
+
+    state, again, given = after("binary")
+    assert state.best is None and state.before is not None and state.pool is None
+    first = Restart(given, 0)
+    first.open(State(current=tied(right)))
+    assert given.restarts(1) == 3 and torch.equal(again.search.measure.bins, first.search.measure.bins)
+    found = replace(tied(wrong), score=5.0)
+    monkeypatch.setattr(again.search, "mixed", lambda pool: pytest.fail("its pool holds its own maps alone"))
+    assert again.close(replace(state, current=found)).best is found
+    state, again, given = after("density")
+    assert state.pool is not None and given.restarts(1) == 2
+    assert not torch.equal(again.search.measure.bins, first.search.measure.bins)
+
+
+def ends(image, seconds, **options):
+    """The share of a limit at which the restarts and the moves of both rounds end, with a clock that stands still."""
+    given = replace(problem(image, **{"rounds": 2} | options), deadline=Deadline(seconds, lambda: 0.0))
+    assert [stage.deadline.seconds / seconds for stage in plan_of(given).last] == [pytest.approx(0.99)], "last digits"
+    return [stage(given, number).deadline.seconds / seconds for number in (0, 1) for stage in (Restart, ImageMoves)]
+
+
+def test_time_is_left_for_the_frame_of_a_binary_image(triangle):
+    grey, binary = triangle[1], (triangle[1] > 0.25).float()
+    assert ends(grey, 40) == pytest.approx([0.35, 0.95, 0.95, 0.95])
+    assert ends(binary, 40) == pytest.approx([0.35, 0.85, 0.85, 0.85])
+    for options in ({"enabled": False}, {"firm": ()}, {"binary_shortest": 1.0, "shortest": 1.0}):
+        assert ends(binary, 40, frame=options) == pytest.approx([0.35, 0.95, 0.95, 0.95])
+
+
+def test_time_is_left_for_the_last_stage_of_a_picture_that_others_drew(triangle):
+    assert ends(triangle[1], 40, levels="drawn") == pytest.approx([0.35, 0.8, 0.8, 0.8])
+
+
+def test_rounds_of_a_binary_image_have_equal_parts_of_the_time(triangle):
+    grey, binary = triangle[1], (triangle[1] > 0.25).float()
+    assert ends(binary, 80) == pytest.approx([0.175, 0.425, 0.675, 0.925])
+    assert ends(grey, 80) == pytest.approx([0.35, 0.95, 0.95, 0.95])
+    assert ends(binary, 80, stages={"independent_rounds": 0}) == pytest.approx([0.35, 0.85, 0.85, 0.85])
+    given = replace(problem(binary, rounds=3), deadline=Deadline(80, lambda: 0.0))
+    stage = ImageMoves(given, 0)
+    stage.open(State(best=tied(affine.from_code(triangle[0]))))
+    assert stage.search.deadline.seconds == 40 and given.full_rounds == 2
+    assert [problem(binary, rounds=3).full_rounds, problem(grey, rounds=3).full_rounds] == [3, 1]
+    assert [replace(given, deadline=Deadline(seconds)).full_rounds for seconds in (0, 59, 60, 1e9, float("inf"))] == [
+        1, 1, 2, 3, 3]
+    large = replace(problem(torch.ones(512, 512), levels="binary", rounds=3), deadline=Deadline(239))
+    assert large.full_rounds == 1 and replace(large, deadline=Deadline(240)).full_rounds == 2
+    assert [replace(given, deadline=Deadline(80), params=PARAMS).restarts(number) for number in range(3)] == [5, 5, 3]
+
+
+def test_a_round_that_begins_late_still_makes_a_code(triangle):
+    seconds = [0.0]
+    given = replace(problem((triangle[1] > 0.25).float(), rounds=2, search={"restarts": 2}),
+                    deadline=Deadline(80, lambda: seconds[0]))
+    seconds[0] = 60
+    assert [Restart(given, 1, number).latest_start.passed for number in (0, 1)] == [False, True]
+    begun, done = State(done=Key(0, "image"), before=tied(affine.from_code(triangle[0]) * 0.9, 10.0)), []
+    Pipeline(plan_of(given), begun, on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
+    assert [key.stage for key in done][:2] == ["restart", "detail"]
+
+
+def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(triangle):
+    """Otherwise the search would end with this code."""
+    seconds = [0.0]
+    given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(80, lambda: seconds[0]))
+    done = []
+    seconds[0] = 41
+    Pipeline(plan_of(given), State(done=Key(0, "detail"), best=tied(affine.from_code(triangle[0]) * 0.9, 10.0)),
+             on_move=lambda *_: None, on_stage=lambda stage, _: done.append(stage.key)).run()
+    assert [(key.round, key.stage) for key in done][:2] == [(0, "image"), (1, "restart")]
+    seconds[0] = 75
+    assert ImageMoves(given, 0).latest_start.passed and not LastDigits(given, 2).latest_start.passed
+
+
+@pytest.mark.parametrize(("levels", "growth", "share", "another"), [
+    ("binary", True, 0.5, True), ("binary", True, 0.8, False), ("binary", False, 0.8, True),
+    ("density", True, 0.5, False)])
+def test_a_round_follows_a_hopeless_code_of_a_binary_image_if_growth_has_time_left(pulled, levels, growth, share,
+                                                                                   another):
+    (image, _, wrong), seconds = pulled, [0.0]
+    given = replace(problem(image, levels=levels, rounds=2, growth={"enabled": growth}),
+                    deadline=Deadline(1000, lambda: seconds[0]))
+    stage = ImageMoves(given, 0)
+    state = stage.open(State(best=tied(wrong)))
+    stage.search.noise_ratio, stage.search.objective.is_hopeless = lambda now: 10.0, lambda error: True
+    seconds[0] = share * 1000
+    assert (stage.close(state).best is None) == another
+
+
+def test_moves_that_the_time_limit_ends_say_so(triangle):
+    seconds = [0.0]
+    for number, late, stopped in ((1, 970, "the time limit of 1000 s was reached"),
+                                  (0, 470, "the time of its round was up")):
+        given = replace(problem((triangle[1] > 0.25).float(), rounds=2), deadline=Deadline(1000, lambda: seconds[0]))
+        stage = ImageMoves(given, number)
+        begun = stage.open(State(best=tied(affine.from_code(triangle[0]) * 0.9)))
+        seconds[0] = late
+        assert stage.close(begun).stopped == stopped
+        seconds[0] = 0
+
+
+def test_a_firm_polish_follows_at_full_size(pulled):
+    image, _, maps = pulled
+    stage = FullSize(problem(image, stages={"largest_side": 64}))
+    after = stage.open(State(best=tied(maps))).now
+    assert misfit(search(image), tied(maps)) > 4 and misfit(search(image), after) < 0.3
+
+
+def test_simple_numbers_keep_a_code_in_the_frame_of_a_binary_image(pulled):
+    image, right, wrong = pulled
+    given = objective(image, BINARY, frame={"shortest": 1.1})
+    assert given.own_frame() is None
+
+    def rounded(maps):
+        return misfit(search(image), tied(Rounding(given)(given.judge(maps)).maps))
+
+    assert rounded(right * 1.001) < 0.05 < misfit(search(image), tied(right * 1.001)) and rounded(wrong) > 0.5

@@ -1,0 +1,119 @@
+"""Rounds of collage search: when another begins, what it may find, and how it goes on after an interruption."""
+
+import math
+
+import pytest
+import torch
+from collage_helpers import measure_search, objective, problem, tied
+from collage_helpers import small as few
+
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.stages.image import ImageMoves
+from fractal_exp.methods.collage.stages.measure import Detail, Restart
+from fractal_exp.methods.collage.stages.plan import plan_of
+from fractal_exp.methods.collage.state import State
+from fractal_exp.runtime.checkpoint import Checkpoint
+
+TURN = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of a square, say, about its middle
+
+
+def small(**options):
+    return few(search={"restarts": 1, "moves": 3, "detail_moves": 2}, **options)
+
+
+@pytest.mark.parametrize(("number", "ratio", "angle", "another"), [
+    (1, 1.5, 0.1, False), (0, 1, 0.1, False), (0, 10, 0.5, False), (0, 1.5, 0.1, True), (2, 10, 0.1, False),
+    pytest.param(1, 2.5, 0.1, True, marks=pytest.mark.slow)])
+def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, ratio, angle, another):
+    code, image = triangle
+    given, maps = problem(image, rounds=3), affine.from_code(code)
+    stage, state = ImageMoves(given, number), State(best=tied(maps), pool=maps)
+    state = stage.open(state)
+    assert stage.search.noise_ratio(state.current) < 2, "the true code"
+    stage.search.noise_ratio = lambda now: ratio
+    stage.search.objective.angle = lambda error: angle
+    after = stage.close(state)
+    assert (after.best is None) == another and len(after.result.maps) == 3
+    if another:
+        assert len(after.pool) == 6 and after.scores == ()
+        kept = State.of(after.snapshot(), "cpu")
+        assert torch.equal(kept.before.maps, after.before.maps) and kept.best is None
+        again = Restart(given, number + 1)
+        assert again.close(again.open(after)).best is not None
+
+
+def test_the_stages_of_a_round_come_in_order(triangle):
+    given = problem(triangle[1], rounds=3, search={"restarts": 3})
+    later = ["search"] * 3 + ["detail", "image"]
+    plan = plan_of(given)
+    assert [[stage.name for stage in stages] for stages in plan.rounds] == [["search", *later], later, later]
+    stages = plan.stages
+    places = [stage.key.place for stage in stages]
+    assert places == sorted(set(places))
+    assert stages[-1].name == "last digits"
+
+
+@pytest.mark.slow
+def test_a_round_after_an_isometry_does_without(triangle):
+    code, image = triangle
+    given, right = problem(image, rounds=4), affine.from_code(code)
+
+    def limits(maps, **options):
+        before = tied(maps, 1.0)
+        for number, stages in enumerate(plan_of(problem(image, rounds=4, **options)).rounds):
+            for stage in stages:
+                stage.open(State(best=before, before=before if number else None, current=before))
+                yield getattr(stage.search, "smaller_limit", None)  # what is judged by renderings has no such limit
+
+    assert given.rounds == 4
+    assert list(limits(torch.cat([right, TURN]))) == 2 * [1, 1, 1, None, 0.9, 0.9, 0.9, None]
+    assert list(limits(right)) == 4 * [1, 1, 1, None]
+    assert list(limits(torch.cat([right, TURN]), stages={"avoid_isometries": False})) == 4 * [1, 1, 1, None]
+
+
+def test_a_search_without_isometries_finds_and_takes_none():
+    """A turn of a square explains its measure as well as the identity does."""
+    masses = torch.zeros(64, 64)
+    masses[16:48, 16:48] = 1
+    pool = torch.cat([TURN, torch.tensor([[0.3, 0, 0, 0.3, 0.2, 0.2], [0.3, 0, 0, 0.3, -0.2, -0.2]])])
+    most = {}
+    for smaller in (1.0, 0.9):
+        some = measure_search(masses, 32, smaller=smaller)
+        begun = some.start()
+        most[smaller] = [float(affine.smaller_singular(each.maps).max()) for each in
+                         (some.mixed(pool), some.resume(tied(pool)), begun, some.step(begun, 0))]
+    assert max(most[0.9]) < 0.9 + 1e-4 and min(most[1.0][:2]) > 0.9
+
+
+def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):
+    _, image = triangle
+    assert [problem(image, **({"rounds": None} | options)).rounds
+            for options in ({}, {"levels": "coverage"}, {"levels": "binary"}, {"rounds": 2})] == [4, 3, 4, 2]
+    assert problem(image, rounds=None, levels="binary", stages={"independent_rounds": 0}).rounds == 2
+
+
+def test_later_rounds_go_on_where_they_were_interrupted_and_progress_never_falls(triangle, tmp_path, monkeypatch):
+    _, image = triangle
+    monkeypatch.setattr(ImageMoves, "_is_wrong", lambda stage, candidate: True)
+    path, parts = tmp_path / "search.safetensors", []
+    whole = small(rounds=2).reconstruct(image, on_step=lambda p: parts.append(p.fraction)).code
+    assert parts == sorted(parts) and parts[-1] == 1 and len(set(parts)) > 10
+    with monkeypatch.context() as patch:
+        patch.setattr(Detail, "open", _interrupt_in_the_second_round)
+        with pytest.raises(KeyboardInterrupt):
+            small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path))
+    resumed = small(rounds=2).reconstruct(image, checkpoint=Checkpoint(path, resume=True)).code
+    assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+
+
+def _interrupt_in_the_second_round(stage, state, opened=Detail.open):
+    if stage.round == 1:
+        raise KeyboardInterrupt
+    return opened(stage, state)
+
+
+def test_the_angle_of_an_error_is_what_all_pixels_are_off_by():
+    target = torch.full((32, 32), 0.5)
+    picture = objective(target)
+    darker = torch.sin(torch.full_like(target, math.pi / 4 - 0.2)) ** 2
+    assert picture.angle(picture.error(darker)) == pytest.approx(0.2, rel=0.01)

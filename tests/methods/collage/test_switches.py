@@ -1,0 +1,104 @@
+"""Parts of collage search that a setting switches off, beside those that are switched off by odds and counts of 0."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+import torch
+from collage_helpers import COVERAGE, DENSITY, image_search, measure_search, objective, params, problem, random, tied
+
+from fractal_exp import codes
+from fractal_exp.ifs import attractor
+from fractal_exp.methods.collage import maps as affine
+from fractal_exp.methods.collage.image import gauss_newton
+from fractal_exp.methods.collage.image.objective import reduced
+from fractal_exp.methods.collage.measure.search import PRUNE
+from fractal_exp.methods.collage.moves import new_map
+from fractal_exp.methods.collage.simplify.likeness import without_unseen
+from fractal_exp.methods.collage.simplify.pruning import Price, pruned
+from fractal_exp.methods.collage.stages.image import ImageMoves
+from fractal_exp.methods.collage.stages.measure import Restart
+from fractal_exp.methods.collage.state import State
+from fractal_exp.suite import target
+
+
+@pytest.fixture(scope="module")
+def doubled():
+    """The triangle with one of its maps twice, and its grey image of 32²."""
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    maps = affine.from_code(code)
+    return torch.cat([maps, maps[:1]]), target(code, 32)
+
+
+@pytest.mark.parametrize(("pruning", "left"), [(True, 3), (False, 4)])
+def test_maps_that_are_not_worth_their_price_stay_without_pruning(doubled, pruning, left):
+    maps, image = doubled
+    picture = objective(image, moves={"pruning": pruning})
+    assert len(pruned(picture, picture.judge(maps), Price(10.0), least=3).maps) == left
+
+
+@pytest.mark.parametrize(("options", "left"), [({}, 3), ({"search": {"pruning": False}}, 4),
+                                               ({"search": {"pruning": False}, "at_most": 3}, 3)])
+def test_a_set_on_the_measure_is_pruned_unless_that_is_off_and_its_number_of_maps_is_allowed(doubled, options, left):
+    maps, image = doubled
+    search = measure_search(DENSITY.measure(image), 32, **options)
+    maps = torch.cat([maps[:3], torch.tensor([[0.02, 0, 0, 0.02, 0.3, -0.2]])])   # the last is hardly worth anything
+    weights = torch.tensor([0.166, 0.166, 0.166, 0.002])
+    found = search.pruned(*search.descend_one(maps, weights, PRUNE))
+    assert len(found.maps) == left
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_new_maps_are_mirrored_unless_that_is_off(doubled, monkeypatch, mirrored):
+    maps, image = doubled
+    search, seen, own = image_search(image, moves={"mirrored": mirrored}), [], new_map.mirrored
+    monkeypatch.setattr(new_map, "mirrored", lambda *given: seen.append(given) or own(*given))
+    shown = search.objective.judge(maps[:3])
+    new_map.with_new_map(search, search.objective.without(shown, [0]), shown, maps[0], random())
+    assert len(seen) == 2 * mirrored, "the new map and the old one"
+
+
+def test_without_cleaning_every_step_is_a_move(doubled):
+    stage = ImageMoves(problem(doubled[1], moves={"count": 6, "cleaning": False}))
+    stage.search = SimpleNamespace(step=lambda now, number: replace(now, score=1.0))   # `cleaned` is not there
+    now = tied(doubled[0])
+    assert {stage.move(State(current=now, step=step)).now.score for step in range(stage.most_moves)} == {1.0}
+
+
+def test_a_map_that_nobody_sees_stays_if_none_is_to_be_dropped(doubled):
+    maps, image = doubled
+    picture = objective(image, COVERAGE, moves={"unseen": None})
+    shown = picture.judge(maps)
+    assert without_unseen(picture, shown, 0) is shown
+
+
+def test_a_reduced_image_is_only_shrunk_if_nothing_is_to_be_rendered(doubled):
+    maps, image = doubled
+    off, code = params(image={"reduced_renderings": 0}), affine.to_code(maps)
+    assert torch.equal(reduced(image, 16, code, DENSITY, off, 0), DENSITY.shrunk(image, 16))
+    assert not torch.equal(reduced(image, 16, code, DENSITY, params(), 0), DENSITY.shrunk(image, 16))
+
+
+def test_no_parameter_is_tried_by_itself_if_that_is_off(doubled, monkeypatch):
+    maps, image = doubled
+    monkeypatch.setattr(gauss_newton, "_stride", lambda *_: None)
+    for is_on in (True, False):
+        tried = []
+        monkeypatch.setattr(gauss_newton, "_one_by_one", lambda _, shown, *__, to=tried: to.append(1) or shown)
+        picture = objective(image, gauss_newton={"one_by_one": is_on})
+        gauss_newton.polished(picture, picture.judge(maps[:3]), 1, [0])
+        assert bool(tried) == is_on
+
+
+@pytest.mark.parametrize(("scores", "wanted"), [((), True), ((0.5,), True), ((0.5, 0.6), True), ((0.5, 0.505), False),
+                                                ((1.5, 1.5), True)])
+def test_a_restart_is_left_out_once_two_have_agreed_on_a_right_number_of_maps(doubled, scores, wanted):
+    maps, image = doubled
+    best = tied(maps, 0.0)
+    state = State(best=best if not scores else type(best)(maps, None, 0.0, scores[0]), scores=scores)
+    assert Restart(problem(image), 0, 2).is_wanted(state) == wanted
+
+
+def test_later_rounds_have_half_of_the_restarts(doubled):
+    given = problem(doubled[1], search={"restarts": 5})
+    assert [given.restarts(number) for number in range(3)] == [5, 3, 3]

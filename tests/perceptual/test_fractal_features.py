@@ -1,0 +1,217 @@
+"""The distance `fractal`: its values, the file in the package, and its bad twins."""
+
+import hashlib
+import shutil
+from importlib import resources
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from benchmarks.perceptual_training.network import Learner
+from fractal_exp import InputError, perceptual_distance
+from fractal_exp.codes import known
+from fractal_exp.evaluation import evaluate, summarize
+from fractal_exp.evaluation.scoring import Perceptual
+from fractal_exp.perceptual import distances as perceptual
+from fractal_exp.perceptual import fractal_features
+from fractal_exp.perceptual.feature_distance import unit_distance
+
+SMALLEST = fractal_features.SMALLEST_PX
+
+
+def images(*shape, seed=0, dtype=torch.float32):
+    return torch.rand(shape, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A whole weight file of another network than the shipped one."""
+    learner = Learner(0, torch.Generator().manual_seed(1))
+    return fractal_features.save(tmp_path_factory.mktemp("weights") / "mine.safetensors", *learner.export(1.0),
+                                 {"steps": 0})
+
+
+def altered(file, path, notes=None, **changes):
+    """A copy of a weight file with some tensors or its notes changed."""
+    tensors = load_file(file)
+    for name, change in changes.items():
+        name = name.replace("__", ".")
+        tensors[name] = change(tensors[name])
+    kept = {"format": fractal_features.FORMAT, "version": fractal_features.VERSION, "recipe": "{}"}
+    save_file(tensors, path, metadata=kept | (notes or {}))
+    return path
+
+
+# --- values ---------------------------------------------------------------------------------------------------------
+
+def test_equal_images_are_at_distance_zero_and_others_are_not():
+    a, b = images(2, 64, 64)
+    assert float(perceptual_distance(a, a)) == 0
+    assert float(perceptual_distance(a, b)) > 1e-3
+
+
+def test_it_is_lpips_construction_on_the_levels_of_the_network(file):
+    found, (a, b) = fractal_features.load(file), images(2, 70, 70)
+    expected, x, y = 0.0, a[None, None], b[None, None]
+    for count, layer in enumerate(found.layers, 1):
+        x, y = layer(x), layer(y)
+        if count in fractal_features.TAPS:
+            level = found.channel_weights[fractal_features.TAPS.index(count)]
+            apart = (torch.nn.functional.normalize(x) - torch.nn.functional.normalize(y)).square()
+            expected += float((apart * level[None, :, None, None]).sum(1).mean().detach())
+    assert float(perceptual.load("fractal", file)(a, b)) == pytest.approx(expected, rel=1e-4)
+    assert len(fractal_features.TAPS) >= 4
+
+
+@pytest.mark.parametrize("size", [(SMALLEST, SMALLEST), (SMALLEST + 1, SMALLEST + 6)])
+@pytest.mark.parametrize("which", [0, 1])
+def test_gradients_agree_with_finite_differences(file, which, size):
+    pair, direction = list(images(2, *size, dtype=torch.float64)), images(*size, seed=3)
+    distance, step = perceptual.load("fractal", file).double(), 1e-6
+    pair[which].requires_grad_()
+    (gradient,) = torch.autograd.grad(distance(*pair), pair[which])
+    with torch.no_grad():
+        ends = [distance(*(x + sign * step * direction * (k == which) for k, x in enumerate(pair))) for sign in (1, -1)]
+    assert float((gradient * direction).sum()) == pytest.approx(float(ends[0] - ends[1]) / (2 * step), rel=1e-5)
+
+
+def test_a_batch_against_one_image_sums_its_gradient(file):
+    distance = perceptual.load("fractal", file).double()
+    a, b = images(3, 40, 40, dtype=torch.float64), images(40, 40, seed=1, dtype=torch.float64).requires_grad_()
+    (together,) = torch.autograd.grad(distance(a, b).sum(), b)
+    each = sum(torch.autograd.grad(distance(one, b), b)[0] for one in a)
+    torch.testing.assert_close(together, each)
+
+
+@pytest.mark.parametrize("batches", [((), ()), ((3,), ()), ((), (3,)), ((2, 1), (3,)), ((1,), (2, 3)), ((0,), ())])
+def test_the_gradients_are_those_of_the_formula(batches):
+    a, b = ([images(*batch, channels, side, side, seed=seed, dtype=torch.float64).requires_grad_()
+             for channels, side in ((8, 9), (24, 5))] for seed, batch in enumerate(batches))
+    weights = [images(count, seed=count, dtype=torch.float64) for count in (8, 24)]
+    expected = sum((w[:, None, None] * (x / x.norm(dim=-3, keepdim=True) - y / y.norm(dim=-3, keepdim=True)) ** 2)
+                   .sum(-3).mean((-2, -1)) for x, y, w in zip(a, b, weights, strict=True))
+    found, cotangent = unit_distance(a, b, weights), images(*torch.broadcast_shapes(*batches), seed=7).double()
+    torch.testing.assert_close(found, expected)
+    for own, twin in zip(*(torch.autograd.grad(d, [*a, *b], cotangent) for d in (found, expected)), strict=True):
+        torch.testing.assert_close(own, twin)
+
+
+def test_a_pixel_without_features_stays_finite():
+    a, b = (images(8, 5, 5, seed=seed).requires_grad_() for seed in (0, 1))
+    zero = torch.relu(a * torch.arange(25).ne(12).view(5, 5))
+    distance = unit_distance([zero], [b], [images(8, seed=2)])
+    gradients = torch.autograd.grad(distance, [a, b])
+    assert distance.isfinite() and all(each.isfinite().all() for each in gradients)
+
+
+def level(*batch, channels=8, side=6):
+    return images(*batch, channels, side, side)
+
+
+@pytest.mark.parametrize(("a", "b", "weights", "message"), [
+    ([level()], [level(side=9)], [images(8)], "draw both images at one resolution"),
+    ([level()], [level()], [images(7)], r"got \(8, 6, 6\), \(8, 6, 6\) and \(7,\) weights"),
+    ([level()], [level()], [images(8)] * 2, "got 1 and 1 for 2"),
+    ([level(), level(2)], [level(), level(2)], [images(8)] * 2, "one batch"),
+])
+def test_features_that_do_not_go_together_are_refused(a, b, weights, message):
+    with pytest.raises(InputError, match=message):
+        unit_distance(a, b, weights)
+
+
+def test_it_has_a_column_of_its_own():
+    assert Perceptual.load("fractal").column == "fractal_distance"
+    code = known("fern")
+    summary = summarize(evaluate(code, code, resolution=64, points_in_view=50_000, perceptual="fractal"))
+    lines = summary[summary.zoom_class == "all"].set_index("metric")
+    assert lines.loc["fractal_distance", "mean"] < 0.1 and set(lines.fractals) == {1} and set(lines["views"]) == {7}
+    assert np.isnan(lines.loc["lpips", "mean"])
+
+
+# --- bad input ------------------------------------------------------------------------------------------------------
+
+
+def test_images_that_do_not_go_together():
+    a = images(40, 40)
+    with pytest.raises(InputError, match="agree in size, device and dtype"):
+        perceptual_distance(a, images(41, 41))
+    with pytest.raises(InputError, match="agree in size, device and dtype"):
+        perceptual_distance(a, a.double())
+    with pytest.raises(InputError, match="tensor of floats"):
+        perceptual_distance(a.numpy(), a)
+    with pytest.raises(InputError, match=r"batches of a and b must broadcast, got \(2, 40, 40\) and \(3, 40, 40\)"):
+        perceptual_distance(images(2, 40, 40), images(3, 40, 40))
+
+
+@pytest.mark.parametrize("shape", [(0, 40, 40), (2, 0, 3, 40, 40), (40, 0)])
+def test_no_images(shape):
+    full = images(40, 40)
+    for pair, name in (((torch.zeros(shape), full), "a"), ((full, torch.zeros(shape)), "b")):
+        with pytest.raises(InputError, match=f"{name} must hold at least one image"):
+            perceptual_distance(*pair)
+
+
+def test_the_range_of_the_paper_is_a_choice_of_lpips():
+    with pytest.raises(InputError, match="a choice of LPIPS alone"):
+        perceptual.load("fractal", input_range="released")
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match="cannot read the weight file .*no.safetensors"):
+        perceptual.load("fractal", tmp_path / "no.safetensors")
+
+
+def test_a_damaged_file(file, tmp_path):
+    broken = tmp_path / "broken.safetensors"
+    for data in (file.read_bytes()[:-100], b"", b"not a weight file"):
+        broken.write_bytes(data)
+        with pytest.raises(InputError, match="is damaged, or no safetensors file"):
+            perceptual.load("fractal", broken)
+    for recipe, message in (('{"steps": 9', "its recipe is not JSON"), ("[9]", "must be a JSON object, got list")):
+        with pytest.raises(InputError, match=f"broken.safetensors is damaged: .*{message}"):
+            perceptual.load("fractal", altered(file, broken, {"recipe": recipe}))
+
+
+@pytest.mark.parametrize("notes, got", [({"version": "2"}, "version '2'"), ({"format": "other"}, "got 'other'")])
+def test_a_file_of_another_format_or_version(file, tmp_path, notes, got):
+    with pytest.raises(InputError, match=got):
+        perceptual.load("fractal", altered(file, tmp_path / "x.safetensors", notes))
+
+
+@pytest.mark.parametrize("name, change, message", [
+    ("layers__2__weight", lambda x: x[:, :4].contiguous(), "layers.2.weight has shape"),
+    ("layers__0__bias", lambda x: x * float("nan"), "NaN or infinite values in layers.0.bias"),
+    ("channel_weights__1", lambda x: -x, "channel_weights.1 must not be negative")])
+def test_a_file_of_another_network(file, tmp_path, name, change, message):
+    with pytest.raises(InputError, match=message):
+        perceptual.load("fractal", altered(file, tmp_path / "x.safetensors", **{name: change}))
+
+
+def test_a_file_that_lacks_a_tensor(file, tmp_path):
+    tensors = load_file(file)
+    del tensors["layers.4.bias"]
+    save_file(tensors, tmp_path / "x.safetensors",
+              metadata={"format": fractal_features.FORMAT, "version": fractal_features.VERSION})
+    with pytest.raises(InputError, match="layers.4.bias is missing"):
+        perceptual.load("fractal", tmp_path / "x.safetensors")
+
+
+def test_the_file_in_the_package_is_small_and_whole():
+    data = (resources.files("fractal_exp") / "data" / fractal_features.SHIPPED).read_bytes()
+    assert len(data) <= 4e6 and hashlib.sha256(data).hexdigest() == fractal_features.SHIPPED_SHA256
+    assert fractal_features.load().recipe["steps"] > 0
+
+
+def test_a_damaged_or_missing_file_in_the_package(monkeypatch, tmp_path):
+    shipped = resources.files("fractal_exp.data") / fractal_features.SHIPPED
+    monkeypatch.setattr(fractal_features.resources, "files", lambda _: tmp_path)
+    with pytest.raises(InputError, match="lacks its weight file.*perceptual_weights=PATH"):
+        perceptual.load("fractal")
+    copy = tmp_path / fractal_features.SHIPPED
+    shutil.copy(shipped, copy)
+    perceptual.load("fractal")
+    copy.write_bytes(copy.read_bytes()[:-1] + b"x")
+    with pytest.raises(InputError, match="is damaged: its SHA-256"):
+        perceptual.load("fractal")

@@ -1,0 +1,74 @@
+"""Films as files: every format holds grey and coloured frames, and their size is told before they are drawn."""
+
+from collections import namedtuple
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from fractal_exp import InputError, codes
+from fractal_exp.rendering import film as films
+from fractal_exp.rendering.film import forecast, frames, write_film
+from fractal_exp.rendering.morph import morph_path
+
+NAMES = ["a.mp4", "a.webm", "a.gif", "a-%03d.png"]
+
+
+def moving(shape=(32, 32), count: int = 6) -> list[torch.Tensor]:
+    """A square that moves to the right, red where there are colours."""
+    pictures = torch.zeros(count, *shape)
+    for k in range(count):
+        pictures[k, 8:24, 3 * k:3 * k + 12] = torch.tensor([0.9, 0.2, 0.1]) if len(shape) == 3 else 0.9
+    return list(pictures)
+
+
+def read(folder, name) -> np.ndarray:
+    if "%" in name:
+        return np.stack([np.asarray(Image.open(file).convert("RGB")) for file in sorted(folder.iterdir())])
+    return iio.imread(folder / name, index=None if name.endswith("gif") else ...)[..., :3]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("shape", [(32, 32), (32, 32, 3)], ids=["grey", "colour"])
+def test_every_format_holds_grey_and_coloured_frames(tmp_path, name, shape):
+    pictures = moving(shape)
+    path = write_film(tmp_path / name, pictures, fps=20)
+    assert path == (tmp_path / name).absolute()
+    film = read(tmp_path, name)
+    assert film.shape == (6, 32, 32, 3)
+    for frame, picture in zip(film / 255, pictures, strict=True):
+        wanted = (picture if len(shape) == 3 else picture[..., None].expand(-1, -1, 3)).numpy()
+        assert np.abs(frame - wanted).mean() < 0.05
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_forecast_tells_size_and_length(tmp_path, name):
+    course, views = morph_path([codes.known("fern"), codes.known("tree")], 48)
+
+    def draw(part):
+        return frames(course[part], views[part], resolution=96, points_in_view=50_000)
+
+    told = forecast(tmp_path / name, draw, 48, fps=20)
+    assert not list(tmp_path.iterdir())
+    write_film(tmp_path / name, draw(slice(None)), fps=20)
+    size = sum(file.stat().st_size for file in tmp_path.iterdir())
+    assert told.frames == 48 and told.seconds == pytest.approx(2.4) and told.drawing_seconds > 0
+    assert size / 1.6 < told.bytes < 1.6 * size
+    assert str(told).startswith("48 frames, 2.4 s of film, about ") and str(told).endswith(" to draw")
+
+
+def test_a_film_that_finds_no_room_is_refused_before_it_is_drawn(tmp_path, monkeypatch):
+    Usage, drawn = namedtuple("Usage", "total used free"), []
+
+    def draw(part):
+        drawn.extend(range(*part.indices(100_000)))
+        return moving()[:part.stop - part.start]
+
+    monkeypatch.setattr(films.shutil, "disk_usage", lambda folder: Usage(10**9, 10**9, 20_000))
+    with pytest.raises(InputError, match="100000 frames would take about .* has 20 kB left; draw fewer frames"):
+        forecast(tmp_path / "%06d.png", draw, 100_000)
+    assert len(drawn) < 20 and not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match="a GIF of 100000000000 frames would take .* of memory"):
+        forecast(tmp_path / "a.gif", lambda part: moving()[:4], 10**11)

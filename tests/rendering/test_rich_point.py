@@ -1,0 +1,62 @@
+"""Where a film zooms to unless told, and options of fractal-render that would change nothing."""
+
+import numpy as np
+import pytest
+
+from fractal_exp import View, codes
+from fractal_exp.cli import render as render_app
+from fractal_exp.ifs import attractor
+from fractal_exp.rendering.still import render_with_info
+from fractal_exp.rendering.zoom import _look, _richness, _without_noise, rich_point
+from fractal_exp.suite import random_suite
+
+DRAGON = attractor.normalize(codes.known("heighway_dragon"))
+
+
+@pytest.mark.slow
+def test_a_film_of_the_dragon_follows_its_border():
+    dull = _without_noise(_look(DRAGON, attractor.random_point(DRAGON), 1e4))
+    assert dull.min() == 1, "a random point lies where all is filled"
+    point = rich_point(DRAGON, 0, end_zoom=1e4)
+    assert point == rich_point(DRAGON, 0, end_zoom=1e4) != rich_point(DRAGON, 1, end_zoom=1e4)
+    for zoom in (10, 100, 1e3, 1e4):
+        assert 0.05 < float(_without_noise(_look(DRAGON, point, zoom)).mean()) < 0.95
+    assert not render_with_info(DRAGON, View(point, 1e5), resolution=16, points_in_view=1000)[1].empty
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [0, 57])
+def test_a_film_of_a_code_that_flattens_does_not_end_in_stripes(index):
+    """About almost every point of such a code, deep views show parallel lines."""
+    code = attractor.normalize(random_suite(index + 1)[index])
+    zooms = np.geomspace(20, 2e5, 5)
+    stripes = [min(_richness(_look(code, attractor.random_point(code, seed), float(zoom))) for zoom in zooms)
+               for seed in range(4)]
+    point = rich_point(code, 0, end_zoom=1e6)
+    assert min(_richness(_look(code, point, float(zoom))) for zoom in zooms) > max(1, 4 * max(stripes))
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["a.png", "--fps", "30"], "--fps is for films; a.png is a still"),
+    (["a.png", "--seconds", "12"], "--seconds is for films"),
+    (["a.png", "--start-zoom", "2"], "--start-zoom is for films"),
+    (["a.png", "--loop"], "--loop is for films; a.png is a still"),
+    (["a.mp4", "--loop"], "--loop returns to the first of several codes"),
+    (["tree", "a.mp4", "--zoom", "9"], "--zoom is for a zoom into one code, not for a morph"),
+    (["tree", "a.mp4", "--center", "0", "0"], "--center is for a zoom into one code"),
+    (["tree", "a.mp4", "--start-zoom", "2"], "--start-zoom is for a zoom into one code"),
+    (["tree", "a.mp4", "--seed", "2"], "--seed is for a zoom into one code"),
+    (["tree", "a.mp4", "--frame", "own"], "--frame own would leave the codes where they are"),
+    (["tree", "a.png"], "2 codes make a film, which is .mp4, .webm, .gif, or .png with %04d"),
+    (["a.mp4", "--bits", "8"], "--bits is for stills; a.mp4 is a film"),
+    (["a.gif", "--transparent"], "--transparent is for stills"),
+    (["a.png", "--mode", "density", "--supersample", "8"], "--supersample changes nothing with --mode density"),
+    (["a.mp4", "--center", "0", "0", "--seed", "3"], "--seed chooses a film's target, which --center names"),
+])
+def test_an_option_that_would_change_nothing_is_refused(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        render_app.main(["fern", *arguments])
+    error = capsys.readouterr().err
+    assert stop.value.code == 2 and message in error and error.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,178 @@
+"""Writing whole files, many at once; being alone in a folder; reading JSON with care."""
+
+import json
+import multiprocessing
+import os
+import threading
+import time
+
+import pytest
+import torch
+
+from fractal_exp import IFS, InputError
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.images.reading import write_image
+from fractal_exp.runtime import files
+from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
+from fractal_exp.runtime.files import alone_in, read_json, replacing, write_atomically
+
+FORK = multiprocessing.get_context("fork")  # tensors are small: torch's thread pool does not survive it
+VERSIONS = range(6)
+
+
+def save_often(path, version):
+    """From three threads, a version of its own each time, as every kind of file that is written whole."""
+    failures = []
+
+    def save():
+        try:
+            for _ in range(10):
+                write_atomically(path / "text", f"{version}" * 10_000)
+                Checkpoint(path / "checkpoint").save(Snapshot(version, {"x": torch.full((1000,), float(version))}))
+                write_image(path / "image.png", torch.full((20, 20), version / 255))
+                IFS([[[0.5, 0], [0, 0.5]]], [[version, 0]]).save(path / "code.json")
+        except BaseException as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=save) for _ in range(3)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    os._exit(len(failures))
+
+
+def test_many_threads_and_processes_save_to_one_path(tmp_path):
+    processes = [FORK.Process(target=save_often, args=(tmp_path, version)) for version in VERSIONS]
+    [process.start() for process in processes]
+    [process.join() for process in processes]
+    assert [process.exitcode for process in processes] == [0] * len(VERSIONS), "every save succeeds"
+    assert (tmp_path / "text").read_text() in {f"{version}" * 10_000 for version in VERSIONS}
+    snapshot = Checkpoint(tmp_path / "checkpoint", resume=True).load()
+    assert torch.equal(snapshot.tensors["x"], torch.full((1000,), float(snapshot.iteration)))
+    assert float(IFS.load(tmp_path / "code.json").offset[0, 0]) in VERSIONS
+    assert sorted(os.listdir(tmp_path)) == ["checkpoint", "code.json", "image.png", "text"], "nothing is left over"
+
+
+def test_what_a_killed_process_left_goes_with_a_later_write_but_not_what_is_being_written(tmp_path, monkeypatch):
+    with replacing(tmp_path / "file") as mine:
+        left = tmp_path / ".file.0123456789ab.partial"
+        others = tmp_path / ".file.ba9876543210.partial"
+        for path in (left, others):
+            path.write_bytes(b"half")
+        os.utime(left, (time.time() - 7200,) * 2)
+        monkeypatch.setattr(files, "_looked_through", set())  # another process
+        write_atomically(tmp_path / "file", b"whole")
+        assert not left.exists() and others.exists() and mine.exists()
+
+
+def test_a_fit_that_begins_removes_what_a_killed_one_left_and_nothing_else(tmp_path):
+    folder = FitFolder.open(tmp_path, "fit")
+    left = [folder.path / ".checkpoint.safetensors.0123456789ab.partial",
+            folder.views / ".preview.png.ba9876543210.partial"]
+    kept = [folder.checkpoint, folder.path / ".notes.partial", folder.path / ".lock"]
+    for path in (*left, *kept):
+        path.write_bytes(b"half")
+    folder.begin("seed: 0")
+    assert not any(path.exists() for path in left) and all(path.exists() for path in kept)
+
+
+def test_a_write_that_fails_leaves_the_file_before_and_says_why_in_one_line(tmp_path):
+    write_atomically(tmp_path / "file", "before")
+    with pytest.raises(RuntimeError), replacing(tmp_path / "file") as partial:
+        partial.write_text("half")
+        raise RuntimeError
+    with pytest.raises(InputError, match="cannot write .*file: No space left on device; free some space"), \
+            replacing(tmp_path / "file"):
+        raise OSError(28, "No space left on device")
+    assert (tmp_path / "file").read_text() == "before" and os.listdir(tmp_path) == ["file"]
+    with pytest.raises(InputError, match="No such file or directory; choose a folder that exists"):
+        write_atomically(tmp_path / "none" / "file", "")
+    with pytest.raises(InputError, match="File name too long; choose a shorter name"):
+        write_atomically(tmp_path / ("x" * 256), "")
+    write_atomically(tmp_path / ("ä" * 127), "a name of 254 bytes")
+
+
+def hold(folder, entered, leave):
+    with alone_in(folder, wait=False):
+        entered.set()
+        leave.wait(60)
+
+
+def test_a_folder_has_one_process_at_a_time(tmp_path):
+    entered, leave = FORK.Event(), FORK.Event()
+    holder = FORK.Process(target=hold, args=(tmp_path / "fit", entered, leave))
+    holder.start()
+    assert entered.wait(60)
+    with pytest.raises(InputError, match=f"process {holder.pid} is at work in .*fit; try name=NAME"), \
+            alone_in(tmp_path / "fit", wait=False, remedy="try name=NAME"):
+        pass
+    threading.Timer(0.3, leave.set).start()
+    with alone_in(tmp_path / "fit", wait=True):
+        assert leave.is_set(), "it waited"
+        with alone_in(tmp_path / "fit", wait=False):
+            pass  # a job's fit enters what the job has entered
+    holder.join()
+
+
+def test_a_killed_process_holds_no_folder(tmp_path):
+    entered, leave = FORK.Event(), FORK.Event()
+    holder = FORK.Process(target=hold, args=(tmp_path, entered, leave))
+    holder.start()
+    assert entered.wait(60)
+    holder.kill()
+    holder.join()
+    with alone_in(tmp_path, wait=False):
+        pass
+
+
+CODE = {"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5]]], "offset": [[0, 0]]}
+
+
+def written(**changes):
+    return json.dumps({**CODE, **changes})
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("[" * 100_000, "nested too deeply"),
+    ('{"a": 1, "a": 2}', "gives the key 'a' twice"),
+    ("\ufeff[]", "is not JSON"),
+    (b"\xff\xfe", "is not JSON"),
+    (written(meta=[]), "meta holds free notes by name .a mapping., got list"),
+    (written(meta="x" * 9000), "got str"),
+    (written(version=2), "version 1, got 'fractal-exp/ifs' version 2; no other version is read"),
+    (written(version=True), "version True"),
+    (written(offset=[[True, 0]]), "offset must hold numbers only, got True"),
+    (written(offset=[["0", 0]]), "offset must hold numbers only, got '0'"),
+    (written(offset=[[None, 0]]), "offset must hold numbers only, got None"),
+    (written(offset=[[float("nan"), 0]]), "offset must hold finite numbers up to 3.403e.38 .float32., got nan"),
+    (written().replace("[[0, 0]]", "[[1e400, 0]]"), "offset must hold finite numbers .* got inf"),
+    (written().replace("[[0, 0]]", "[[1e39, 0]]"), "offset must hold finite numbers .* got 1e.39"),
+    (written().replace("[[0, 0]]", f"[[{'9' * 4000}, 0]]"), "offset must hold finite numbers .* got 9999"),
+    (written().replace("[[0, 0]]", f"[[{'9' * 5000}, 0]]"), "is not JSON"),
+    (written(probabilities=[True]), "probabilities must hold numbers only"),
+    (written(probabilities={"a": 1}), "probabilities must hold numbers only"),
+    (written(**{f"key{i}": 0 for i in range(10_000)}), "unknown keys"),
+    ('[[0.5, 0, 0, 0.5, 0, "0"]]', "rows must hold numbers only, got '0'"),
+    ('{"ifs_m": [[0.5, 0, 0, 0.5]], "ifs_t": [[false, 0]]}', "ifs_t must hold numbers only, got False"),
+])
+def test_a_damaged_or_crafted_code_is_refused_in_one_short_line(tmp_path, text, message):
+    path = tmp_path / "code.json"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError, match=message) as error:
+        IFS.load(path)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
+    assert len(str(error.value)) < len(str(path)) + 400
+
+
+def test_a_code_file_is_not_read_if_it_is_huge_or_no_file(tmp_path):
+    with open(tmp_path / "huge.json", "wb") as file:
+        file.truncate(10 * 2**30)  # takes no room on the disk
+    with pytest.raises(InputError, match="it has 10737418240 bytes, at most 16777216 are read"):
+        IFS.load(tmp_path / "huge.json")
+    os.mkfifo(tmp_path / "pipe.json")
+    for path, kind in ((tmp_path / "pipe.json", "pipe"), ("/dev/zero", "device"), (tmp_path, "folder")):
+        with pytest.raises(InputError, match=f"cannot read the code .* it is a {kind}"):
+            IFS.load(path)
+    with pytest.raises(InputError, match="File name too long"):
+        IFS.load(tmp_path / ("x" * 300))
+    with pytest.raises(InputError, match="null byte"):
+        read_json("a\0b", "it")

@@ -1,0 +1,241 @@
+"""Tables from tracked runs: known numbers in, known tables out."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from mlflow import MlflowClient
+
+from benchmarks import comparisons
+from fractal_exp import InputError, tracking
+from fractal_exp.cli.report import main
+from fractal_exp.studies import course, report, report_text
+from fractal_exp.studies.published import TABLES
+
+F1 = {"full": [.6, .8, .7], "naive": [.5, .9, None], "no_ssim": [.6, .8, .7]}  # by fractal; None: that job failed
+
+
+@pytest.fixture(scope="module")
+def output(tmp_path_factory):
+    """A store with a sweep of three rows on three fractals, one job failed and one never begun, and an older sweep."""
+    folder = tmp_path_factory.mktemp("store")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        uri = tracking.prepare_store(folder)
+    log(uri, folder, "smoke-old", {"full": [.1]}, None)
+    log(uri, folder, "smoke-new", F1, "ablations")
+    return folder
+
+
+def log(uri, folder, name, scores, published, perceptual="none", trivial=("trivial/white_f1", "trivial/black_f1"),
+        in_frame=False):
+    names = [f"{i},{row}" for i in range(len(scores["full"])) for row in scores] + ["9,full"]
+    tags = {"kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": perceptual}
+    with tracking.start_run(uri, "study", name, folder=folder, tags=tags) as parent:
+        parent.artifact("jobs.json", json.dumps(names))
+        parent.artifact("sweep.json", json.dumps({"title": "A study", "baseline": "full", "published": published}))
+        for row, values in scores.items():
+            for i, value in enumerate(values):
+                job = tracking.start_run(uri, "study", f"{i},{row}", folder=folder, parent_run_id=parent.run_id, tags={
+                    "kind": "job", "job": f"{i},{row}", "row": row, "sample": f"fractal {i}"})
+                if value is None:
+                    job.finish("FAILED", ValueError("of 100% & more_"))
+                    continue
+                job.log({"eval/f1": value, "eval/psnr": 10 * value, "train/loss": 1.0, "time/fit_seconds": 2.0 + i,
+                         **dict(zip(trivial, (.4, .1), strict=True))})
+                if perceptual == "fractal":
+                    job.log({"eval/fractal_distance": 1 - value})
+                if in_frame:
+                    job.log({"eval/f1_frame": value - .2, "eval/iou_frame": value - .3})
+                job.image("result", np.full((8, 8), value, np.float32))
+                job.image("zoomed", np.zeros((8, 8), np.float32))
+                job.finish()
+
+
+@pytest.fixture(scope="module")
+def sweep(output):
+    return report.read_sweep(f"sqlite:///{output / 'mlflow.db'}", "study")
+
+
+def test_a_sweep_is_read_in_the_order_of_its_plan_with_what_never_began(sweep):
+    assert sweep.name == "smoke-new" and sweep.metrics == ["f1", "psnr"]
+    assert list(sweep.jobs["job"][:4]) == ["0,full", "0,naive", "0,no_ssim", "1,full"]
+    assert sweep.jobs["status"].value_counts().to_dict() == {"FINISHED": 8, "FAILED": 1, "ABSENT": 1}
+    assert report_text.failures(sweep) == ["2,naive: failed: ValueError: of 100% & more_", "9,full: absent"]
+
+
+def test_means_spread_wins_and_time_are_those_of_the_jobs(sweep):
+    table = report.summary(sweep).set_index("row")
+    measured = table[table["source"] == "measured"]
+    assert list(measured.index) == ["full", "naive", "no_ssim"]
+    full, naive = measured.loc["full"], measured.loc["naive"]
+    assert full["f1"] == pytest.approx(.7) and full["psnr"] == pytest.approx(7) and full["f1_std"] == pytest.approx(.1)
+    assert .599 < full["f1_low"] < .7 < full["f1_high"] < .801
+    assert full["seconds"] == pytest.approx(3) and naive["seconds"] == pytest.approx(2.5)
+    assert (naive["finished"], naive["failed"], naive["unfinished"]) == (2, 1, 0)
+    assert (naive["wins"], naive["compared"]) == (1, 2), "on the fractals that both have"
+    assert (measured.loc["no_ssim"]["wins"], measured.loc["no_ssim"]["compared"]) == (0, 3), "a tie is no win"
+    assert np.isnan(full["wins"])
+    assert report.same_rows(sweep) == [["full", "no_ssim"]]
+
+
+def test_trivial_and_published_rows_stand_apart_and_are_the_papers(sweep):
+    table = report.summary(sweep)
+    trivial = table[table["source"] == "trivial"].set_index("row")
+    assert trivial.loc["all white", "f1"] == pytest.approx(.4) and trivial.loc["all black", "f1"] == pytest.approx(.1)
+    published = table[table["source"] == "published"].set_index("row")
+    assert list(published.index) == list(TABLES["ablations"].rows)
+    assert published.loc["no_mip", ["f1", "iou", "psnr", "ssim", "lpips"]].tolist() == [.363, .286, 9.08, .525, .512]
+    assert published["finished"].isna().all() and published["f1_low"].isna().all()
+
+
+def test_the_distance_fractal_has_a_column_beside_the_published_lpips(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-fractal", F1, "ablations", "fractal")
+    sweep = report.read_sweep(uri, "study")
+    assert sweep.metrics == ["f1", "psnr", "fractal_distance"]
+    table = report.summary(sweep)
+    measured, published = (table[table["source"] == source].set_index("row") for source in ("measured", "published"))
+    assert measured.loc["full", "fractal_distance"] == pytest.approx(.3) and measured["lpips"].isna().all()
+    assert .199 < measured.loc["full", "fractal_distance_low"] < measured.loc["full", "fractal_distance_high"] < .401
+    assert published["fractal_distance"].isna().all() and published["lpips"].notna().all()
+    text = report_text.markdown(sweep, table)
+    ours, papers = (line for line in text.splitlines() if line.startswith("|") and "F1 " in line and "PSNR" in line)
+    assert "fractal_distance" in ours and "LPIPS" not in ours
+    assert "LPIPS" in papers and "fractal_distance" not in papers
+    assert "fractal_distance is no LPIPS, lower is better" in text and "LPIPS with the backbone" not in text
+    latex = report_text.latex(sweep, table)
+    head = next(line for line in latex.splitlines() if "F1" in line and " & " in line).removesuffix(r" \\").split(" & ")
+    assert "LPIPS" in head and r"fractal\_distance" in head
+
+
+def test_the_texts_say_what_was_measured_and_what_was_not(sweep):
+    table = report.summary(sweep)
+    text = report_text.markdown(sweep, table)
+    rows = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
+    assert "Measured at smoke scale on 3 samples" in text and "Published, not measured here" in text
+    assert "frame" not in text
+    assert "0.700 [0.6" in text and "2, 1 failed" in text and "1/2" in text and "full, no_ssim" in text
+    assert rows["no_mip"].count("0.363") == 1
+    latex = report_text.latex(sweep, table)
+    assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}") == 1
+    body = [line for line in latex.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
+    assert len({line.count(" & ") for line in body}) == 1, "as many cells in every row"
+    assert "no\\_mip" in latex and "no_mip" not in latex
+
+
+def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    main(["study", "--output", str(output), "--out", str(tmp_path)])
+    assert "| naive" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "report.md", "report.tex", "report.csv", "report.png", "jobs.csv", "spread.csv"}
+    assert len(pd.read_csv(tmp_path / "jobs.csv")) == 10
+    main(["study", "--output", str(output), "--sweep", "smoke-old"])
+    assert "on 1 sample, mean over views:" in (output / "study" / "smoke-old" / "report.md").read_text()
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["nothing"], "has no study 'nothing'"),
+    (["study", "--sweep", "smoke-3"], "the study 'study' has no sweep 'smoke-3'; fractal-sweep study makes one"),
+    (["study", "--output", "/nowhere"], "no runs are kept in /nowhere; name the output folder"),
+])
+def test_what_is_not_there_is_said(output, words, message, capsys, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    with pytest.raises(SystemExit) as end:
+        main(["--output", str(output), *words])
+    assert end.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_an_unknown_store_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no study 'study'"):
+        report.read_sweep(tracking.prepare_store(tmp_path), "study")
+
+
+def test_a_report_says_on_which_views_and_how_many_were_empty(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    for kind, note in (("uniform", True), ("released", False)):
+        tags = {"kind": "sweep", "sweep": kind, "scale": "smoke", "perceptual": "none", "views": kind}
+        with tracking.start_run(uri, "views", kind, folder=tmp_path, tags=tags) as parent:
+            parent.artifact("jobs.json", json.dumps(["one", "two"]))
+            parent.artifact("sweep.json", json.dumps({"title": "A", "baseline": None, "published": "ablations"}))
+            for job, empty in (("one", 2), ("two", 1)):
+                tags = {"kind": "job", "job": job, "row": "full", "sample": job}
+                with tracking.start_run(uri, "views", job, folder=tmp_path, tags=tags,
+                                        parent_run_id=parent.run_id) as run:
+                    run.log({"eval/f1": 0.5, "views/empty": empty, "views/judged": 7 - empty})
+        read = report.read_sweep(uri, "views", kind)
+        text = report_text.markdown(read, report.summary(read))
+        assert read.metrics == ["f1"] and f"views={kind}" in text
+        assert "3 of 14 views are empty in truth and result and are left out" in text
+        assert ("only rows with views=released may be compared" in text) == note
+
+
+ABOUT = {"title": "A study", "baseline": None, "published": None}
+
+
+@pytest.mark.parametrize(("name", "content"), [
+    ("sweep.json", "{"), ("sweep.json", "[]"), ("sweep.json", "{}"), ("sweep.json", json.dumps({**ABOUT, "title": 1})),
+    ("sweep.json", json.dumps({**ABOUT, "published": "no such table"})),
+    ("jobs.json", "["), ("jobs.json", "{}"), ("jobs.json", "[1]")])
+def test_a_damaged_sweep_is_said_in_one_line(name, content, monkeypatch):
+    files = {"sweep.json": json.dumps(ABOUT), "jobs.json": "[]"} | {name: content}
+    frame = pd.DataFrame([{"run_id": "r1", "name": "s", "tags.scale": "smoke", "tags.perceptual": "none"}])
+    monkeypatch.setattr(tracking, "runs_frame", lambda *_: frame)
+    monkeypatch.setattr(tracking, "read_artifact", lambda uri, run_id, name: files[name].encode())
+    with pytest.raises(InputError, match=f"the artifact {name} of the run r1 .*; the same fractal-sweep") as error:
+        report.read_sweep("sqlite:////none", "study")
+    assert "\n" not in str(error.value)
+
+
+def test_the_mean_course_begins_where_all_have_a_code_and_keeps_the_last_one():
+    part = pd.DataFrame([("a", 1.0, .2), ("a", 4.0, .6), ("b", 2.0, .4), ("b", 16.0, .8)],
+                        columns=["sample", "seconds", "f1"])
+    moments, f1 = course.mean_course(part)
+    at = dict(zip(moments, f1, strict=True))
+    assert (moments[0], moments[-1]) == (2, 16) and at[2.0] == pytest.approx(.3) and at[16.0] == pytest.approx(.7)
+    assert {round(float(value), 3) for value in f1} == {.3, .5, .7}
+
+
+def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch):
+    from PIL import Image
+
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-course", {"full": [.6]}, None)
+    sweep = report.read_sweep(uri, "study")
+    assert not len(course.read_courses(uri, sweep)), "this one keeps none"
+    points = [{"seconds": 1.0, "f1": .5}, {"seconds": 3.0, "f1": .6}]
+    monkeypatch.setattr(tracking, "read_artifact", lambda *_: json.dumps(points).encode())
+    courses = course.read_courses(uri, sweep)
+    assert courses.to_dict("list") == {"row": ["full"] * 2, "sample": ["fractal 0"] * 2, "seconds": [1, 3],
+                                       "f1": [.5, .6]}
+    (tmp_path / "course.png").write_bytes(course.drawn(sweep, courses))
+    assert Image.open(tmp_path / "course.png").size == (960, 600)
+    points = {"seconds": 1.0}
+    with pytest.raises(InputError, match=r"course.json of the run \w+ is damaged"):
+        course.read_courses(uri, sweep)
+
+
+def test_a_sweep_is_kept_fit_by_fit(tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    uri = tracking.prepare_store(tmp_path)
+    log(uri, tmp_path, "smoke-kept", {"full": [.6, .8]}, None)
+    sweep = report.read_sweep(uri, "study")
+    first, client = sweep.jobs["run_id"][0], MlflowClient(uri)
+    for name, value in {"code.json": {"linear": []}, "history.json": {"stopped": "done"},
+                        "course.json": [{"seconds": 1.0, "f1": .5}]}.items():
+        client.log_text(first, json.dumps(value), name)
+    client.log_param(first, "method.seconds", "90.0")
+    client.log_param(first, "target.seed", "2025")
+    one, other = comparisons.kept(uri, sweep)
+    assert (one["row"], one["sample"], one["limit"], one["suite"]) == ("full", "fractal 0", 90, 2025)
+    assert one["scores"] == {"f1": .6, "psnr": 6.0, "white/f1": .4, "black/f1": .1} and one["course"] == [[1, .5]]
+    assert one["code"] == {"linear": []} and one["stopped"] == "done"
+    assert (other["code"], other["limit"], other["stopped"], other["course"]) == (None, None, None, [])
+    with pytest.raises(InputError, match="2 finished jobs of 3; the same fractal-sweep study command again goes on"):
+        comparisons.keep(tmp_path, "study", None, tmp_path / "kept")
+    assert not (tmp_path / "kept").exists(), "an unfinished sweep takes no finished one's place"

@@ -15,12 +15,10 @@ if not threads.QUIET.keys() & os.environ.keys():  # else the user has chosen
     os.environ.update(threads.QUIET)  # acts where this package is imported before torch
 
 from .errors import InputError
-from .ifs import IFS, Colours, View, formats
-from .rendering.svg import Svg
-from .viewer import show
 
 if TYPE_CHECKING:
     from .api import invert
+    from .ifs import IFS, Colours, View
     from .inversion import Inversion
     from .perceptual.distances import perceptual_distance
     from .rendering.still import render
@@ -28,16 +26,12 @@ if TYPE_CHECKING:
 __all__ = ["IFS", "Colours", "InputError", "Inversion", "View", "invert", "perceptual_distance", "render"]
 __version__ = "0.1.0"
 
-# A code is asked for its files, pictures and pages. Their folders stand on codes, so a code gets these methods here.
-formats.FORMATS[Svg.key] = Svg()
-for _name, _method in {"save": formats.save, "load": staticmethod(formats.load),
-                       "from_json": staticmethod(formats.from_json), "save_html": show.save_html,
-                       "widget": show.widget, "_repr_png_": show.picture, "_repr_html_": show.framed_page}.items():
-    setattr(IFS, _name, _method)
-
-# Modules that import numba or more are imported at their first use.
+# Modules that import torch or more are imported at their first use: a command answers --help before torch is there.
 _LATER = {
+    "Colours": ".ifs",
+    "IFS": ".ifs",
     "Inversion": ".inversion",
+    "View": ".ifs",
     "invert": ".api",
     "perceptual_distance": ".perceptual.distances",
     "render": ".rendering.still",
@@ -48,3 +42,17 @@ def __getattr__(name: str) -> Any:
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_LATER[name], __name__), name)
+
+
+def complete_codes() -> None:
+    """Give codes the methods for their files, pictures and pages, whose folders stand on codes. `ifs` asks for it when
+    it is loaded."""
+    from .ifs import IFS, formats
+    from .rendering.svg import Svg
+    from .viewer import show
+
+    formats.FORMATS[Svg.key] = Svg()
+    for name, method in {"save": formats.save, "load": staticmethod(formats.load),
+                         "from_json": staticmethod(formats.from_json), "save_html": show.save_html,
+                         "widget": show.widget, "_repr_png_": show.picture, "_repr_html_": show.framed_page}.items():
+        setattr(IFS, name, method)

@@ -32,9 +32,7 @@ def run_here(program: ModuleType, *words: str, server: str | None = None) -> tup
 
 
 def said(program: ModuleType, *words: str) -> str:
-    """The line of error that a command ends with, which is all that it prints."""
+    """What a command prints that is refused its words."""
     status, error = run_here(program, *words)
-    assert status == 2 and error.count("\n") == 1, error
-    for word in ("Traceback", "struct", "ConfigStore", "HYDRA", "TrainConfig", "PerceptualConfig"):
-        assert word not in error
+    assert status == 2 and "Traceback" not in error, error
     return error

@@ -14,7 +14,7 @@ from ..ifs.code import IFS
 from ..runtime.files import check_file
 from ..suite import SUITE_COUNT, SUITE_SEED, random_suite
 from . import records
-from .commands import read_code
+from .code_names import read_code
 from .records import Aim, Read
 
 

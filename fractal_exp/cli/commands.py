@@ -1,26 +1,22 @@
-"""What the plain command lines share: naming codes, and errors in one line."""
+"""What the plain command lines share: a parser, and errors in one line. Nothing heavy is imported."""
 
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from .. import codes
 from ..errors import InputError, did_you_mean
-from ..ifs import attractor, formats
-from ..ifs.code import IFS
 from ..runtime.files import explain, is_of_file
-from ..suite import SUITE_SEED, random_suite
 from . import interruption
 
 CODE_HELP = ("a code: a file (.json, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a classic "
              "(fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
-FRAMES = {"canvas": attractor.normalize, "own": lambda code: code}
+FRAMES = ("canvas", "own")
+LARGEST = 16_384  # pixels a side of a drawing
 
 
 class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
@@ -52,43 +48,6 @@ def command_parser(program: str, description: str) -> argparse.ArgumentParser:
     return parser
 
 
-def read_code(text: str) -> IFS:
-    """The code that a command line names. Raises `InputError` if there is none."""
-    if text.startswith("suite:"):
-        index, seed = suite_address(text)
-        return random_suite(index + 1, seed)[index]
-    path, name = _file_and_name(text)
-    if path.is_dir() and (path / "code.json").is_file():
-        path = path / "code.json"
-    if _may_be_file(path):
-        return IFS.load(path, name)
-    if text in codes.names():
-        return codes.known(text)
-    near = did_you_mean(text, codes.names())
-    raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
-
-
-def _file_and_name(text: str) -> tuple[Path, str | None]:
-    """FILE:NAME as its parts; a file that is there, or a suffix, decides which colon it is."""
-    if not os.path.exists(text):
-        for colon in (i for i, letter in enumerate(text) if letter == ":"):
-            if _may_be_file(Path(text[:colon])):
-                return Path(text[:colon]), text[colon + 1:]
-    return Path(text), None
-
-
-def _may_be_file(path: Path) -> bool:
-    return os.path.exists(path) or path.suffix.lower() in formats.suffixes()
-
-
-def suite_address(text: str) -> tuple[int, int]:
-    """Index and seed of suite:INDEX or suite:INDEX:SEED."""
-    parts = text.split(":")[1:]
-    if len(parts) not in (1, 2) or not all(part.isdigit() for part in parts):
-        raise InputError(f"a fractal of the suite is named suite:INDEX or suite:INDEX:SEED, got {text!r}")
-    return int(parts[0]), int(parts[1]) if len(parts) == 2 else SUITE_SEED
-
-
 def make_folder(path: str | Path) -> Path:
     """The absolute folder, made if need be. Raises `InputError` if it cannot be."""
     folder = Path(path).absolute()
@@ -101,18 +60,32 @@ def make_folder(path: str | Path) -> Path:
 
 def command(program: str, work: Callable[[argparse.Namespace], None], parser: argparse.ArgumentParser,
             arguments: list[str] | None) -> None:
-    """Parse, work, and print what a user can mend as one line (exit status 2), what the disk refuses included."""
+    """Parse, work, and print what a user can mend as one line (exit status 2)."""
     try:
         with interruption.not_lost():
             work(parser.parse_intermixed_args(arguments))
-    except InputError as error:
-        print(f"{program}: error: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    except OSError as error:
-        if not is_of_file(error):
-            raise
-        print(f"{program}: error: {explain(error)}", file=sys.stderr)
-        raise SystemExit(2) from None
     except KeyboardInterrupt:
         print(f"\n{program}: interrupted", file=sys.stderr)
         raise SystemExit(130) from None
+    except Exception as error:
+        line = told(error)
+        if line is None:
+            raise
+        complain(program, line)
+
+
+def told(error: Exception) -> str | None:
+    """What a user can mend, in one line: what was given, what the system refuses of a file, a fit that broke down."""
+    if isinstance(error, InputError):
+        return str(error)
+    if isinstance(error, OSError):
+        return explain(error) if is_of_file(error) else None
+    from ..methods.base import FitDiverged
+
+    return str(error) if isinstance(error, FitDiverged) else None
+
+
+def complain(program: str, message: object) -> NoReturn:
+    """Print an error as one line and end with status 2."""
+    print(f"{program}: error: {message}", file=sys.stderr)
+    raise SystemExit(2) from None

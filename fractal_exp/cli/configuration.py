@@ -7,7 +7,7 @@ import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hydra.core.config_store import ConfigStore
 from hydra.errors import InstantiationException
@@ -15,8 +15,10 @@ from hydra.utils import get_object, instantiate
 from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ..errors import InputError, did_you_mean
-from ..runtime.params import ParamError, Params
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..runtime.params import Params
 
 PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights", "weights.neural_regression",
              "weights.super_resolution", "weights.amortized", "method.weights")
@@ -128,24 +130,9 @@ def check_components(node: DictConfig, path: str) -> None:
     for key, value in node.items():
         if isinstance(value, DictConfig):
             check_components(value, f"{path}.{key}")
-    if "_target_" not in node:
-        return
-    constructor = _constructor(node["_target_"], path)
-    given = {str(key): value for key, value in node.items() if not str(key).startswith("_")}
-    _check_against_signature(constructor, given, path)
-
-
-def _constructor(target: str, path: str) -> Any:
-    """What `_target_` names. Raises `InputError` if there is no such thing; a module that cannot be imported for
-    another reason is a defect, and raises what its import raised."""
-    try:
-        return get_object(target)
-    except (ImportError, ValueError) as error:
-        cause = error.__cause__
-        is_absent = isinstance(cause, ModuleNotFoundError) and target.startswith(str(cause.name))
-        if cause is not None and not is_absent:
-            raise
-        raise InputError(f"{path}._target_: there is no {target!r}") from error
+    if "_target_" in node:
+        given = {str(key): value for key, value in node.items() if not str(key).startswith("_")}
+        _check_against_signature(get_object(node["_target_"]), given, path)
 
 
 def plain(config: DictConfig | ListConfig, resolve: bool = False) -> dict[str, Any]:
@@ -155,6 +142,8 @@ def plain(config: DictConfig | ListConfig, resolve: bool = False) -> dict[str, A
 
 def _checked_params(params: type[Params], given: dict[str, Any], path: str) -> dict[str, Any]:
     """What is given beside a constructor's parameters, which are checked by their own class."""
+    from ..runtime.params import ParamError
+
     own = {name: OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
            for name, value in given.items() if name in params.model_fields}
     try:
@@ -167,28 +156,20 @@ def _checked_params(params: type[Params], given: dict[str, Any], path: str) -> d
 def _check_against_signature(constructor: Any, given: dict[str, Any], path: str) -> None:
     import pydantic
 
-    takes = dict(inspect.signature(constructor).parameters)
     if params := getattr(constructor, "Params", None):
         given = _checked_params(params, given, path)
-        takes = {name: each for name, each in takes.items() if name != "options"}
-    unknown = sorted(set(given) - set(takes))
-    if unknown:
-        names = [*takes, *(params.model_fields if params else ())]
-        near = did_you_mean(unknown[0], names) or ";"
-        raise InputError(f"unknown key {path}.{unknown[0]}{near} {constructor.__name__} takes {', '.join(names)}")
-    variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    needed = [name for name, parameter in takes.items()
-              if parameter.default is inspect.Parameter.empty and parameter.kind not in variadic]
-    absent = sorted(set(needed) - set(given))
-    if absent:
-        raise InputError(f"{path}.{absent[0]} is missing; {constructor.__name__} needs {', '.join(needed)}")
-    initializer = constructor.__init__ if inspect.isclass(constructor) else constructor
-    hints = typing.get_type_hints(initializer)
-    fields = {name: (hints.get(name, Any), ...) for name, value in given.items() if not OmegaConf.is_config(value)}
-    options = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, protected_namespaces=())
-    schema = pydantic.create_model(constructor.__name__, __config__=options, **typing.cast(dict[str, Any], fields))
+    hints = typing.get_type_hints(constructor.__init__ if inspect.isclass(constructor) else constructor)
+    fields: dict[str, Any] = {}
+    for name, each in inspect.signature(constructor).parameters.items():
+        if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD):
+            kind = Any if OmegaConf.is_config(given.get(name)) else hints.get(name, Any)  # a node is checked by itself
+            fields[name] = (kind, ... if each.default is each.empty else each.default)
+    options = pydantic.ConfigDict(arbitrary_types_allowed=True, strict=True, extra="forbid", protected_namespaces=())
+    schema = pydantic.create_model(constructor.__name__, __config__=options, **fields)
     try:
-        schema(**{name: given[name] for name in fields})
+        schema(**given)
     except pydantic.ValidationError as error:
         first = error.errors()[0]
-        raise InputError(f"{path}.{first['loc'][0]}: {first['msg']}, got {first['input']!r}") from error
+        names = f"; {constructor.__name__} takes {', '.join([*fields, *(params.model_fields if params else ())])}"
+        told = {"missing": names, "extra_forbidden": names}.get(first["type"], f", got {first['input']!r}")
+        raise InputError(f"{path}.{first['loc'][0]}: {first['msg']}{told}") from error

@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError
-from ..ifs import formats
 from ..runtime import threads
-from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
+from .commands import CODE_HELP, FRAMES, command, command_parser
 
 DESCRIPTION = """Write codes in another format, which the end of the file's name chooses:
 
@@ -34,25 +33,25 @@ def main(arguments: list[str] | None = None) -> None:
     parser = command_parser("fractal-convert", DESCRIPTION)
     parser.add_argument("codes", nargs="+", metavar="code", help=CODE_HELP)
     parser.add_argument("out", help="file to write")
-    parser.add_argument("--to", metavar="FORMAT", help=f"instead of by the file's name: {', '.join(formats.FORMATS)}")
+    parser.add_argument("--to", metavar="FORMAT", help="instead of by the file's name, such as lists or rows")
     parser.add_argument("--frame", choices=FRAMES, default="own", help="bring the codes to the canvas or not")
     command("fractal-convert", convert, parser, arguments)
 
 
 def convert(options: argparse.Namespace) -> None:
     """Write what the command line asks for."""
+    from ..ifs import formats
+    from .code_names import read_code
+
     threads.use()
     format = formats.of_file(options.out, options.to)  # refused before codes are read
     if len(options.codes) > 1 and not format.several:
         raise InputError(f"a {format.key} file holds one code, got {len(options.codes)}; write a file for each, or "
-                         f"all to one that holds several: {', '.join(_of_several())}")
-    codes = [FRAMES[options.frame](read_code(text)) for text in options.codes]
+                         f"all to one that holds several: "
+                         f"{', '.join(suffix for suffix, each in formats.suffixes().items() if each.several)}")
+    codes = [read_code(text, options.frame) for text in options.codes]
     path = formats.save(codes, Path(options.out), options.to)
     print(f"{path} ({format.key}, {', '.join(f'{len(code)} maps' for code in codes)})")
-
-
-def _of_several() -> list[str]:
-    return [suffix for suffix, format in formats.suffixes().items() if format.several]
 
 
 if __name__ == "__main__":

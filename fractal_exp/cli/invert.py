@@ -7,21 +7,18 @@ import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..api import OWN, invert
 from ..errors import InputError
-from ..images.levels import MEANINGS
-from ..images.reading import read_target
-from ..inversion import write
-from ..inversion.road import INTERRUPTED
-from ..inversion.writing import LARGEST_OVERLAY, OVERLAY
 from ..methods import METHODS
-from ..methods.base import Progress
 from ..runtime import threads
 from . import interruption
 from .commands import command, command_parser, make_folder
 
+if TYPE_CHECKING:
+    from ..methods.base import Progress
+
+LEVELS = ("auto", "density", "linear", "dots", "tonemapped", "coverage", "binary")
 POLARITIES = {"auto": "auto", "true": True, "false": False}
 FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "levels", "seed",
                                          "seconds", "colour")}
@@ -66,7 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
     parser.add_argument("--crop", type=int, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
                         help="read this part of the picture alone, in pixels from its upper left corner")
-    parser.add_argument("--levels", choices=MEANINGS, default="auto", help="what the grey levels mean (default: as "
+    parser.add_argument("--levels", choices=LEVELS, default="auto", help="what the grey levels mean (default: as "
                                                                            "they look)")
     parser.add_argument("--colour", action="store_true", help="give the code the picture's colours too")
     parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
@@ -77,6 +74,12 @@ def main(arguments: list[str] | None = None) -> None:
 
 def invert_picture(options: argparse.Namespace) -> None:
     """Do what the command line asks for."""
+    from ..api import invert
+    from ..images.reading import read_target
+    from ..inversion import write
+    from ..inversion.road import INTERRUPTED
+    from ..inversion.writing import LARGEST_OVERLAY, OVERLAY
+
     interruption.listen()
     threads.use()
     settings = parse_settings(options.settings)
@@ -111,6 +114,8 @@ def invert_picture(options: argparse.Namespace) -> None:
 
 def parse_settings(words: list[str]) -> dict[str, Any]:
     """KEY=VALUE as nested options: search.moves=10 as {"search": {"moves": 10}}. Raises `InputError` on other words."""
+    from ..api import OWN
+
     settings: dict[str, Any] = {}
     for word in words:
         key, equals, text = word.partition("=")

@@ -61,10 +61,6 @@ class Outcome:
         write_atomically(self.path(folder), json.dumps(asdict(self), indent=1).encode())
 
 
-class JobLost(RuntimeError):
-    """The process that was at work on a job is gone."""
-
-
 def job_name(overrides: Sequence[str], keys: Collection[str]) -> str:
     """A file name that says what varies: the overrides of `keys`, in their order; long ones are cut, with a digest."""
     text = ",".join(override for override in overrides if override.split("=", 1)[0] in keys) or "only"
@@ -92,8 +88,6 @@ def run_job(config: DictConfig) -> str:
     with alone_in(folder, wait=True), _printing_to(folder / "log.txt"):
         again = (folder / "finished.json").exists()
         try:
-            if config.sweep.lost:
-                raise JobLost(config.sweep.lost)
             scores = configuration.build(config.task).run(config)
             outcome = Outcome(FINISHED, row, sample, time.perf_counter() - start, scores, again)
         except Exception as error:

@@ -5,12 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .. import tracking
 from ..errors import InputError
-from ..studies import report
-from ..tracking.store import database_path
 from .commands import command, command_parser
-from .tables import store_uri, write_report
 
 DESCRIPTION = """Make the tables and the figure of a sweep from what the tracking store has of it, finished or not.
 
@@ -34,6 +30,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 def report_sweep(options: argparse.Namespace) -> None:
     """Report on the sweep that the command line names."""
+    from .. import tracking
+    from ..studies import report
+    from ..tracking.addresses import database_path
+    from .tables import store_uri, write_report
+
     uri = store_uri(Path(options.output))
     database = database_path(uri)
     if database is not None and not database.exists():

@@ -4,7 +4,7 @@ from functools import partial
 
 from ..runtime.extras import start
 
-train = partial(start, "fractal-train", "fractal_exp.cli.train")
+train = partial(start, "fractal-train", "fractal_exp.cli.composed")
 sweep = partial(start, "fractal-sweep", "fractal_exp.cli.sweep")
 report = partial(start, "fractal-report", "fractal_exp.cli.report")
 evaluate = partial(start, "fractal-evaluate", "fractal_exp.cli.evaluate")

@@ -8,7 +8,6 @@ import webbrowser
 from pathlib import Path
 
 from ..runtime import threads
-from ..studio.serving import serve
 from .commands import command, command_parser, make_folder
 
 DESCRIPTION = """Offer the studio: a page into which a picture is dropped, and which shows how its code is found.
@@ -32,6 +31,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def offer(options: argparse.Namespace) -> None:
     """Do what the command line asks for."""
+    from ..studio.serving import serve
+
     threads.use(1)  # the search has a process of its own
 
     def opened(address: str) -> None:

@@ -5,18 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 
-from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d
-from tqdm import tqdm
-
 from ..errors import InputError
-from ..ifs import attractor
-from ..images.reading import write_image
-from ..rendering.sheets import contact_sheet
 from ..runtime import threads
 from ..runtime.files import write_atomically
-from ..suite import SUITE_COUNT, SUITE_SEED, TARGET_KINDS, random_suite, target
-from .commands import command, command_parser, make_folder
+from .commands import LARGEST, command, command_parser, make_folder
+
+COUNT, SEED = 100, 2025  # of the project's results
+SMALL = 256              # pixels a side at most, so that a hundred pictures may wait for the sheet
 
 DESCRIPTION = """Write the random suite: codes, target images and a contact sheet.
 
@@ -37,8 +32,8 @@ def main(arguments: list[str] | None = None) -> None:
     """The command line."""
     parser = command_parser("fractal-suite", DESCRIPTION)
     parser.add_argument("folder", help="where to write")
-    parser.add_argument("--count", type=int, default=SUITE_COUNT, help="how many fractals")
-    parser.add_argument("--seed", type=int, default=SUITE_SEED, help="of the suite")
+    parser.add_argument("--count", type=int, default=COUNT, help="how many fractals")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the suite")
     parser.add_argument("--resolution", type=int, default=1024, help="pixels a side")
     parser.add_argument("--binary", action="store_true", help="black and white (above 0.25) instead of grey")
     parser.add_argument("--bits", type=int, choices=(8, 16),
@@ -48,9 +43,17 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write_suite(options: argparse.Namespace) -> None:
     """Write what the command line asks for."""
+    from torch.nn.functional import adaptive_avg_pool2d
+    from tqdm import tqdm
+
+    from ..ifs import attractor
+    from ..images.reading import write_image
+    from ..rendering.sheets import contact_sheet
+    from ..suite import TARGET_KINDS, random_suite, target
+
     suite = random_suite(options.count, options.seed)
-    if not 1 <= options.resolution <= 16_384:
-        raise InputError(f"the resolution must be from 1 to 16384, got {options.resolution}")
+    if not 1 <= options.resolution <= LARGEST:
+        raise InputError(f"the resolution must be from 1 to {LARGEST}, got {options.resolution}")
     folder = make_folder(options.folder)
     codes, targets = make_folder(folder / "codes"), make_folder(folder / "targets")
     kind, bits = TARGET_KINDS[options.binary], options.bits or (8 if options.binary else 16)
@@ -60,16 +63,11 @@ def write_suite(options: argparse.Namespace) -> None:
         attractor.normalize(code).save(codes / f"{name}.json")
         image = target(code, options.resolution, kind)
         write_image(targets / f"{name}.png", image, bits=bits)
-        small.append(_small(image))
+        small.append(image if len(image) <= SMALL else adaptive_avg_pool2d(image[None], SMALL)[0])
     write_image(folder / "sheet.png", contact_sheet(small, names))
     facts = {"count": options.count, "seed": options.seed, "resolution": options.resolution, "kind": kind}
     write_atomically(folder / "suite.json", json.dumps(facts, indent=1) + "\n")
     print(f"{len(suite)} fractals in {folder}; all at a glance: {folder / 'sheet.png'}")
-
-
-def _small(image: Tensor) -> Tensor:
-    """Small enough that a hundred of them may wait for the sheet."""
-    return image if len(image) <= 256 else adaptive_avg_pool2d(image[None], 256)[0]
 
 
 if __name__ == "__main__":

@@ -2,60 +2,49 @@
 
 from __future__ import annotations
 
-import importlib.resources
 import os
 import sys
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-import hydra
 from omegaconf import DictConfig
 
 from ..errors import InputError, did_you_mean
-from ..runtime.files import explain
-from . import configuration, interruption, sweeps, words, workers
-from .jobs import run_job
+from .commands import complain
+from .composed import done, run
+
+STUDIES = Path(str(files("fractal_exp.sweeps")))
 
 
 def study_names() -> list[str]:
     """The studies that come with the package."""
-    return sorted(path.stem for path in Path(str(importlib.resources.files("fractal_exp.sweeps"))).glob("*.yaml"))
-
-
-@hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="sweep")
-def _hydra_main(config: DictConfig) -> str:
-    return run_job(config)
+    return sorted(path.stem for path in STUDIES.glob("*.yaml"))
 
 
 def main() -> None:
     """The command line: the first word names the study, the rest is Hydra's; the exit status tells of failed jobs."""
-    interruption.listen()
-    configuration.register()
-    workers.use()
     try:
         arguments = _arguments(sys.argv[1:])
     except InputError as error:
-        words.complain("fractal-sweep", str(error))
-    status = 0
-    try:
-        words.run("fractal-sweep", _hydra_main, arguments, "sweep")
-    except SystemExit as end:
-        status = end.code if isinstance(end.code, int) else int(end.code is not None)
-    except KeyboardInterrupt:
-        print("\nfractal-sweep: interrupted; the same command goes on", file=sys.stderr)
-        status = 130
-    while sweeps.opened:
-        try:
-            status = sweeps.opened.pop().close(status)
-        except (InputError, OSError) as error:  # the tables could not be written: a full disk
-            reason = explain(error) if isinstance(error, OSError) else error
-            print(f"fractal-sweep: error: {reason}; the same command goes on", file=sys.stderr)
-            status = 2
+        complain("fractal-sweep", error)
+    status = run("fractal-sweep", "sweep", _run_job, arguments, go_on="the same command goes on")
+    if "fractal_exp.cli.sweeps" in sys.modules:  # else none was opened
+        from . import sweeps
+
+        status = sweeps.close(status)
     raise SystemExit(status)
+
+
+def _run_job(config: DictConfig) -> Any:
+    from .jobs import run_job
+
+    return done("fractal-sweep", run_job, config)
 
 
 def _arguments(given: list[str]) -> list[str]:
     """Hydra's arguments for ours."""
-    if any(word in ("--help", "-h", "--hydra-help", "--version") for word in given):
+    if not {"--help", "-h", "--hydra-help", "--version"}.isdisjoint(given):
         return given
     known = study_names()
     name, *rest = given or [""]
@@ -67,8 +56,8 @@ def _arguments(given: list[str]) -> list[str]:
             near = did_you_mean(name, known)
             raise InputError(f"there is no study {name!r}{near or ';'} choose one of {', '.join(known)}, or "
                              "name the folder of your own with --config-dir FOLDER")
-        rest = ["--config-dir", os.fspath(Path(str(importlib.resources.files("fractal_exp.sweeps")))), *rest]
-    shows = any(word in ("--cfg", "-c", "--info", "-i") for word in rest)
+        rest = ["--config-dir", os.fspath(STUDIES), *rest]
+    shows = not {"--cfg", "-c", "--info", "-i"}.isdisjoint(rest)
     return ["--config-name", name, *rest, *([] if shows else ["--multirun"])]
 
 

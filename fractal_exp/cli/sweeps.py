@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import os
 import sys
@@ -10,21 +11,24 @@ import threading
 import time
 import traceback
 from collections.abc import Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from ..errors import InputError
+from ..runtime.files import explain
+from ..targets import Picture
 from ..tracking import NoTracker, Tracker, mark_killed_runs, prepare_store
 from ..tracking.addresses import shown
 from . import configuration
-from .commands import make_folder
+from .commands import complain, make_folder
 from .jobs import FAILED, Outcome, describe_scores, job_name
 from .runs import Runs
 from .tables import write_tables
@@ -38,17 +42,31 @@ class OpenSweep(Callback):
     """Hydra's call before the first job starts: opens the sweep and tells the jobs where they belong."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        try:
+        try:  # Hydra would make a mere warning of an error
             opened.append(RunningSweep(config))
-        except InputError as error:  # Hydra would make a mere warning of it
-            print(f"fractal-sweep: error: {error}", file=sys.stderr)
-            raise SystemExit(2) from None
+        except HydraException as error:
+            print(error, *([error.__cause__] if error.__cause__ else []), sep="\n", file=sys.stderr)
+            raise SystemExit(2) from error
+        except (InputError, OmegaConfBaseException) as error:
+            complain("fractal-sweep", error)
         except Exception:
             print(shown(traceback.format_exc()), file=sys.stderr)
             raise SystemExit(1) from None
 
 
-opened: list[RunningSweep] = []  # by Hydra's callback, which can return nothing; `fractal-sweep` closes them
+opened: list[RunningSweep] = []  # by Hydra's callback, which can return nothing
+
+
+def close(status: int) -> int:
+    """End the sweep that was opened, if one was; the exit status of the command, at least `status`."""
+    while opened:
+        try:
+            status = opened.pop().close(status)
+        except (InputError, OSError) as error:  # the tables could not be written: a full disk
+            reason = explain(error) if isinstance(error, OSError) else error
+            print(f"fractal-sweep: error: {reason}; the same command goes on", file=sys.stderr)
+            status = 2
+    return status
 
 
 class RunningSweep:
@@ -57,12 +75,13 @@ class RunningSweep:
     def __init__(self, config: DictConfig) -> None:
         """Plan the jobs of `config`, start the parent run and write into `config` what the jobs need to know.
 
-        Raises `InputError` if the configuration or the store cannot be used.
+        Raises `InputError` if the store cannot be used or nothing varies, and what Hydra raises if a job's words are
+        wrong.
         """
-        overrides, self.keys = _planned(config)
+        _take_picture(config)
+        overrides, self.keys = planned(config)
         self.names = [job_name(job, self.keys) for job in overrides]
-        settings = _common(config)
-        self.settings = settings
+        self.settings = settings = _common(config)
         self.folder = make_folder(Path(settings["output"]) / settings["study"] / _folder_name(settings))
         for name in self.names:  # what is there from now on is news
             Outcome.path(self.folder / name).unlink(missing_ok=True)
@@ -71,9 +90,12 @@ class RunningSweep:
         self.run.artifact(JOBS, json.dumps(self.names, indent=1))
         self.run.artifact("sweep.json", json.dumps(settings["sweep"], indent=1))
         self.run.artifact("config.yaml", OmegaConf.to_yaml(settings))
-        _tell_jobs(config, {"folder": self.folder.name, "run": self.run.run_id or "null",
-                            "parent": str(os.getpid()) if config.sweep.tied else "null",
-                            "varies": f"[{','.join(json.dumps(key) for key in self.keys)}]"})
+        facts = {"folder": self.folder.name, "run": self.run.run_id or "null",
+                 "parent": str(os.getpid()) if config.sweep.tied else "null",
+                 "varies": f"[{','.join(json.dumps(key) for key in self.keys)}]"}
+        with read_write(config), open_dict(config):
+            config.hydra.overrides.task.extend([f"output={json.dumps(config.output)}",
+                                                *(f"sweep.{key}={value}" for key, value in facts.items())])
         print(f"{settings['sweep']['title']}: {len(self.names)} jobs, {settings['scale']} scale, "
               f"{settings['sweep']['workers']} at a time; {self.folder}", flush=True)
         self.watch = Watch(self.folder, self.names)
@@ -144,19 +166,42 @@ class Watch(threading.Thread):
         print(text, file=self.out, flush=True)
 
 
-def _planned(config: DictConfig) -> tuple[list[list[str]], list[str]]:
-    """The overrides of every job as Hydra's basic sweeper makes them, and the keys that vary."""
-    try:
-        lines = [f"{key}={value}" for key, value in (config.hydra.sweeper.params or {}).items()]
-    except OmegaConfBaseException as error:
-        raise InputError(f"the sweep cannot be planned: {str(error).splitlines()[0]}") from error
-    parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
-    overrides = parser.parse_overrides(lines + list(config.hydra.overrides.task))
+def _take_picture(config: DictConfig) -> None:
+    """With picture=FILE a study no longer varies its target, nor has settings of another one."""
+    given = [word.split("=", 1)[0].lstrip("+") for word in config.hydra.overrides.task]
+    if "picture" not in given:
+        return
+    with read_write(config), open_dict(config):
+        for key in [key for key in config.hydra.sweeper.params or () if str(key).startswith("target.")]:
+            del config.hydra.sweeper.params[key]
+        for key, value in configuration.plain(config.target).items():
+            if key not in ("_target_", *signature(Picture).parameters) and f"target.{key}" not in given:
+                # With its value, since Hydra's sweeper writes every override as KEY=VALUE.
+                config.hydra.overrides.task.append(f"~target.{key}={json.dumps(value)}")
+
+
+def planned(config: DictConfig) -> tuple[list[list[str]], list[str]]:
+    """The overrides of every job as Hydra's basic sweeper makes them, and the keys that vary.
+
+    The first job is composed, and one for each other value of each key, so that Hydra refuses a wrong one before there
+    is a run or a folder. The sweeper composes all, when they are launched.
+    """
+    loader = GlobalHydra.instance().config_loader()
+    lines = [f"{key}={value}" for key, value in (config.hydra.sweeper.params or {}).items()]
+    parsed = OverridesParser.create(config_loader=loader).parse_overrides([*lines, *config.hydra.overrides.task])
+    values = {override.get_key_element(): [*override.sweep_string_iterator()] if override.is_sweep_override() else
+              [override.get_value_element_as_str()] for override in parsed}
     keys = [*dict.fromkeys([*(line.split("=", 1)[0] for line in lines),
-                            *(override.get_key_element() for override in overrides if override.is_sweep_override())])]
+                            *(override.get_key_element() for override in parsed if override.is_sweep_override())])]
     if not keys:
         raise InputError("nothing varies; give a key several values: seed=0,1,2")
-    jobs = [job for batch in BasicSweeper.split_arguments(overrides, None) for job in batch]
+    jobs = [[f"{key}={value}" for key, value in zip(values, job, strict=True)]
+            for job in itertools.product(*values.values())]
+    if not jobs:
+        raise InputError(f"{next(key for key, given in values.items() if not given)} has no value to try")
+    for i, key in enumerate(values):
+        for value in values[key][min(i, 1):]:
+            loader.load_sweep_config(config, [*jobs[0][:i], f"{key}={value}", *jobs[0][i + 1:]])
     return jobs, keys
 
 
@@ -165,24 +210,14 @@ def _common(config: DictConfig) -> dict[str, Any]:
     with read_write(config):
         config.output = str(Path(config.output).expanduser().absolute())
     common = OmegaConf.masked_copy(config, [str(key) for key in config if key not in ("hydra", "sweep")])
-    try:
-        settings = configuration.plain(common, resolve=True)
-        # Rows and samples differ from job to job: here they are patterns.
-        sweep = configuration.plain(config.sweep)
-        for key in ("title", "baseline", "published", "workers", "count"):
-            sweep[key] = config.sweep[key]
-    except OmegaConfBaseException as error:
-        raise InputError(f"the configuration cannot be resolved: {str(error).splitlines()[0]}") from error
-    return settings | {"sweep": sweep}
+    # Rows and samples differ from job to job: here they are patterns.
+    sweep = configuration.plain(config.sweep)
+    for key in ("title", "baseline", "published", "workers", "count"):
+        sweep[key] = config.sweep[key]
+    return configuration.plain(common, resolve=True) | {"sweep": sweep}
 
 
 def _folder_name(settings: dict[str, Any]) -> str:
     """The same for the same sweep, however many jobs it has and however they are launched."""
     identity = {key: value for key, value in settings.items() if key not in NOT_PART_OF_A_FIT or key == "evaluation"}
     return f"{settings['scale']}-{hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:6]}"
-
-
-def _tell_jobs(config: DictConfig, facts: dict[str, str]) -> None:
-    with read_write(config), open_dict(config):
-        config.hydra.overrides.task.extend([f"output={json.dumps(config.output)}",
-                                            *(f"sweep.{key}={value}" for key, value in facts.items())])

@@ -1,17 +1,15 @@
-"""`fractal-train`: one fit from configuration to scores; with `-m`, one after another."""
+"""The task of `fractal-train`: one fit from configuration to scores."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from ..errors import InputError
@@ -27,7 +25,7 @@ from ..runtime.checkpoint import Checkpoint
 from ..runtime.files import write_atomically
 from ..targets import Target
 from ..tracking import Tracker
-from . import colours, configuration, interruption, words
+from . import colours, configuration, interruption
 from .folders import PAGE, FitFolder
 from .judging import Judgement, check_options, judge, judge_course
 from .progress import Reporter
@@ -224,24 +222,3 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
     write_atomically(folder.path / "per_view.csv", judgement.per_view.to_csv(index=False))
     run.table("per_view.json", judgement.per_view)
     run.log(judgement.scores | judgement.trivial | judgement.counts)
-
-
-@hydra.main(version_base="1.3", config_path="pkg://fractal_exp.conf", config_name="train")
-def _hydra_main(config: DictConfig) -> dict[str, float]:
-    try:
-        with words.one_line("fractal-train"):
-            return configuration.build(config.task).run(config)
-    except KeyboardInterrupt:
-        print("\nfractal-train: interrupted; the same command with resume=true goes on", file=sys.stderr)
-        raise SystemExit(130) from None
-
-
-def main() -> None:
-    """The command line: Hydra composes, `fit` works, errors are one line."""
-    interruption.listen()
-    configuration.register()
-    words.run("fractal-train", _hydra_main, sys.argv[1:], "train", ["method=collage"])
-
-
-if __name__ == "__main__":
-    main()

@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError
-from ..ifs.code import View
-from .commands import CODE_HELP, FRAMES, command, command_parser, read_code
+from .commands import CODE_HELP, FRAMES, command, command_parser
 
 DESCRIPTION = """Write a code as a page to fly into: one HTML file that any browser opens, without a network.
 
@@ -33,12 +32,15 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write(options: argparse.Namespace) -> None:
     """Write the page that the command line asks for."""
+    from ..ifs.code import View
+    from .code_names import read_code
+
     view = None
     if options.center is not None or options.zoom is not None:
         if options.center is None or options.zoom is None:
             raise InputError("a first view needs both --center X Y and --zoom; leave both out for the whole")
         view = View(tuple(options.center), options.zoom)
-    code = FRAMES[options.frame](read_code(options.code))
+    code = read_code(options.code, options.frame)
     path = code.save_html(options.output or _default(options.code), view=view)
     print(f"{path} ({path.stat().st_size // 1000} kB); open it in a browser")
 

@@ -8,13 +8,12 @@ from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..errors import InputError, did_you_mean
-from .base import Method
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
+
+    from .base import Method
 
 KINDS = {"int": "a whole number", "float": "a number", "bool": "True or False", "str": "a text"}  # of options
 METHODS = {  # name -> module.function that builds the method with sensible sizes
@@ -40,6 +39,8 @@ def check_options(build: Callable[..., Method], name: str, options: Mapping[str,
                   others: Iterable[str] = ()) -> None:
     """Raise `InputError` on options that a method's building function does not have or that have another type; others:
     names beside them that may have been meant."""
+    import numpy as np
+
     takes = {key: each for key, each in inspect.signature(build).parameters.items() if each.kind != each.VAR_KEYWORD}
     params = getattr(inspect.signature(build, eval_str=True).return_annotation, "Params", None)
     if params is not None:

@@ -9,9 +9,8 @@ from importlib.util import find_spec
 from ..errors import InputError
 
 EXTRAS = {  # the libraries that are imported where they are used -> the extra that brings them
-    "hydra": "study", "joblib": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study",
-    "omegaconf": "study", "pandas": "study", "psutil": "study", "pyarrow": "study", "skimage": "study",
-    "tenacity": "study", "yaml": "study",
+    "hydra": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study", "omegaconf": "study",
+    "pandas": "study", "psutil": "study", "pyarrow": "study", "skimage": "study", "tenacity": "study", "yaml": "study",
     "lpips": "perceptual", "torchvision": "perceptual",
     "imageio": "video", "imageio_ffmpeg": "video",
     "anywidget": "notebook",
@@ -32,14 +31,13 @@ def remedy(library: str) -> str:
 
 
 def start(program: str, module: str) -> None:
-    """Run `main` of a module, the command line `program`; if a library of an extra is missing, say so in one line and
-    exit with status 2."""
+    """Run `main` of a module, the command line `program`; if a library of an extra is missing, say so in one line
+    and exit with status 2."""
     try:
-        main = import_module(module).main
+        import_module(module).main()
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
         if library not in EXTRAS:
             raise
         print(f"{program}: error: {library} is not installed; {remedy(library)}", file=sys.stderr)
         raise SystemExit(2) from None
-    main()

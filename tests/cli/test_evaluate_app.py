@@ -1,6 +1,5 @@
 """fractal-evaluate from codes to tables, report and runs."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -68,8 +67,8 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     fit = folder / "outputs" / "fits" / "fern-chaotic"
     fit.mkdir(parents=True)
     fern.save(fit / "code.json")
-    target = {"_target_": "fractal_exp.targets.KnownCode", "name": "fern", "kind": "grey"}
-    (fit / "finished.json").write_text(json.dumps({"identity": {"target": target}, "scores": {}}))
+    fern.save(fit / "truth.json")
+    (fit / "finished.json").write_text("{}")
     app.main([str(fit.parent), *SMALL, "--out", "judged", "--track", "judgements"])
     uri = tracking.prepare_store(folder / "outputs")
     run = tracking.runs_frame(uri, "judgements").iloc[0]
@@ -78,13 +77,13 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     assert len(tracking.read_table(uri, run["run_id"], "per_view.json")) == 28
     assert tracking.read_artifact(uri, run["run_id"], "strips/fern-chaotic.png").startswith(b"\x89PNG")
 
-    # A run that holds a code and its configuration is judged like its folder.
+    # A run that holds a code and its truth is judged like its folder.
     with tracking.start_run(uri, "fits", "fern", folder=fit) as logged:
         logged.artifact("code.json", fit / "code.json")
-        logged.artifact("config.yaml", "target: {_target_: fractal_exp.targets.KnownCode, name: fern, kind: grey}\n")
+        logged.artifact("truth.json", fit / "truth.json")
     [candidate] = gather([f"run:{logged.run_id}"], None, folder / "outputs")
     assert torch.equal(candidate.code.offset, fern.offset)
-    assert torch.equal(candidate.aim.truth.linear, codes.known("fern").linear)
+    assert torch.equal(candidate.aim.truth.linear, fern.linear)
     with pytest.raises(InputError, match="cannot read run"):
         gather(["run:0123"], None, folder / "outputs")
 
@@ -100,8 +99,7 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     (["mine/other.txt", "--truth", "suite"], "is not JSON"),
     (["mine", "mine", "--truth", "suite"], "two codes are called"),
     (["run:5", "--truth", "suite"], "no runs are kept"),
-    (["picture"], "fitted to pictures that are not kept"),
-    (["foreign"], "no target of this package"),
+    (["bare"], "bare: neither truth.json nor target.png is kept"),
     (["mine", "--truth", "suite", "--resolution", "0"], "--resolution must be an integer of at least 1, got 0"),
     (["mine", "--truth", "suite", "--resolution", "-5"], "--resolution must be an integer of at least 1, got -5"),
     (["mine", "--truth", "suite", "--resolution", "10000000000"], "lower --resolution"),
@@ -114,11 +112,9 @@ def test_what_a_user_can_mend_is_one_line(folder, capsys, arguments, message):
     (folder / "empty").mkdir()
     (folder / "true").mkdir()
     (folder / "mine" / "other.txt").write_text("no code")
-    for name, target in (("picture", {"_target_": "fractal_exp.targets.RetinaVessels"}),
-                         ("foreign", {"_target_": "subprocess.run"})):
-        (folder / name).mkdir()
-        codes.known("fern").save(folder / name / "code.json")
-        (folder / name / "finished.json").write_text(json.dumps({"identity": {"target": target}, "scores": {}}))
+    (folder / "bare").mkdir()
+    codes.known("fern").save(folder / "bare" / "code.json")
+    (folder / "bare" / "finished.json").write_text("{}")
     with pytest.raises(SystemExit) as stop:
         app.main(arguments)
     error = capsys.readouterr().err.strip().splitlines()

@@ -5,8 +5,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from hydra import compose, initialize_config_module
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra.core.global_hydra import GlobalHydra
 from omegaconf import open_dict
 
 from fractal_exp.cli import configuration
@@ -20,11 +18,9 @@ def planned(output: Path, *overrides: str):
     """A sweep of two jobs, opened as Hydra opens it."""
     configuration.register()
     words = ["tracking=none", f"output={output}", "scale=smoke", "sweep.count=1", "seed=0,1", *overrides]
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        path = GlobalHydra.instance().config_loader().get_search_path()
-        path.prepend("sweeps", "pkg://fractal_exp.sweeps")  # as --config-dir does
-        GlobalHydra.instance().hydra.config_loader = ConfigLoaderImpl(path)
-        config = compose("seeds", [word for word in words if word != "seed=0,1"], return_hydra_config=True)
+    with initialize_config_module("fractal_exp.sweeps", version_base="1.3"):
+        composed = [*(word for word in words if word != "seed=0,1"), "hydra.searchpath=[pkg://fractal_exp.conf]"]
+        config = compose("seeds", composed, return_hydra_config=True)
         with open_dict(config):
             config.hydra.overrides.task = words
         sweep = RunningSweep(config)

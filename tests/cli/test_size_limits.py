@@ -1,12 +1,8 @@
 """What a fit, a run or a weight file holds is refused by its size before it is read."""
 
-import json
 import os
 
 import pytest
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
-from places import ROOT
 from safetensors.torch import load_file, save_file
 
 from fractal_exp import InputError, codes, tracking
@@ -15,7 +11,6 @@ from fractal_exp.cli import records
 from fractal_exp.cli.candidates import gather
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.runtime import files
-from fractal_exp.targets import KnownCode
 
 
 @pytest.fixture
@@ -24,13 +19,11 @@ def fit(tmp_path):
     folder = tmp_path / "fit"
     folder.mkdir()
     codes.known("fern").save(folder / "code.json")
-    target = {"_target_": "fractal_exp.targets.KnownCode", "name": "fern", "kind": "grey"}
-    (folder / "finished.json").write_text(json.dumps({"identity": {"target": target}, "scores": {}}))
+    (folder / "finished.json").write_text("{}")
     return folder
 
 
-@pytest.mark.parametrize(("name", "most"), [("code.json", 2**24), ("truth.json", 2**24), ("finished.json", 2**24),
-                                            ("target.png", 2**28)])
+@pytest.mark.parametrize(("name", "most"), [("code.json", 2**24), ("truth.json", 2**24), ("target.png", 2**28)])
 def test_a_fits_file_that_is_too_large_ends_in_one_line(fit, capsys, name, most):
     with open(fit / name, "ab") as file:
         file.truncate(most + 1)  # takes no room on the disk
@@ -85,15 +78,3 @@ def test_weights_that_are_huge_or_no_file_are_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="cannot read the weight file .* it is a pipe"):
         fractal_features.load(tmp_path / "pipe")
-
-
-@pytest.mark.parametrize("choice", ["area", "published"])
-def test_a_record_of_a_classic_says_its_probabilities(choice):
-    """What conf/target/known.yaml has is what a record of it may hold."""
-    file = ROOT / "conf" / "target" / "known.yaml"
-    target = OmegaConf.to_container(OmegaConf.load(file)) | {"probabilities": choice}
-    read = {"finished.json": json.dumps({"identity": {"target": target}}).encode()}.get
-    source = instantiate(target)
-    assert isinstance(source, KnownCode)
-    truth = records.read_aim(read, "fit").truth
-    assert (truth.probabilities is None) == (source.code.probabilities is None) == (choice == "area")

@@ -18,8 +18,8 @@ from PIL import Image
 from train_helpers import TINY, train
 
 from fractal_exp import IFS, InputError
+from fractal_exp.cli import composed as program
 from fractal_exp.cli import interruption
-from fractal_exp.cli import train as program
 from fractal_exp.inversion import Inversion
 from fractal_exp.tracking import read_artifact, read_series, runs_frame
 
@@ -35,7 +35,7 @@ def picture(tmp_path_factory) -> Path:
 
 
 def command(*arguments: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", "fractal_exp.cli.train", *TINY, *arguments], text=True,
+    return subprocess.Popen([sys.executable, "-m", "fractal_exp.cli.composed", *TINY, *arguments], text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
@@ -229,6 +229,6 @@ def test_no_weights_offline_names_the_remedies(picture, tmp_path, monkeypatch):
 
 def test_importing_the_package_is_light():
     code = "import sys, fractal_exp; print([m for m in ('numba', 'mlflow', 'lpips', 'matplotlib', 'hydra', 'kornia', " \
-           "'skimage', 'fractal_exp.perceptual.distances') if m in sys.modules])"
+           "'skimage', 'torch') if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, check=True, env=os.environ)
     assert json.loads(out.stdout.replace("'", '"')) == []

@@ -1,101 +1,91 @@
 """What a wrong word on the command line is answered with, and what picture= and seconds= come to."""
 
 import argparse
-import sys
+import errno
 
 import numpy as np
 import pytest
 import torch
 from commands import run_here, said
 from hydra import compose, initialize_config_module
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 from PIL import Image
+from places import ROOT
 
 from fractal_exp import InputError, codes, invert, render
-from fractal_exp.cli import commands, configuration, sweep, sweep_check, train, words
-from fractal_exp.cli.vocabulary import Vocabulary
+from fractal_exp.cli import commands, composed, configuration, interruption, sweep, words
+from fractal_exp.cli.train import NOT_PART_OF_A_FIT
 from fractal_exp.ifs import attractor
 
 SHOWN = ["--cfg", "job"]
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["method=colage"], "there is no method=colage; did you mean 'collage'? the choices are collage, cuckoo"),
-    (["target.pth=leaf.png"], "there is no setting target.pth; did you mean target.path (with target=image)?"),
+    (["method=colage"], "did you mean 'collage'?"),
     (["target=image", "target.pth=leaf.png"], "did you mean target.path"),
-    (["sedd=3"], "there is no setting sedd; did you mean seed?"),
+    (["sedd=3"], "did you mean seed"),
     (["optimizer.annealing.spred=3"], "did you mean optimizer.annealing.spread"),
-    (["maps=3"], "there is no setting maps; did you mean"),
-    (["method.maps=3"], "method.maps is a setting of method=amortized or method=collage or"),
-    (["restarts=3"], "there is no setting restarts; did you mean method.search.restarts (with method=collage)?"),
+    (["maps=3"], "did you mean model.maps?"),
     (["method=collage", "detail_moves=3"], "did you mean method.search.detail_moves"),
-    (["metod=collage"], "there is no setting metod; did you mean method?"),
-    (["foo/bar=3"], "there is no setting foo/bar"),
-    (["target@foo=known"], "target"),
-    (["leaf.png"], "a picture is given as picture=leaf.png"),
-    (["resume"], "resume needs a value: resume=VALUE"),
-    (["a=["], "the value of 'a=[' cannot be read"),
-    (["seed==3"], "the value of 'seed==3' cannot be read"),
-    (["seed=abc"], "seed must be a whole number, got 'abc'"),
-    (["seconds=abc"], "seconds must be a number, got 'abc'"),
-    (["seed="], "seed must be a whole number, got nothing"),
-    (["resume=perhaps"], "resume must be true or false, got 'perhaps'"),
-    (["seed=1,2"], "-m runs one fit for each of them"),
-    (["+seed=3"], "the setting seed exists already"),
-    (["~sedd"], "there is no setting sedd"),
-    (["--config-dir", "nowhere"], "there is no folder"),
-    (["--config-name", "nothing"], "there is no configuration 'nothing'"),
-    (["--multirn"], "there is no option --multirn; did you mean '--multirun'"),
-    (["--mthod=collage"], "there is no option --mthod; did you mean 'method'?"),
-    (["--seed", "3"], "settings are written without dashes: seed=VALUE"),
-    (["model=null"], "the command cannot be carried out"),
+    (["metod=collage"], "did you mean method"),
+    (["ablatoin=naive"], "did you mean ablation?"),
+    (["~sedd"], "did you mean seed"),
+    (["--sedd", "3"], "written without dashes: did you mean seed"),
+    (["leaf.png"], "a picture: picture=leaf.png"),
+    (["name=a(b"], """quoted twice: "name='a(b'\""""),
+    (["seed=abc"], "'abc' of type 'str' could not be converted to Integer\n    full_key: seed"),
+    (["seed=1,2"], "add --multirun to your command line"),
+    (["--config-dir", "nowhere"], "nowhere' not found"),
     (["picture=a.png", "target=known"], "picture=a.png and target=known both name a target"),
     (["picture=a.png", "target.path=b.png"], "both name a target"),
     (["picture="], "picture= needs a file"),
-])
-def test_a_wrong_word_is_answered_in_one_line(arguments, message):
-    assert message in said(train, *arguments, *SHOWN)
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
     (["-m", "method=colage"], "did you mean 'collage'"),
     (["-m", "sedd=1,2"], "did you mean seed"),
-    (["-m", "seed=1,abc"], "seed must be a whole number, got 'abc'"),
-    (["-m", "seed=range("], "cannot be read"),
-    (["-m", "hydra.sweep.dir=${nowhere}"], "refers to what does not exist"),
-    (["-m", *SHOWN], "Only one of"),
-    (["target=image"], "no value was given for target.path; add picture=FILE"),
 ])
-def test_so_it_is_where_several_fits_are_asked_for(arguments, message, tmp_path):
-    where = [f"output={tmp_path}"] if SHOWN[0] not in arguments else []
-    assert message in said(train, *arguments, *where)
+def test_what_a_wrong_word_may_have_meant_is_said_after_what_hydra_says(arguments, message):
+    assert message in said(composed, *arguments, *(SHOWN if "-m" not in arguments else []))
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["ablation"], "there is no study 'ablation'; did you mean 'ablations'"),
-    (["seeds", "sedd=3"], "there is no setting sedd; did you mean seed?"),
+    (["seeds", "sedd=3"], "did you mean seed"),
     (["seeds", "sweep.cuont=3"], "did you mean sweep.count"),
-    (["seeds", "method=chaotic,colage"], "there is no method=colage; did you mean 'collage'"),
-    (["seeds", "seed=1,abc"], "seed must be a whole number, got 'abc'"),
+    (["seeds", "method=chaotic,colage"], "did you mean 'collage'"),
+    (["seeds", "seed=1,abc"], "'abc' of type 'str' could not be converted to Integer"),
     (["seeds", "picture=a.png", "target=known"], "both name a target"),
 ])
 def test_a_sweep_is_refused_before_it_is_opened(arguments, message, tmp_path):
     assert message in said(sweep, *arguments, f"output={tmp_path / 'out'}")
-    assert not (tmp_path / "out" / "mlflow.db").exists()
+    assert not (tmp_path / "out").exists()
 
 
-def test_a_defect_of_ours_keeps_its_traceback(capsys):
-    def broken():
+def test_a_defect_of_ours_keeps_its_traceback(monkeypatch):
+    def broken(config):
         raise ZeroDivisionError("of ours")
-    with pytest.raises(SystemExit) as stop:
-        words.run("fractal-train", broken, [], "train")
-    assert stop.value.code == 1 and "ZeroDivisionError: of ours" in capsys.readouterr().err
+    monkeypatch.setattr("fractal_exp.cli.train.fit", broken)
+    status, printed = run_here(composed)
+    assert status == 1 and "ZeroDivisionError: of ours" in printed
+
+
+def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(monkeypatch, tmp_path):
+    done = []
+
+    def fit(config):
+        if config.seed == 1:
+            raise InputError("this seed is out")
+        if config.seed == 3:
+            raise ZeroDivisionError("of ours")
+        done.append(config.seed)
+    monkeypatch.setattr("fractal_exp.cli.train.fit", fit)
+    status, printed = run_here(composed, "-m", "seed=0,1,2,3,4", f"output={tmp_path}")
+    assert status == 2 and done == [0, 2, 4], printed
+    told = ["seed=1: this seed is out", "seed=3: ZeroDivisionError: of ours"]
+    assert [f"  {line}" for line in told] == printed.splitlines()[-2:] and "2 failed" in printed
+    assert "Traceback" in printed, "of the defect"
 
 
 def completed(*given: str) -> list[str]:
-    return words.completed(given, Vocabulary("train"), ["method=collage"])
+    return words.completed(given, ["method=collage"])
 
 
 def settings(*given: str) -> dict:
@@ -103,7 +93,19 @@ def settings(*given: str) -> dict:
     with initialize_config_module("fractal_exp.conf", version_base="1.3"):
         config = configuration.resolve(compose("train", completed(*given)))
     plain = OmegaConf.to_container(config)
-    return {key: value for key, value in plain.items() if key not in train.NOT_PART_OF_A_FIT}
+    return {key: value for key, value in plain.items() if key not in NOT_PART_OF_A_FIT}
+
+
+def known_to(*choices: str) -> set[str]:
+    """All settings and groups by their full names."""
+    def paths(data):
+        for key, value in data.items() if isinstance(data, dict) else ():
+            yield from (key, *(f"{key}.{inner}" for inner in paths(value)))
+
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        config = OmegaConf.to_container(compose("train", list(choices), return_hydra_config=True))
+    return {*paths(config), *config["hydra"]["runtime"]["choices"]}
 
 
 def test_a_picture_takes_its_target_and_collage_search(tmp_path):
@@ -133,6 +135,7 @@ def test_a_limit_of_time_is_that_of_the_method_however_it_is_written():
 
 def test_flags_may_stand_anywhere():
     assert completed("seed=1,2", "-m", "threads=1") == ["-m", "seed=1,2", "threads=1"]
+    assert completed("~name", "--config-dir", "mine") == ["--config-dir", "mine", "~name"]
 
 
 def test_a_study_of_the_suite_takes_a_picture_instead(tmp_path):
@@ -147,13 +150,13 @@ def test_a_study_of_the_suite_takes_a_picture_instead(tmp_path):
 
 
 def test_the_help_lists_settings_that_exist():
-    status, text = run_here(train, "--help")
+    status, text = run_here(composed, "--help")
     assert status == 0
     block = text.split("Settings", 1)[1].split("\n\n", 1)[0].splitlines()[1:]
     listed = [word for line in block for word in line.split("  ")[1].split(", ")]
     assert {"picture", "seconds", "seed", "method", "target.name", "model.maps", "method.maps", "resolution", "output",
             "name", "resume", "threads", "device", "scale", "evaluation.views"} <= set(listed)
-    known = Vocabulary("train")
+    known = {*known_to("method=collage"), *known_to("method=chaotic")}
     assert [key for key in listed if key not in known] == []
     assert len(text.splitlines()) < 70
 
@@ -205,42 +208,40 @@ def test_a_code_with_gradients_is_drawn_by_its_values():
     assert torch.equal(image, again) and not again.requires_grad
 
 
-def test_a_mistake_in_the_yaml_of_a_user_is_located(tmp_path):
-    (tmp_path / "target").mkdir()
-    (tmp_path / "target" / "mine.yaml").write_text("name: fern\nkind: [grey\n")
-    error = said(train, "--config-dir", str(tmp_path), "target=mine", *SHOWN)
-    assert "mine.yaml" in error and "line 2" in error and "expected ',' or ']'" in error
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device", "/x"),
+                                   BrokenPipeError(errno.EPIPE, "Broken pipe"), OSError("a library's own words")])
+def test_what_the_system_refuses_of_a_file_is_one_line(error, monkeypatch):
+    def fail(config):
+        raise error
+
+    monkeypatch.setattr("fractal_exp.cli.train.fit", fail)
+    status, printed = run_here(composed)
+    assert (status == 2) == bool(error.filename) and ("Traceback" in printed) != bool(error.filename)
+    assert not error.filename or "error: /x: No space left on device; free some space" in printed
 
 
-@pytest.mark.parametrize("study", sweep.study_names())
+@pytest.mark.parametrize("study", [["seeds"], ["collage_ablation", "without=roots,nothing"], ["function_count"]])
 def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypatch):
-    """The words that the check adds leave a target of nothing but the picture's own settings, in every job."""
-    monkeypatch.setattr(sweep_check, "_compose_some", lambda config: None)
-    configuration.register()
-    given = words.completed([f"picture={tmp_path / 'leaf.png'}"], Vocabulary("sweep"))
-    search = ["hydra.searchpath=[pkg://fractal_exp.conf]"]
-    with initialize_config_module("fractal_exp.sweeps", version_base="1.3"):
-        config = compose(study, [*given, *search], return_hydra_config=True)
-        sweep_check.CheckSweep().on_multirun_start(config)
-        assert not [key for key in config.hydra.sweeper.params if key.startswith("target")]
-        jobs = OverridesParser.create().parse_overrides(list(config.hydra.overrides.task))
-        [[job]] = BasicSweeper.split_arguments(jobs, None)
-        target = compose(study, [*job, *search]).target
-    assert set(target) == {"_target_", "path", "invert", "threshold", "clean", "crop", "levels"}
-    assert target._target_.endswith("Picture")
+    """Each job has a target of nothing but the picture's own settings, and the table speaks of it."""
+    jobs = []
+    monkeypatch.setattr("fractal_exp.cli.jobs.run_job", lambda config: jobs.append(configuration.resolve(config)))
+    run_here(sweep, *study, f"picture={tmp_path / 'leaf.png'}", "sweep.count=2", "tracking=none",
+             f"output={tmp_path}")
+    assert len(jobs) > 1
+    for job in jobs:
+        assert set(job.target) == set(OmegaConf.load(ROOT / "conf" / "target" / "image.yaml"))
+        assert job.target._target_.endswith("Picture")
+    assert len({(job.sweep.row, job.sweep.sample) for job in jobs}) == len(jobs)
 
 
-def test_an_error_after_a_signal_is_the_interruption_in_every_command(monkeypatch, capsys):
-    monkeypatch.setattr("fractal_exp.cli.interruption._asked", True)
-    monkeypatch.setattr(sys, "argv", ["fractal-train"])
-
+def test_an_error_after_a_signal_is_the_interruption_in_every_command(monkeypatch):
     def fail(*_):
+        interruption._asked = True
         raise AttributeError
 
-    with pytest.raises(KeyboardInterrupt), words.one_line("fractal-train"):
-        fail()
-    with pytest.raises(KeyboardInterrupt):
-        words.run("fractal-train", fail, [], "train")
+    monkeypatch.setattr(interruption, "_asked", False)
+    monkeypatch.setattr("fractal_exp.cli.train.fit", fail)
+    status, printed = run_here(composed)
+    assert status == 130 and "interrupted" in printed and "Traceback" not in printed
     with pytest.raises(SystemExit, match="130"):
         commands.command("fractal-view", fail, argparse.ArgumentParser(), [])
-    assert capsys.readouterr().err == "\nfractal-view: interrupted\n"

@@ -15,7 +15,7 @@ from PIL import Image
 from fractal_exp import IFS, Colours, InputError, codes, render
 from fractal_exp.cli import convert
 from fractal_exp.cli import render as render_app
-from fractal_exp.cli.commands import read_code
+from fractal_exp.cli.code_names import read_code
 from fractal_exp.ifs import attractor, formats
 from fractal_exp.ifs.formats import ply
 from fractal_exp.suite import random_suite

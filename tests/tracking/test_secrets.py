@@ -8,7 +8,7 @@ import pytest
 from commands import run_here
 
 from fractal_exp import tracking
-from fractal_exp.cli import train
+from fractal_exp.cli import composed as train
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.tracking import store
 from fractal_exp.tracking.addresses import shown

@@ -1,0 +1,55 @@
+"""Which code a command line names: a file, a classic, a fractal of the suite."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .. import codes
+from ..errors import InputError, did_you_mean
+from ..ifs import attractor, formats
+from ..ifs.code import IFS
+from ..suite import SUITE_SEED, random_suite
+from .commands import CODE_HELP
+
+
+def read_code(text: str, frame: str = "own") -> IFS:
+    """The code that a command line names, brought to the canvas if `frame` says so. Raises `InputError` if there is
+    none."""
+    return attractor.normalize(_code(text)) if frame == "canvas" else _code(text)
+
+
+def _code(text: str) -> IFS:
+    if text.startswith("suite:"):
+        index, seed = suite_address(text)
+        return random_suite(index + 1, seed)[index]
+    path, name = _file_and_name(text)
+    if path.is_dir() and (path / "code.json").is_file():
+        path = path / "code.json"
+    if _may_be_file(path):
+        return IFS.load(path, name)
+    if text in codes.names():
+        return codes.known(text)
+    near = did_you_mean(text, codes.names())
+    raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
+
+
+def _file_and_name(text: str) -> tuple[Path, str | None]:
+    """FILE:NAME as its parts; a file that is there, or a suffix, decides which colon it is."""
+    if not os.path.exists(text):
+        for colon in (i for i, letter in enumerate(text) if letter == ":"):
+            if _may_be_file(Path(text[:colon])):
+                return Path(text[:colon]), text[colon + 1:]
+    return Path(text), None
+
+
+def _may_be_file(path: Path) -> bool:
+    return os.path.exists(path) or path.suffix.lower() in formats.suffixes()
+
+
+def suite_address(text: str) -> tuple[int, int]:
+    """Index and seed of suite:INDEX or suite:INDEX:SEED."""
+    parts = text.split(":")[1:]
+    if len(parts) not in (1, 2) or not all(part.isdigit() for part in parts):
+        raise InputError(f"a fractal of the suite is named suite:INDEX or suite:INDEX:SEED, got {text!r}")
+    return int(parts[0]), int(parts[1]) if len(parts) == 2 else SUITE_SEED

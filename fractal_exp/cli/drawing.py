@@ -1,0 +1,172 @@
+"""What `fractal-render` does: stills, zoom films, morphs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from ..errors import InputError
+from ..ifs.code import IFS, View
+from ..rendering.colour import BLACK, ground_of, on_ground
+from ..rendering.film import check_film, forecast, frames, write_film
+from ..rendering.film_formats import NAMES, format_of, is_film
+from ..rendering.morph import morph_path
+from ..rendering.png import PngWriter
+from ..rendering.still import CHANNELS, render, render_tiles, tile_side, tone_map, white_level
+from ..rendering.zoom import nearest_point, rich_point, zoom_path
+from ..runtime import threads
+from .code_names import read_code
+from .commands import LARGEST
+
+STILLS = {"bits": 8, "transparent": False}
+COLOUR = "colour"
+FILMS = {"seconds": None, "fps": None}
+ZOOMS = {"start_zoom": 1.0}
+MORPHS = {"loop": False}
+DEFAULTS = STILLS | ZOOMS | MORPHS | {"supersample": 8, "seed": 0}
+ZOOM_SECONDS, PASSAGE_SECONDS = 12.0, 4.0
+
+
+def draw(options: argparse.Namespace) -> None:
+    """Draw what the command line asks for."""
+    threads.use()
+    started = time.perf_counter()
+    _refuse_unused(options)
+    for name, value in DEFAULTS.items():
+        if getattr(options, name) is None:
+            setattr(options, name, value)
+    codes = [read_code(text, options.frame) for text in options.code]
+    _choose_colours(codes, options)
+    if options.points is not None:
+        if not (math.isfinite(options.points) and options.points >= 1):
+            raise InputError(f"--points must be a number of at least 1, got {options.points}")
+        options.points = int(options.points)
+    path = draw_film(codes, options) if is_film(options.out) else draw_still(codes[0], options)
+    print(f"{path} ({time.perf_counter() - started:.1f} s)")
+
+
+def _choose_colours(codes: Sequence[IFS], options: argparse.Namespace) -> None:
+    """Set the mode, if none is given, and the ground. Raises `InputError` on a background that would change nothing."""
+    coloured = all(code.colours is not None for code in codes)
+    options.mode = options.mode or (COLOUR if coloured else "occupancy")
+    if options.background is not None and options.mode != COLOUR:
+        raise InputError(f"--background changes nothing with --mode {options.mode}; leave it out"
+                         + ("" if coloured else ", or find the code with fractal-invert --colour"))
+    if options.background is not None and options.transparent:
+        raise InputError("--background changes nothing with --transparent; leave one of them out")
+    options.ground = BLACK if options.background is None else ground_of(options.background)
+
+
+def _refuse_unused(options: argparse.Namespace) -> None:
+    """Raise `InputError` on an option that was given and would change nothing."""
+    film, several = is_film(options.out), len(options.code) > 1
+    if several and not film:
+        raise InputError(f"{len(options.code)} codes make a film, which is {NAMES}; got {options.out!r}")
+    if several and options.frame == "own":
+        raise InputError("a morph frames every picture, and --frame own would leave the codes where they are; leave it "
+                         "out")
+    unused = {name: f"is for stills; {options.out} is a film" for name in STILLS} if film else {
+        name: f"is for films; {options.out} is a still" for name in FILMS | ZOOMS | MORPHS}
+    if options.mode == "density":
+        unused["supersample"] = "changes nothing with --mode density"
+    if several:
+        unused |= {name: "is for a zoom into one code, not for a morph" for name in ("center", "zoom", "seed", *ZOOMS)}
+    elif film:
+        unused["loop"] = "returns to the first of several codes; a zoom into one code has no way back"
+        if options.center:
+            unused["seed"] = "chooses a film's target, which --center names"
+    for name, reason in unused.items():
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')} {reason}; leave it out")
+
+
+def draw_still(code: IFS, options: argparse.Namespace) -> Path:
+    """Draw one view, tile by tile."""
+    size = _size(options, 1024)
+    x, y = options.center or (0.0, 0.0)
+    view = View((x, y), 1.0 if options.zoom is None else options.zoom)
+    lit, empty = False, np.float32(options.ground if options.mode == COLOUR and not options.transparent else 0)
+    with PngWriter(options.out, size, size, bits=options.bits, transparent=options.transparent,
+                   colour=options.mode == COLOUR) as file:
+        for band in _bands(code, view, size, options):
+            lit |= bool((band != empty).any())
+            file.write(band)
+    if not lit:
+        x, y = nearest_point(code, view.center)
+        print(f"fractal-render: the view is empty; the point of the attractor nearest to its centre is at "
+              f"--center {x:.6g} {y:.6g}", file=sys.stderr)
+    return file.path
+
+
+def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iterator[np.ndarray]:
+    """The image as bands of whole rows, each as high as a tile."""
+    drawing = {"points_in_view": options.points, "supersample": options.supersample, "seed": options.seed,
+               "mode": options.mode}
+    # One white level for all tiles, from a small picture of the whole view.
+    small = render(code, view, resolution=min(size, 512), mode="density") if options.mode == "density" else None
+    white = None if small is None else white_level(small)
+    side = tile_side(size, options.supersample, options.mode)
+    across = math.ceil(size / side)
+    band = np.empty((side, across * side, *CHANNELS.get(options.mode, ())), np.float32)
+    tiles = render_tiles(code, view, resolution=size, **drawing)
+    for tile in tqdm(tiles, "drawing", across * across, unit="tile", disable=across == 1):
+        band[:, tile.column:tile.column + side] = tile.pixels
+        if tile.column + side >= size:
+            rows = band[:size - tile.row, :size]
+            yield _finished(rows, white, options)
+
+
+def _finished(rows: np.ndarray, white: float | None, options: argparse.Namespace) -> np.ndarray:
+    """Rows as they are written: density with its tone, colours on their ground."""
+    if white is not None:
+        return tone_map(torch.from_numpy(rows), white).numpy()
+    plain = options.mode != COLOUR or options.transparent
+    return rows if plain else on_ground(torch.from_numpy(rows), options.ground).numpy()
+
+
+def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:
+    """Draw a zoom into one code, or a morph through several, frame by frame."""
+    size = _size(options, 720)
+    kind = format_of(options.out)
+    fps = kind.fps if options.fps is None else options.fps
+    passages = len(codes) - (not options.loop)
+    seconds = options.seconds if options.seconds is not None else (PASSAGE_SECONDS * passages or ZOOM_SECONDS)
+    if not (math.isfinite(seconds) and seconds * fps >= 2):
+        raise InputError(f"a film has at least 2 frames, got {seconds} s at {fps} frames a second")
+    count = round(seconds * fps)
+    path = check_film(options.out, size, fps, count)
+    course, views = (morph_path(codes, count, loop=options.loop) if len(codes) > 1
+                     else _zoom(codes[0], count, options))
+
+    def drawn(part: slice) -> Iterator[torch.Tensor]:
+        return frames(course[part], views[part], resolution=size, points_in_view=options.points,
+                      supersample=options.supersample, mode=options.mode, ground=options.ground)
+
+    print(forecast(path, drawn, count, fps=fps), flush=True)
+    return write_film(path, tqdm(drawn(slice(None)), "drawing", count, unit="frame"), fps=fps)
+
+
+def _zoom(code: IFS, count: int, options: argparse.Namespace) -> tuple[Sequence[IFS], Sequence[View]]:
+    """One code, and the views of a zoom into a point of its attractor."""
+    start = View(zoom=options.start_zoom)
+    end_zoom = 1e4 if options.zoom is None else View(zoom=options.zoom).zoom
+    zoom_path((0.0, 0.0), count, start=start, end_zoom=end_zoom)  # what it refuses, before the target is looked for
+    target = (nearest_point(code, tuple(options.center)) if options.center
+              else rich_point(code, options.seed, end_zoom=end_zoom))
+    print(f"zooming to ({target[0]!r}, {target[1]!r})")
+    return [code] * count, zoom_path(target, count, start=start, end_zoom=end_zoom)
+
+
+def _size(options: argparse.Namespace, default: int) -> int:
+    size = default if options.size is None else options.size
+    if not 1 <= size <= LARGEST:
+        raise InputError(f"--size must be from 1 to {LARGEST} pixels a side, got {size}")
+    return size

@@ -18,6 +18,7 @@ from typing import Any
 from fractal_exp import InputError, tracking
 from fractal_exp.cli.tables import store_uri
 from fractal_exp.images.reading import write_image
+from fractal_exp.inversion.result import INVERSION
 from fractal_exp.studies import course, report, report_text
 from fractal_exp.studies.report_figure import figure
 
@@ -42,7 +43,7 @@ def kept(uri: str, sweep: report.Sweep) -> list[dict[str, Any]]:
             "seconds": round(job["seconds"], 2),
             "images": None if job["evaluations"] != job["evaluations"] else int(job["evaluations"]),
             "scores": scores, "course": points[["seconds", "f1"]].round(4).values.tolist(),
-            "stopped": _artifact(uri, job["run_id"], "history.json").get("stopped"),
+            "stopped": _artifact(uri, job["run_id"], INVERSION).get("meta", {}).get("inversion", {}).get("stopped"),
             "code": _artifact(uri, job["run_id"], "code.json") or None,
             "commit": run.get("tags.git_commit"), "machine": machine(), "date": run["start_time"].strftime("%Y-%m-%d")})
     return records

@@ -26,10 +26,11 @@ import torch
 
 from fractal_exp import IFS, ops, suite
 from fractal_exp.cameras import tiles
-from fractal_exp.cameras.levels import Density
+from fractal_exp.cameras.levels import REUSE, Density
+from fractal_exp.cameras.params import CameraParams
+from fractal_exp.cameras.pens import PEN_SUPERSAMPLE, TILES_PX
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.params import CameraParams
 from fractal_exp.ops.backends import choose
 from fractal_exp.ops.collage import Descent, descend
 from fractal_exp.rendering.still import render_with_info
@@ -42,7 +43,7 @@ STEPS, GRID, SIDE = 40, 64, 256
 OPERATIONS = 55, 12   # of a step: for each sample and map, and for each bin
 BATCHES = {"24 births of one map": (24, 1), "6 codes of eight maps": (6, 8)}
 CAMERA = CameraParams()
-DRAWINGS = {"as the search": CAMERA.reuse, "with each point used once": 1}
+DRAWINGS = {"as the search": REUSE, "with each point used once": 1}
 
 
 def best(call: Callable[[], object], repeats: int) -> float:
@@ -97,13 +98,13 @@ def _played(code: IFS, points: int) -> torch.Tensor:
 def tilings(image: torch.Tensor, code: IFS, repeats: int) -> dict:
     """All sizes of tiles, by the kernels and by plain torch."""
     def call() -> None:
-        for size in CAMERA.tiles_px:
-            tiles.tiled(image, code, 2 / SIDE * size, SIDE, CAMERA.pen_supersample)
+        for size in TILES_PX:
+            tiles.tiled(image, code, 2 / SIDE * size, SIDE, PEN_SUPERSAMPLE)
 
     kernel = best(call, repeats)
     with patch.multiple(tiles, collect=_collected, mark=_marked):
         twin = best(call, 2)
-    return {"sizes": len(CAMERA.tiles_px), "ms": kernel, "twin_ms": twin, "twin_ratio": twin / kernel}
+    return {"sizes": len(TILES_PX), "ms": kernel, "twin_ms": twin, "twin_ratio": twin / kernel}
 
 
 def _sent(words: np.ndarray, places: np.ndarray) -> torch.Tensor:

@@ -216,7 +216,7 @@ def test_an_interrupted_command_goes_on(tmp_path, monkeypatch):
     (["method=cuckoo"], "the method cuckoo has no network to train"),
     (["method=neural_regression", "seconds=0"], "seconds must be above 0 .* got 0"),
     (["method=neural_regression", "pretraining.epochs=0"], "pretraining.epochs must be at least 1, got 0"),
-    (["method=neural_regression", "+pretraining.colour=1"], "unknown key pretraining.colour"),
+    (["method=neural_regression", "+pretraining.colour=1"], "pretraining.colour: Extra inputs are not permitted"),
     (["method=neural_regression", "device=gpu"], "there is no device 'gpu'"),
 ])
 def test_a_training_that_cannot_begin_leaves_nothing(words, message, tmp_path):

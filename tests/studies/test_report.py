@@ -226,7 +226,7 @@ def test_a_sweep_is_kept_fit_by_fit(tmp_path, monkeypatch):
     log(uri, tmp_path, "smoke-kept", {"full": [.6, .8]}, None)
     sweep = report.read_sweep(uri, "study")
     first, client = sweep.jobs["run_id"][0], MlflowClient(uri)
-    for name, value in {"code.json": {"linear": []}, "history.json": {"stopped": "done"},
+    for name, value in {"code.json": {"linear": []}, "inversion.json": {"meta": {"inversion": {"stopped": "done"}}},
                         "course.json": [{"seconds": 1.0, "f1": .5}]}.items():
         client.log_text(first, json.dumps(value), name)
     client.log_param(first, "method.seconds", "90.0")

@@ -1,6 +1,6 @@
-"""A campaign of kills, interruptions and full disks; each prints how many were tried and how many were clean.
+"""A campaign of kills and interruptions, which prints how many were tried and how many were clean.
 
-All are slow tests. Seeds are fixed, the moments come as they fall.
+It is a slow test. Its seed is fixed, the moments come as they fall.
 """
 
 import json

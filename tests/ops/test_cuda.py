@@ -101,7 +101,7 @@ def test_kernels_compile_to_machine_code(capability):
         nvjitlink.destroy(linker)
 
 
-def test_the_cuda_backend_says_what_it_needs(monkeypatch):
+def test_the_cuda_backend_says_what_it_needs():
     code = torch.eye(2)[None] / 2, torch.zeros(1, 2)
     with pytest.raises(InputError, match=r"backend='cuda' needs float32 tensors on an NVIDIA GPU, and numba-cuda"):
         chaos_game(*code, backend="cuda")

@@ -90,21 +90,6 @@ class Tab:
         return word["why"]
 
 
-def deaf(pipe: Any) -> None:
-    """The work of a process whose tasks are seconds to sleep, and which no interrupt stops."""
-    import pickle
-    import signal
-
-    from fractal_exp.studio.tasks import Done
-    from fractal_exp.studio.worker import Ready
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    pipe.send_bytes(pickle.dumps(Ready()))
-    while (seconds := pickle.loads(pipe.recv_bytes())) is not None:
-        time.sleep(seconds)
-        pipe.send_bytes(pickle.dumps(Done()))
-
-
 @contextmanager
 def served(output: Path) -> Iterator[Studio]:
     import uvicorn

@@ -28,6 +28,12 @@ class Target:
     read: images.ReadImage
     truth: IFS | None = None
 
+    @classmethod
+    def drawn(cls, code: IFS, resolution: int, kind: Kind = "grey", notes: Sequence[str] = ()) -> Target:
+        """The target (resolution, resolution) that our renderer draws of a code, whose truth is that code."""
+        image = suite.target(code, resolution, kind)
+        return cls(images.ReadImage.of_drawing(image, MEANINGS[kind], tuple(notes)), code)
+
     @property
     def image(self) -> Tensor:
         """(R,R) in [0,1]."""
@@ -42,11 +48,6 @@ class TargetSource(ABC):
     @abstractmethod
     def load(self, resolution: int) -> Target:
         """The target at (resolution, resolution). Raises `InputError` if it cannot be read or used."""
-
-
-def _drawn(code: IFS, resolution: int, kind: Kind, notes: tuple[str, ...]) -> Target:
-    image = suite.target(code, resolution, kind)
-    return Target(images.ReadImage.of_drawing(image, MEANINGS[kind], notes), code)
 
 
 def _sample(image: Tensor, note: str) -> Target:
@@ -71,7 +72,7 @@ class KnownCode(TargetSource):
         self.notes = (published.meta["title"], f"probabilities: {probabilities}")
 
     def load(self, resolution: int) -> Target:
-        return _drawn(self.code, resolution, self.kind, self.notes)
+        return Target.drawn(self.code, resolution, self.kind, self.notes)
 
 
 class SuiteFractal(TargetSource):
@@ -85,7 +86,7 @@ class SuiteFractal(TargetSource):
         self.label = f"suite{seed}-{index:03d}"
 
     def load(self, resolution: int) -> Target:
-        return _drawn(self.code, resolution, self.kind, (f"{len(self.code)} maps",))
+        return Target.drawn(self.code, resolution, self.kind, (f"{len(self.code)} maps",))
 
 
 class Picture(TargetSource):

@@ -101,7 +101,8 @@ def _coloured(shape: Inversion, painted: Painted) -> Inversion:
         return replace(shape, notes=(*shape.notes, note), warnings=(*shape.warnings, note))
     grey = ["the picture is grey, so the colours found are greys"] if painted.is_grey else []
     likeness = replace(shape.likeness, colour=colour_error(code, painted, seed))
-    return replace(shape, code=code, likeness=likeness, notes=(*shape.notes, *grey))
+    return replace(shape, code=code, likeness=likeness, verdict=shape.verdict.with_colours(likeness.colour),
+                   notes=(*shape.notes, *grey))
 
 
 def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:

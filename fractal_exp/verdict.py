@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import torch
@@ -14,7 +14,7 @@ from .images.levels import DRAWN
 from .images.reading import ReadImage
 from .likeness import ALIKE, UNLIKE, WITHIN_NOISE, Likeness
 
-Kind = Literal["recovered", "approximation", "not self-similar"]
+Kind = Literal["recovered", "approximation", "not recovered"]
 
 TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
 OTHER_LEVELS = {"density": "coverage", "binary": "coverage", "coverage": "auto"}
@@ -25,6 +25,7 @@ OVER_A_BOX = 0.02             # share of the gap to 1 by which a code's F1 must 
 SMALL, SHRUNK = 2.0, 0.75     # factors of enlargement above and below which another size of the picture may help
 LARGEST_SIDE = 512            # pixels, beyond which a finer image is shrunk for the search
 MORE_TIME, MORE_MAPS = 4, 2   # factors on what was given, in suggestions
+OTHER_COLOURS = 10.0          # mean CIEDE2000 difference from which anybody calls two colours different
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class Verdict:
     """What a code is worth.
 
     kind: "recovered" if the picture is explained to its noise, or its shape to within a pixel by few maps;
-    "approximation" if the code draws something like it; "not self-similar", as far as we can see, if the code is hardly
-    like it, or no more than a filled box. words: the same in one line, with figures. remedy: what is most likely to
-    help; empty if nothing is needed.
+    "approximation" if the code draws something like it; "not recovered" if the code is hardly like it, or no more than
+    a filled box. Whether the picture is self-similar, no search can say. words: the same in one line, with figures; of
+    colours too, where they are clearly off. remedy: what is most likely to help; empty if nothing is needed.
     """
 
     kind: Kind
@@ -60,7 +61,13 @@ class Verdict:
             number = f"{maps} map{'s' * (maps > 1)}"
             return cls("approximation", f"approximation with {number}; {figures}; {short} would help", remedy)
         why = f" ({unclear})" if unclear else ""
-        return cls("not self-similar", f"not self-similar as far as we can see{why}; {figures}", remedy)
+        return cls("not recovered", f"not recovered{why}; {figures}", remedy)
+
+    def with_colours(self, apart: float | None) -> Verdict:
+        """The verdict on a code that has colours too, whose mean CIEDE2000 difference from the picture's is `apart`."""
+        if apart is None or apart < OTHER_COLOURS:
+            return self
+        return replace(self, words=f"{self.words}; its colours are not the picture's, {apart:.2g} apart (CIEDE2000)")
 
     def __str__(self) -> str:
         return f"{self.words} ({self.remedy})" if self.remedy else self.words

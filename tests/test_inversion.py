@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -97,7 +98,7 @@ def test_a_code_that_is_far_off_is_warned_of(known):
     assert known(target, resolution=64, frame="keep").warnings == ()
     fern = attractor.normalize(codes.known("fern"))
     found = known(target, resolution=64, frame="keep", stopped="asked to", code=fern)
-    assert found.warnings == (f"{found.verdict} (asked to)",) and found.verdict.kind == "not self-similar"
+    assert found.warnings == (f"{found.verdict} (asked to)",) and found.verdict.kind == "not recovered"
 
 
 def test_notes_and_warnings_of_the_picture_and_of_the_method_are_kept(known):
@@ -118,26 +119,28 @@ def test_pixels_go_to_the_canvas_and_back(found):
 
 
 @pytest.mark.parametrize("of", [np.asarray, str])
-def test_the_overlay_lies_on_the_shape_of_the_picture(of, path, known, tmp_path):
+def test_the_overlay_marks_what_is_missing_and_what_is_too_much(of, path, known, tmp_path):
     picture = triangle_picture()
     found = known(picture if of is np.asarray else path)
     written = tmp_path / "overlay.png"
-    overlay = np.asarray(found.overlay(written, colour=(255, 0, 0), opacity=1.0))
-    assert overlay.shape == (*SIZE[::-1], 3) and np.array_equal(np.asarray(Image.open(written)), overlay)
-    red, blue = overlay[..., 0].astype(int), overlay[..., 2].astype(int)
-    dark, coloured = 255 - picture.astype(int), red - blue
-    agreement = {(x, y): (dark * np.roll(coloured, (y, x), (0, 1))).sum() for x in range(-3, 4) for y in range(-3, 4)}
-    assert max(agreement, key=agreement.get) == (0, 0)
-    assert (coloured > 128).sum() > 500
-    assert np.array_equal(overlay[:9], np.repeat(picture[:9, :, None], 3, -1)), "elsewhere the picture is as it was"
+    for code in (found.code, found.code.similar(1.0, (0.3, 0.0))):
+        overlay = np.asarray(replace(found, code=code).overlay(written, opacity=1.0))
+        assert np.array_equal(np.asarray(Image.open(written)), overlay)
+        assert overlay.shape[1:] == (SIZE[0], 3) and overlay.shape[0] > SIZE[1], "there is a legend below"
+        red, blue = overlay[:SIZE[1], :, 0].astype(int), overlay[:SIZE[1], :, 2].astype(int)
+        missing, extra = red - blue > 100, blue - red > 50
+        assert code is not found.code or missing.sum() < 20, "the right code lacks next to nothing"
+    assert missing.sum() > 200 and extra.sum() > 300
+    assert (picture[missing] < 192).mean() > 0.9 and (picture[extra] > 192).mean() > 0.7
 
 
-def test_the_overlay_of_a_coloured_picture_keeps_its_colours(known):
+def test_the_overlay_of_a_coloured_picture_is_marked_on_greys(known):
     picture = np.zeros((*SIZE[::-1], 4), np.uint8)
     picture[..., 1], picture[..., 3] = 255 - triangle_picture(), 255
     picture[:5] = 0  # transparent, laid on black as the shape is white
-    overlay = np.asarray(known(picture).overlay(opacity=0.001))
-    np.testing.assert_allclose(overlay, picture[..., :3], atol=1)
+    overlay = np.asarray(known(picture).overlay(opacity=0.001))[:SIZE[1]]
+    assert np.ptp(overlay.astype(int), axis=2).max() <= 1
+    assert np.corrcoef(overlay[..., 0].ravel(), picture[..., 1].ravel())[0, 1] > 0.999
 
 
 def test_it_is_rendered_and_judged_like_a_code(known):
@@ -194,7 +197,7 @@ def test_a_saved_inversion_is_loaded(known, path, tmp_path):
         loaded = Inversion.load(place)
         assert torch.equal(loaded.code.linear, found.code.linear) and loaded.facts() == found.facts()
         torch.testing.assert_close(loaded.target.image, found.target.image, atol=1e-5, rtol=0)
-    assert np.array_equal(np.asarray(loaded.overlay()), np.asarray(found.overlay()))
+    np.testing.assert_allclose(*(np.asarray(each.overlay()).astype(int) for each in (loaded, found)), atol=1)
     assert "inversion" not in loaded.code.meta
 
 

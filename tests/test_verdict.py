@@ -43,7 +43,7 @@ def test_a_verdict_has_a_kind_words_and_a_remedy():
                               "help", "more maps: maps=46, with more time for each")
     assert str(verdict) == f"{verdict.words} ({verdict.remedy})"
     none = Verdict.of(likeness(0.2), 3, read())
-    assert none.words == "not self-similar as far as we can see; F1 .20 within a pixel" and none.remedy
+    assert none.words == "not recovered; F1 .20 within a pixel" and none.remedy
     assert Verdict.of(likeness(0.3, 1.0), 3, read()).kind == "recovered"
     assert "1 map;" in Verdict.of(likeness(0.6), 1, read()).words
     assert "F1 1.00" in Verdict.of(likeness(1), 30, read()).words
@@ -79,12 +79,19 @@ def test_a_code_no_better_than_a_box_is_none():
     filled = torch.zeros(64, 64)
     filled[16:48, 16:48] = 1
     filled[20:22, 20:40] = 0
-    assert Verdict.of(likeness(0.9), 4, read(filled)).kind == "not self-similar"
+    assert Verdict.of(likeness(0.9), 4, read(filled)).kind == "not recovered"
     assert Verdict.of(likeness(0.9), 4, read()).kind == "approximation"
 
 
 def test_a_picture_without_a_clear_shape_must_be_hit_well():
     unclear = read(unclear="it looks like a page of text")
     verdict = Verdict.of(likeness(0.8), 4, unclear)
-    assert verdict.kind == "not self-similar" and "(it looks like a page of text)" in verdict.words
+    assert verdict.kind == "not recovered" and "(it looks like a page of text)" in verdict.words
     assert Verdict.of(likeness(0.93), 4, unclear).kind == "approximation"
+
+
+def test_a_verdict_speaks_of_colours_that_are_off():
+    verdict = Verdict.of(likeness(1), 9, read())
+    assert verdict.with_colours(3.0) == verdict == verdict.with_colours(None)
+    off = verdict.with_colours(26.0)
+    assert off.kind == "recovered" and "its colours are not the picture's, 26 apart" in off.words

@@ -28,13 +28,13 @@ DESCRIPTION = """Find the code of the self-similar shape on a picture: the few a
 
 PICTURE is a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file with one shape on a background of one colour. Captions, axes,
 frames and specks beside it are ignored, and what is done is said. At the end stands a verdict: whether the shape was
-recovered or approximated, or is not self-similar as far as can be seen, and what may help.
+recovered, approximated or not recovered, and what may help.
 
 Written to --output: code.json (for fractal-render), inversion.json (the code and all that is known of it), target.png
 (the picture as it was taken), redrawn.png (the code drawn like the picture, to compare with it), rendering.png (the
-code alone), code.html (a page of it) and, for a picture of at most 4096 px a side, overlay.png (the code laid over the
-picture). Ctrl-C ends the
-search and writes the best code so far.
+code alone), code.html (a page of it) and, for a picture of at most 4096 px a side, overlay.png (the
+picture with what the code lacks in orange and what it has too much in blue). Ctrl-C ends the search and writes the best
+code so far.
 
 examples
   fractal-invert leaf.png                                    writes leaf-fractal

@@ -23,18 +23,15 @@ from ..methods.base import CurvePoint
 from ..methods.history import StageRecord
 from ..rendering import sheets
 from ..rendering.colour import on_ground
-from ..rendering.still import points_per_view, render_with_info
+from ..rendering.still import render_with_info
 from ..verdict import Verdict
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 VERSION = 2  # of the facts in inversion.json
-COLOUR = (255, 96, 0)
-OVERLAY_SUPERSAMPLE = 4
 CODE, INVERSION, TARGET = "code.json", "inversion.json", "target.png"  # files in the folder of an inversion
 WARNED = 0.8  # F1 within a pixel below which an approximation comes with a warning
-OVERLAY_POINTS = points_per_view(2048)  # maximum, so that larger overlays get fainter, not slower
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,18 +90,16 @@ class Inversion:
         given = dict(self.options.get("camera") or {})
         return CameraParams().updated(**{key: given[key] for key in given.keys() & CameraParams.model_fields.keys()})
 
-    def overlay(self, path: str | Path | None = None, *, colour: tuple[int, int, int] = COLOUR,
-                opacity: float = 0.8) -> Image:
-        """The code's rendering in `colour` (red, green, blue up to 255) over the given picture, at the picture's
-        resolution, as a Pillow image. It is also written to `path` as a PNG, if given.
+    def overlay(self, path: str | Path | None = None, *, opacity: float = 0.8) -> Image:
+        """The given picture in faded greys with the differences of what the code draws: orange where it lacks light of
+        the shape, blue where it has too much. A Pillow image as wide as the picture, with a legend below it. It is also
+        written to `path` as a PNG, if given.
 
-        opacity: of a fully lit pixel, in (0,1]. If `invert` was given a path, the picture is read again. Raises
-        `InputError` if colour or opacity are out of range, or if the picture cannot be read or the file written.
+        opacity: of a full difference, in (0,1]. If `invert` was given a path, the picture is read again. Raises
+        `InputError` if the opacity is out of range, or if the picture cannot be read or the file written.
         """
         from PIL import Image
 
-        if len(colour) != 3 or not all(0 <= part <= 255 for part in colour):
-            raise InputError(f"colour must be (red, green, blue) from 0 to 255 each, got {colour!r}")
         if not 0 < opacity <= 1:
             raise InputError(f"opacity must be above 0 and at most 1, got {opacity!r}")
         below = read_colour(self.source, backdrop=float(self.target.inverted))
@@ -112,11 +107,7 @@ class Inversion:
         if (width, height) != self.placement.size:
             raise InputError(f"the picture {self.source} now has {width}×{height} pixels, but had "
                              f"{self.placement.size[0]}×{self.placement.size[1]}; give `invert` the new one")
-        longer = max(width, height)
-        lit = self.render(self.placement.view(), resolution=longer, supersample=OVERLAY_SUPERSAMPLE,
-                          points_in_view=min(points_per_view(longer), OVERLAY_POINTS))
-        cover = opacity * lit.numpy()[:height, :width, None]
-        pixels = np.rint((1 - cover) * below + cover * np.array(colour, np.float32)).astype(np.uint8)
+        pixels = sheets.marked(below, self.redrawn(), self.target.image, self.placement.crop_box, opacity)
         if path is not None:
             write_image(path, pixels)
         return Image.fromarray(pixels)
@@ -221,7 +212,7 @@ class Inversion:
 def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:
     """What a user should know before trusting a code: doubts about the picture, and whether the code is far from it."""
     unlike = likeness.f1_1px < WARNED
-    far = verdict.kind == "not self-similar" or (verdict.kind == "approximation" and unlike)
+    far = verdict.kind == "not recovered" or (verdict.kind == "approximation" and unlike)
     return (*target.warnings, *([f"{verdict} ({stopped})"] if far else []))
 
 

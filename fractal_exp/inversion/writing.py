@@ -18,8 +18,8 @@ def write(found: Inversion, folder: Path) -> list[str]:
 
     code.json, the code alone; inversion.json, the code and all that is known of it; target.png, the picture as the
     method saw it; redrawn.png, the code drawn like the picture; rendering.png, the code alone, in colour if it has any;
-    code.html, a page, unless the code is too large for one; and overlay.png, the code laid over the picture, unless the
-    picture has more than 4096 px a side. Raises `InputError` if a file cannot be written.
+    code.html, a page, unless the code is too large for one; and overlay.png, the picture with the differences marked,
+    unless it has more than 4096 px a side. Raises `InputError` if a file cannot be written.
     """
     found.save(folder)
     mode = "occupancy" if found.code.colours is None else "colour"

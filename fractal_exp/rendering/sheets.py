@@ -14,18 +14,51 @@ from ..ifs import attractor
 from ..ifs.code import IFS, View
 from .still import render_with_info
 
-LEAST_FONT = 9                             # pixels high
+LEAST_FONT, LARGEST_FONT = 9, 40           # pixels high
+GROUND, INK = (32, 32, 32), (210, 210, 210)   # of captions
 GAP = 4                                    # pixels between pictures
 SHADE = 40                                 # grey level of a silhouette
 MISSING = np.array([1.0, 0.55, 0.1])       # orange: only in the target
 EXTRA = np.array([0.2, 0.6, 1.0])          # blue: only in the result
-COLUMNS = ("target", "result", "orange: missing, blue: too much")
+LEGEND = "orange: missing, blue: too much"
+COLUMNS = ("target", "result", LEGEND)
+FULL = 0.5                                 # difference of grey levels from which a mark has its full opacity
+FADED, LIFTED = 0.6, 0.2                   # contrast and darkest grey of a picture on which differences are marked
 
 
 def difference(image: Tensor, truth: Tensor) -> np.ndarray:
     """Where an image (H,W) in [0,1] differs from the truth: (H,W,3), orange where it is darker, blue where brighter."""
     signed = (truth.double() - image.double()).numpy()[..., None]
     return np.maximum(signed, 0) * MISSING + np.maximum(-signed, 0) * EXTRA
+
+
+def marked(picture: np.ndarray, image: Tensor, truth: Tensor, box: Sequence[float], opacity: float = 1.0) -> np.ndarray:
+    """A picture (H,W,3) uint8 in faded greys, with the differences between an image (R,R) and the truth (R,R) marked as
+    `difference` does, and a legend below: (H+L,W,3) uint8.
+
+    box: (x0, y0, x1, y1), the part of the picture, in its pixels, that the image shows, and that may reach beyond it;
+    opacity: of a full difference, in (0,1].
+    """
+    height, width = picture.shape[:2]
+    (x0, y0, x1, y1), side = box, len(image)
+    x_scale, y_scale = side / (x1 - x0), side / (y1 - y0)
+    signed = np.asarray(Image.fromarray((truth.float() - image.float()).numpy()).transform(
+        (width, height), Image.Transform.EXTENT,
+        (-x0 * x_scale, -y0 * y_scale, (width - x0) * x_scale, (height - y0) * y_scale), Image.Resampling.BILINEAR))
+    faded = LIFTED + FADED / 255 * np.asarray(Image.fromarray(picture).convert("L"), np.float32)
+    cover = opacity * np.minimum(np.abs(signed) / FULL, 1)[..., None]
+    colours = np.where(signed[..., None] > 0, MISSING, EXTRA)
+    pixels = np.rint(255 * ((1 - cover) * faded[..., None] + cover * colours)).clip(0, 255).astype(np.uint8)
+    return np.concatenate([pixels, _legend(width)])
+
+
+def _legend(width: int) -> np.ndarray:
+    """`LEGEND` as a strip (L,width,3) uint8."""
+    text, font = _fitted(LEGEND, width - 2 * GAP, _font(max(LEAST_FONT, min(width // 24, LARGEST_FONT))))
+    line = round(font.getbbox("Ag")[3]) + 2 * GAP
+    strip = Image.new("RGB", (width, line), GROUND)
+    ImageDraw.Draw(strip).text((GAP, line - GAP), text, fill=INK, font=font, anchor="ls")
+    return np.asarray(strip)
 
 
 def comparison_strip(images: Tensor, truth: Tensor, captions: Sequence[str], side: int = 320) -> np.ndarray:
@@ -56,12 +89,10 @@ def _grey(image: Tensor) -> np.ndarray:
 
 
 def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, side: int) -> np.ndarray:
-    font = ImageFont.load_default(size=max(LEAST_FONT, side // 24))
-    if not isinstance(font, ImageFont.FreeTypeFont):
-        raise InputError("this Pillow has no FreeType to write captions with; pip install --force-reinstall pillow")
+    font = _font(max(LEAST_FONT, side // 24))
     line = round(font.getbbox("Ag")[3]) + GAP
     rows, columns = -(-len(cells) // columns), min(columns, len(cells))
-    sheet = Image.new("RGB", (columns * (side + GAP) + GAP, rows * (side + line + GAP) + GAP), (32, 32, 32))
+    sheet = Image.new("RGB", (columns * (side + GAP) + GAP, rows * (side + line + GAP) + GAP), GROUND)
     pen = ImageDraw.Draw(sheet)
     for k, (cell, caption) in enumerate(zip(cells, captions, strict=True)):
         x, y = GAP + k % columns * (side + GAP), GAP + k // columns * (side + line + GAP)
@@ -70,8 +101,16 @@ def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, si
         smaller = picture.width >= side
         sheet.paste(picture.resize((side, side), Image.Resampling.BOX if smaller else Image.Resampling.NEAREST), (x, y))
         text, fitting = _fitted(caption, side, font)
-        pen.text((x, y + side + line - GAP), text, fill=(210, 210, 210), font=fitting, anchor="ls")
+        pen.text((x, y + side + line - GAP), text, fill=INK, font=fitting, anchor="ls")
     return np.asarray(sheet)
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    """The font of captions. Raises `InputError` if this Pillow has none."""
+    font = ImageFont.load_default(size=size)
+    if not isinstance(font, ImageFont.FreeTypeFont):
+        raise InputError("this Pillow has no FreeType to write captions with; pip install --force-reinstall pillow")
+    return font
 
 
 def _fitted(caption: str, width: int, font: ImageFont.FreeTypeFont) -> tuple[str, ImageFont.FreeTypeFont]:

@@ -76,11 +76,6 @@ def camera_for(code: IFS, target: TargetImage, *, params: CameraParams | None = 
     return estimated(target.image, levels, code, derive(seed, "likeness")) or levels.camera
 
 
-def default_camera(target: TargetImage, params: CameraParams | None = None) -> Camera:
-    """The camera of a target as far as its levels and the user say."""
-    return levels_of(target.image, target.levels, params or CameraParams()).camera
-
-
 def redrawn(code: IFS, target: TargetImage, camera: Camera, *, params: CameraParams | None = None, seed: int = 0
             ) -> Tensor:
     """The code (R,R) drawn as the target was, with this camera."""

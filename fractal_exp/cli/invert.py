@@ -162,7 +162,3 @@ def _tell(progress: Progress) -> None:
 def _print_list(lines: Iterable[str]) -> None:
     for line in lines:
         print(f"  {line}")
-
-
-if __name__ == "__main__":
-    main()

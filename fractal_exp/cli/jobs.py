@@ -14,13 +14,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
+from hydra.utils import get_method
 from omegaconf import DictConfig
 
 from ..runtime import threads
 from ..runtime.files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
 from . import configuration, parent
-from .runs import Runs
+from .runs import NoRuns
 
 FINISHED, FAILED = "finished", "failed"
 LONGEST_NAME = 120
@@ -88,7 +89,7 @@ def run_job(config: DictConfig) -> str:
     with alone_in(folder, wait=True), _printing_to(folder / "log.txt"):
         again = (folder / "finished.json").exists()
         try:
-            scores = configuration.build(config.task).run(config)
+            scores = get_method(config.task)(config)
             outcome = Outcome(FINISHED, row, sample, time.perf_counter() - start, scores, again)
         except Exception as error:
             told = shown(traceback.format_exc())
@@ -109,7 +110,7 @@ def _label(config: DictConfig, key: str, otherwise: str) -> str:
 
 def _track_failure(config: DictConfig, row: str, sample: str, folder: Path, error: BaseException) -> None:
     try:
-        runs: Runs = configuration.build(config.tracking)
+        runs: NoRuns = configuration.build(config.tracking)
         settings = {key: config[key] for key in ("study", "output")}
         sweep = {"run": config.sweep.run, "folder": config.sweep.folder, "row": row, "sample": sample}
         runs.fail(settings | {"sweep": sweep}, folder, error)

@@ -42,7 +42,3 @@ def offer(options: argparse.Namespace) -> None:
 
     folder = make_folder(Path(options.output))
     serve(folder, options.port, opened, lambda path: print(f"  kept       {path}", file=sys.stderr))
-
-
-if __name__ == "__main__":
-    main()

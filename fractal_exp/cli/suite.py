@@ -68,7 +68,3 @@ def write_suite(options: argparse.Namespace) -> None:
     facts = {"count": options.count, "seed": options.seed, "resolution": options.resolution, "kind": kind}
     write_atomically(folder / "suite.json", json.dumps(facts, indent=1) + "\n")
     print(f"{len(suite)} fractals in {folder}; all at a glance: {folder / 'sheet.png'}")
-
-
-if __name__ == "__main__":
-    main()

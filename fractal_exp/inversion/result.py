@@ -15,10 +15,9 @@ from ..cameras.camera import Camera, parse_camera
 from ..cameras.params import CameraParams
 from ..errors import InputError
 from ..ifs.code import IFS, View
-from ..images.levels import decided
 from ..images.placement import Placement
 from ..images.reading import ReadImage, read_colour, read_target, write_image
-from ..likeness import Likeness, default_camera, redrawn
+from ..likeness import Likeness, redrawn
 from ..methods.base import CurvePoint
 from ..methods.history import StageRecord
 from ..rendering import sheets
@@ -89,9 +88,8 @@ class Inversion:
 
     @property
     def _known(self) -> CameraParams:
-        """What the user knew of the camera. Options that an older version had are left out."""
-        given = dict(self.options.get("camera") or {})
-        return CameraParams().updated(**{key: given[key] for key in given.keys() & CameraParams.model_fields.keys()})
+        """What the user knew of the camera."""
+        return CameraParams().updated(**(self.options.get("camera") or {}))
 
     def overlay(self, path: str | Path | None = None, *, colour: tuple[int, int, int] = COLOUR,
                 opacity: float = 0.8) -> Image:
@@ -165,9 +163,8 @@ class Inversion:
     def load(cls, path: str | Path) -> Inversion:
         """Load what `save` wrote to a folder. path: the folder, or inversion.json in it.
 
-        The target has 16 bits. The source is the path of the picture, or else the target. Older files hold no codes
-        of the curve, so `curve` is empty there, and no levels, which are then decided anew. Raises `InputError` if a
-        file is missing or damaged.
+        The target has 16 bits. The source is the path of the picture, or else the target. Raises `InputError` if a file
+        is missing or damaged.
         """
         path = Path(path).absolute()
         folder = path.parent if path.name == INVERSION else path
@@ -192,12 +189,11 @@ class Inversion:
         x0, y0, x1, y1 = facts["placement"]["crop_box"]
         notes, warnings = (tuple(map(str, facts[key])) for key in ("notes", "warnings"))
         source = Path(facts["source"]) if facts["source"] else image
-        levels = facts.get("levels") or decided(facts["options"].get("levels", "auto"), image)
         read = ReadImage(image, bool(facts["inverted"]), (width, height), (x0, y0, x1, y1), float(facts["scale"]),
-                         notes, warnings, source=source, levels=levels)
-        camera = parse_camera(facts["camera"], side) if facts.get("camera") else default_camera(read)
+                         notes, warnings, source=source, levels=facts["levels"])
+        camera = parse_camera(facts["camera"], side)
         curve = tuple(CurvePoint(each["maps"], each["likeness"], each["bytes"], IFS.from_json(each["code"]))
-                      for each in facts.get("curve", ()) if "code" in each)
+                      for each in facts["curve"])
         return cls(code=code, target=read, source=source, likeness=Likeness(**facts["likeness"]),
                    verdict=Verdict(**facts["verdict"]), history=tuple(StageRecord(**each) for each in facts["stages"]),
                    stopped=facts["stopped"], seconds=float(facts["seconds"]), method=facts["method"],

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, did_you_mean
-from .addresses import database_path, shown
+from .addresses import database_path, shown, store_uri
 from .building import artifacts, hide_default
 from .client import ENVIRONMENT, connect
 from .store import pages
@@ -54,7 +54,7 @@ def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
 
     Raises `InputError` if there are none yet, if a server keeps them, or if the port is taken.
     """
-    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
+    uri = store_uri(folder)
     database = database_path(uri)
     if database is None:
         raise InputError(f"the runs are kept by the server {shown(uri)}: open that address in the browser")
@@ -77,9 +77,6 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
     client = connect(command[command.index("--backend-store-uri") + 1])
     experiment = _experiment(client, study)
     hide_default(client)
-    for name, value in experiment_tags(experiment.name).items():
-        if name not in experiment.tags:  # a store of an earlier version
-            client.set_experiment_tag(experiment.experiment_id, name, value)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     print("dashboard: starting", flush=True)
     server = subprocess.Popen(command, env={**ENVIRONMENT, **os.environ}, stdout=subprocess.DEVNULL,

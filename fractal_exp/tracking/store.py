@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 from filelock import FileLock
 
 from ..errors import InputError
-from .addresses import database_path, reason, root, shown
+from .addresses import database_path, reason, root, shown, store_uri
 from .building import artifacts, build
 from .client import connect
 
@@ -43,7 +43,7 @@ def prepare_store(folder: str | Path) -> str:
     this one, which would share its connection. Raises `InputError` if the folder cannot be written, the database
     cannot be used, or the server does not answer within ten seconds.
     """
-    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
+    uri = store_uri(folder)
     database = database_path(uri)
     if database is None:
         _check_server(uri)

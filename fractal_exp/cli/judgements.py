@@ -26,10 +26,10 @@ from ..rendering.still import check_resolution, render
 from ..runtime import threads
 from ..runtime.checks import check_count
 from ..runtime.files import write_atomically
+from ..studies.judging import against_input, f1_in_words
 from .candidates import Submission, gather, without_code
 from .commands import make_folder
 from .folders import PICTURE, TRUTH
-from .judging import against_input, f1_in_words
 
 if TYPE_CHECKING:
     import pandas as pd

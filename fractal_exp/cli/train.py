@@ -28,11 +28,11 @@ from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.extras import need
 from ..runtime.files import write_atomically
+from ..studies.judging import Judgement, check_options, judge, judge_course
 from ..targets import Target
 from ..tracking import Tracker
 from . import configuration, interruption
 from .folders import CODE, ENLARGED, FitFolder
-from .judging import Judgement, check_options, judge, judge_course
 from .progress import Reporter
 from .runs import NoRuns
 

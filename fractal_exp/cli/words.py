@@ -81,7 +81,7 @@ def _near(wrong: Sequence[str], config: str, words: Sequence[str], told: str = "
                   SequenceMatcher(None, word.rpartition(".")[2], key.rpartition(".")[2]).ratio()) for word in wrong]
         return max((max(pair), pair[0]) for pair in pairs)
 
-    near = [key for key in _known(config, words) if wrong and likeness(key)[0] >= NEAR]
+    near = [key for key in dict.fromkeys(_known(config, words)) if wrong and likeness(key)[0] >= NEAR]
     best = sorted(near, key=likeness, reverse=True)[:MOST]
     return f"{told}did you mean {' or '.join(best)}?" if best else ""
 

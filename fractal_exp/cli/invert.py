@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from ..methods import METHODS
 from ..runtime import threads
+from ..runtime.files import make_folder
 from . import interruption
-from .commands import command, command_parser, make_folder
+from .commands import command, command_parser
 
 if TYPE_CHECKING:
     from ..methods.base import Progress

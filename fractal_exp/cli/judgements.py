@@ -25,10 +25,9 @@ from ..rendering.sheets import comparison_strip
 from ..rendering.still import check_resolution, render
 from ..runtime import threads
 from ..runtime.checks import check_count
-from ..runtime.files import write_atomically
+from ..runtime.files import make_folder, write_atomically
 from ..studies.judging import against_input, f1_in_words
 from .candidates import Submission, gather, without_code
-from .commands import make_folder
 from .folders import PICTURE, TRUTH
 
 if TYPE_CHECKING:

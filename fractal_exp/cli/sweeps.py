@@ -23,14 +23,14 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from ..errors import InputError
-from ..runtime.files import explain
+from ..runtime.files import explain, make_folder
 from ..studies import report
 from ..studies.writing import write
 from ..targets import Picture
 from ..tracking import NoTracker, Tracker, comparison_address, mark_killed_runs, prepare_store
 from ..tracking.addresses import shown, store_uri
 from . import configuration
-from .commands import complain, make_folder
+from .commands import complain
 from .jobs import FAILED, Outcome, describe_scores, job_name
 from .runs import NoRuns
 from .train import NOT_PART_OF_A_FIT

@@ -14,11 +14,11 @@ import urllib.request
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError
 from .addresses import database_path, shown, store_uri
 from .building import artifacts, hide_default
 from .client import ENVIRONMENT, connect
-from .store import pages
+from .store import no_study, pages
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -101,9 +101,7 @@ def _experiment(client: MlflowClient, name: str | None) -> Experiment:
     if name is not None:
         found = next((experiment for experiment in known if experiment.name == name), None)
         if found is None:
-            names = sorted(each.name for each in known)
-            near = did_you_mean(name, names) or ";"
-            raise InputError(f"there is no study {name!r}{near} it has {', '.join(names) or 'none'}")
+            raise no_study("there is", name, known)
         return found
     newest = known and client.search_runs([experiment.experiment_id for experiment in known], max_results=1,
                                           order_by=["attributes.start_time DESC"])

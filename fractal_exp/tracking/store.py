@@ -13,13 +13,13 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from filelock import FileLock
 
-from ..errors import InputError
+from ..errors import InputError, did_you_mean
 from .addresses import database_path, reason, root, shown, store_uri
 from .building import artifacts, build
 from .client import connect
@@ -109,6 +109,13 @@ def pages(search: Callable[..., Any], **query: Any) -> Iterator[Any]:
         token = page.token
         if not token:
             return
+
+
+def no_study(there: str, name: str, known: Iterable[Any]) -> InputError:
+    """The error that says which studies there are instead. known: experiments of MLflow."""
+    names = sorted(each.name for each in known if each.name != "Default")
+    return InputError(f"{there} no study {name!r}{did_you_mean(name, names) or ';'} it has "
+                      f"{', '.join(names) or 'none'}")
 
 
 def process_tags() -> dict[str, str]:

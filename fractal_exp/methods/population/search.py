@@ -119,4 +119,3 @@ def best_of(maps: Tensor, cost: Tensor, best: Tensor, least: Tensor) -> tuple[Te
     """The best code ever, (N,6), and its cost: of a population, and the best one before it."""
     k = cost.argmin()
     return (maps[k], cost[k]) if cost[k] < least else (best, least)
-

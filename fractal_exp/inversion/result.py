@@ -29,7 +29,7 @@ from ..verdict import Verdict
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-VERSION = 2  # of the facts in inversion.json
+VERSION = 3  # of the facts in inversion.json
 COLOUR = (255, 96, 0)
 OVERLAY_SUPERSAMPLE = 4
 CODE, INVERSION, TARGET = "code.json", "inversion.json", "target.png"  # files in the folder of an inversion

@@ -87,7 +87,8 @@ class Stepwise(Method):
                **options: Any) -> Self:
         """The method with a budget that two cores finish in minutes. It takes images of any resolution from 16² on."""
         check_resolution(resolution)
-        return cls(seed=seed, seconds=seconds, previews=previews, **({cls.unit: cls.budget} | options))
+        sizes: dict[str, Any] = {cls.unit: cls.budget} | options
+        return cls(seed=seed, seconds=seconds, previews=previews, **sizes)
 
     @property
     def steps(self) -> int:

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from fractal_exp import InputError, tracking
-from fractal_exp.cli.tables import store_uri
 from fractal_exp.images.reading import write_image
 from fractal_exp.inversion.result import INVERSION
 from fractal_exp.studies import course, report, report_text
 from fractal_exp.studies.report_figure import figure
+from fractal_exp.tracking.addresses import store_uri
 
 from .record import RESULTS, machine
 

@@ -11,24 +11,23 @@ trivial answer is paired, code by code; its interval is the bootstrap 95% interv
 from __future__ import annotations
 
 import argparse
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import torch
+from fractal_exp.conf.generate import FILES
 
 from fractal_exp.evaluation.summary import bootstrap_interval
 from fractal_exp.runtime import threads
 from fractal_exp.training.codes import CodeTraining
-from fractal_exp.training.configs import FILES
 
 from . import record
 
 
 def judged(name: str, weights: str | None) -> dict[str, Any]:
     """What the network of a method is worth on the held-out codes of its training."""
-    module, class_name, _ = FILES[name]
-    kind: type[CodeTraining] = getattr(import_module(f"fractal_exp.training.{module}"), class_name)
+    kind: type[CodeTraining] = resolve_name(f"fractal_exp.{FILES[f'pretraining/{name}'][0]}")
     asked = kind.method(weights=weights)
     recipe = asked.read().recipe
     fitting = kind.method(weights=weights, **{key: recipe[key] for key in kind.method.asked})
@@ -60,7 +59,8 @@ def main() -> None:
     arguments = parser.parse_args()
     given = dict(each.split("=", 1) for each in arguments.weights)
     threads.use(None)
-    rows = [judged(name, given.get(name)) for name in FILES]
+    names = [file.removeprefix("pretraining/") for file in FILES if file.startswith("pretraining/")]
+    rows = [judged(name, given.get(name)) for name in names]
     print("\n".join(map(told, rows)))
     if arguments.record:
         record.append(arguments.record, "networks", {"networks": rows},

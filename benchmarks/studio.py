@@ -47,7 +47,8 @@ def draw_fern(path: Path) -> Path:
 
 def run(browser: Any, picture: Path, output: Path) -> dict[str, float]:
     """Seconds from the file to each thing that the page shows, in a studio of its own."""
-    command = [sys.executable, "-m", "fractal_exp.cli.studio", "--port", "0", "--no-browser", "--output", str(output)]
+    command = [sys.executable, "-m", "fractal_exp.cli", "studio", "--port", "0", "--no-browser", "--output",
+               str(output)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
         context = browser.new_context(viewport={"width": 1280, "height": 860})
         try:

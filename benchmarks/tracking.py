@@ -24,11 +24,10 @@ import numpy as np
 from fractal_exp import codes, suite, tracking
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.cli.progress import Reporter
-from fractal_exp.cli.tables import write_report
 from fractal_exp.methods.chaotic.method import laptop
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.checkpoint import Checkpoint
-from fractal_exp.studies import report
+from fractal_exp.studies import report, writing
 from fractal_exp.studies.published import TABLES
 from fractal_exp.tracking import NoTracker
 
@@ -91,7 +90,7 @@ def main() -> None:
                   f"{statistics.median(alone):.2f} not: {100 * (ratio - 1):+.1f}%")
         fill(uri, folder, args.runs)
         start = time.perf_counter()
-        write_report(uri, report.read_sweep(uri, "made-up"), folder / "report")
+        writing.write(uri, report.read_sweep(uri, "made-up"), folder / "report")
         print(f"report from {args.runs} runs: {time.perf_counter() - start:.1f} s")
 
 

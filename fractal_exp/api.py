@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from .images.levels import Levels
-    from .images.painted import Painted
     from .images.reading import ReadImage
     from .inversion import Inversion
     from .runtime.checkpoint import Checkpoint
@@ -61,8 +60,9 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     value is out of range.
     """
     from .images.levels import decided
+    from .images.painted import Painted
     from .images.reading import ReadImage, read_target
-    from .inversion import run
+    from .inversion import coloured, run
 
     build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step, colour)
     reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean, "crop": crop}
@@ -74,35 +74,14 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
         target = read_target(image, resolution, levels=levels, **reading)
         reading["crop"] = target.crop  # plain numbers, whatever the sequence was
     built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
-    painted = _painted(target) if colour else None
+    painted = Painted.of(target) if colour else None
     used = {"seed": seed, "seconds": seconds, **{key: value for key, value in reading.items() if value is not None},
             **({"levels": levels} if levels != "auto" else {}), **({"colour": True} if colour else {}), **options}
     with _Bar(progress) as bar:
         steps = [each for each in (on_step, bar) if each is not None]
         shape = run(target, built, name=method, options=used, seed=seed, checkpoint=checkpoint,
                     keep_interrupted=keep_interrupted, on_step=partial(_tell, steps))
-    return shape if painted is None else _coloured(shape, painted)
-
-
-def _painted(target: ReadImage) -> Painted:
-    from .images.painted import Painted
-
-    return Painted.of(target)
-
-
-def _coloured(shape: Inversion, painted: Painted) -> Inversion:
-    """The result with the picture's colours: its maps, and so its likeness in shape, are the same."""
-    from .colouring import colour_error, fitted
-
-    seed = shape.options["seed"]
-    code = fitted(shape.code, painted, seed)
-    if code is None:
-        note = "no colours: hardly any pixel is lit by both the code and the picture"
-        return replace(shape, notes=(*shape.notes, note), warnings=(*shape.warnings, note))
-    grey = ["the picture is grey, so the colours found are greys"] if painted.is_grey else []
-    likeness = replace(shape.likeness, colour=colour_error(code, painted, seed))
-    return replace(shape, code=code, likeness=likeness, verdict=shape.verdict.with_colours(likeness.colour),
-                   notes=(*shape.notes, *grey))
+    return shape if painted is None else coloured(shape, painted, seed)
 
 
 def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 from configured import composed
+from hydra.utils import get_method
 
-from fractal_exp.cli import configuration
 from fractal_exp.runtime import weights
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.training.amortized import AmortizedTraining
@@ -55,4 +55,4 @@ def saved(path, name: str, **options):
 def run(*words: str) -> dict[str, float]:
     """What `fractal-train` does."""
     config = composed(*words)
-    return configuration.build(config.task).run(config)
+    return get_method(config.task)(config)

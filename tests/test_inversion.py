@@ -11,7 +11,7 @@ from PIL import Image
 
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.base import CodeReconstruction, Method, Progress, stop_reason
+from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Method, Progress, stop_reason
 
 QUICK = {"resolution": 64, "rounds": 1,
          "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1},
@@ -199,6 +199,20 @@ def test_a_saved_inversion_is_loaded(known, path, tmp_path):
         torch.testing.assert_close(loaded.target.image, found.target.image, atol=1e-5, rtol=0)
     np.testing.assert_allclose(*(np.asarray(each.overlay()).astype(int) for each in (loaded, found)), atol=1)
     assert "inversion" not in loaded.code.meta
+
+
+def test_a_folder_of_an_older_version_is_read(known, path, tmp_path):
+    """It knew neither the meaning of the levels nor the camera, and its curve had no codes."""
+    found = replace(known(path), curve=(CurvePoint(3, 0.9, 36, codes.known("sierpinski_triangle")),))
+    whole = found.save(tmp_path / "old") / "inversion.json"
+    data = json.loads(whole.read_text())
+    facts = data["meta"]["inversion"]
+    del facts["levels"], facts["camera"], facts["curve"][0]["code"]
+    facts["options"]["camera"] = {"pens": 3}
+    whole.write_text(json.dumps(data))
+    old = Inversion.load(tmp_path / "old")
+    assert old.target.levels == found.target.levels and old.camera.kind == found.camera.kind and old.curve == ()
+    assert old.redrawn().shape == found.target.image.shape
 
 
 def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):

@@ -1,21 +1,44 @@
-"""What `fractal-evaluate` is to judge: codes from files, folders and runs, each with its truth or its picture."""
+"""What `fractal-evaluate` is to judge: codes from files, folders and runs, each with its truth or its picture.
+
+What a fit left behind is read as data: nothing that a file or a tracking server says is called, opened or resolved.
+"""
 
 from __future__ import annotations
 
-import os
+import io
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+from torch import Tensor
 
 from .. import codes, tracking
 from ..errors import InputError
 from ..ifs.code import IFS
-from ..runtime.files import check_file
+from ..runtime.files import LARGEST_JSON, parse_json, read_file
 from ..suite import SUITE_COUNT, SUITE_SEED, random_suite
-from . import records
+from ..tracking.addresses import database_path, store_uri
 from .code_names import read_code
-from .records import Aim, Read
+from .folders import CODE, CONFIG, ENLARGED, FINISHED, PICTURE, TRUTH
+
+LARGEST_SIDE = 8192       # pixels, of a picture that a fit left
+LARGEST_PICTURE = 2**28   # bytes of its file, which 16-bit noise of that size just about needs
+
+Read = Callable[[str], bytes | None]  # a file of a fit by its name, None if there is none
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a fit was to find: the `truth` that drew its target, or the `picture` (R,R) and the `file` it was kept in;
+    nothing, if the fit was of a picture that is not kept."""
+
+    truth: IFS | None = None
+    picture: Tensor | None = None
+    file: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +50,7 @@ class Submission:
     aim: Aim
 
 
-def gather(sources: list[str], truth: str | None, output: str | Path) -> list[Submission]:
+def gather(sources: Sequence[str], truth: str | None, output: str | Path) -> list[Submission]:
     """All codes that `sources` name: JSON files, folders of them, folders of fits, run:ID in the store of `output`.
 
     truth: a code (`read_code`) for all of them, a classic with its probabilities by area, as targets are drawn unless
@@ -43,23 +66,21 @@ def gather(sources: list[str], truth: str | None, output: str | Path) -> list[Su
     return found
 
 
-def unfinished(sources: list[str]) -> list[str]:
-    """The names of the fits in the folders among `sources` that were begun and are not finished."""
+def without_code(sources: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The names of the fits in the folders among `sources` that have no code to judge: of those that are not finished,
+    and of those whose method finds none."""
     folders = [Path(source).absolute() for source in sources if not source.startswith("run:")]
-    return [record.parent.name for folder in folders for pattern in (records.CONFIG, f"*/{records.CONFIG}")
-            for record in sorted(folder.glob(pattern)) if not (record.parent / records.FINISHED).exists()]
+    begun = [fit.name for folder in folders for fit in _fits(folder, CONFIG) if not (fit / FINISHED).exists()]
+    return begun, [fit.name for folder in folders for fit in _fits(folder, FINISHED) if _found_no_code(fit)]
 
 
-def without_code(sources: list[str]) -> list[str]:
-    """The names of the finished fits in the folders among `sources` whose method finds no code."""
-    folders = [Path(source).absolute() for source in sources if not source.startswith("run:")]
-    return [record.parent.name for folder in folders for pattern in (records.ENLARGED, f"*/{records.ENLARGED}")
-            for record in sorted(folder.glob(pattern)) if _finished_without_code(record.parent)]
+def _fits(folder: Path, file: str) -> list[Path]:
+    """The folders of fits that hold this file: the folder itself, or those in it."""
+    return [folder] if (folder / file).exists() else sorted(path.parent for path in folder.glob(f"*/{file}"))
 
 
-def _finished_without_code(folder: Path) -> bool:
-    return all((folder / name).exists() == there for name, there in (
-        (records.FINISHED, True), (records.ENLARGED, True), (records.CODE, False)))
+def _found_no_code(fit: Path) -> bool:
+    return (fit / ENLARGED).exists() and not (fit / CODE).exists()
 
 
 def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[Submission]:
@@ -71,48 +92,48 @@ def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[
     if not path.is_dir():
         yield Submission(path.stem, IFS.load(path), _aim(path.stem, truth))
         return
-    finished = [path] if (path / records.FINISHED).exists() else sorted(
-        record.parent for record in path.glob(f"*/{records.FINISHED}"))
-    coded = [folder for folder in finished if not _finished_without_code(folder)]
+    finished = _fits(path, FINISHED)
+    coded = [fit for fit in finished if not _found_no_code(fit)]
     if finished and not coded:
         raise InputError(f"{path} holds no code, but images that were enlarged; fractal-train has judged them, see "
                          "per_view.csv beside them")
-    for folder in coded:
-        yield _fit(folder.name, str(folder), _folder_reader(folder), truth)
+    for fit in coded:
+        yield _fit(fit.name, str(fit), _folder_reader(fit), truth)
     files = [] if finished else sorted(path.glob("*.json"))
     if not finished and not files:
-        raise InputError(f"{path} holds neither codes (*.json) nor finished fits (*/{records.FINISHED})")
+        raise InputError(f"{path} holds neither codes (*.json) nor finished fits (*/{FINISHED})")
     for file in files:
         yield Submission(file.stem, IFS.load(file), _aim(file.stem, truth))
 
 
 def _fit(name: str, where: str, read: Read, truth: str | None) -> Submission:
-    code = records.read_code(read, records.CODE, where)
+    code = _code(read, CODE, where)
     if code is None:
-        raise InputError(f"{where} holds no {records.CODE}")
-    return Submission(name, code, records.read_aim(read, where) if truth is None else _aim(name, truth))
+        raise InputError(f"{where} holds no {CODE}")
+    return Submission(name, code, read_aim(read, where) if truth is None else _aim(name, truth))
+
+
+def _most_bytes(name: str) -> int:
+    """How large a file of a fit may be; a `Read` refuses larger ones without reading them."""
+    return LARGEST_PICTURE if name.endswith(".png") else LARGEST_JSON
 
 
 def _folder_reader(folder: Path) -> Read:
     def read(name: str) -> bytes | None:
-        try:
-            if not (folder / name).exists():
-                return None
-            return check_file(folder / name, "the fit's file", records.most_bytes(name)).read_bytes()
-        except OSError as error:
-            raise InputError(f"cannot read {folder / name}: {error.strerror}") from error
+        path = folder / name
+        return read_file(path, "the fit's file", _most_bytes(name)) if path.exists() else None
     return read
 
 
 def _run_reader(run_id: str, output: str | Path) -> Read:
-    database = Path(output).absolute() / "mlflow.db"
-    if not (database.exists() or os.environ.get("MLFLOW_TRACKING_URI")):
+    database = database_path(store_uri(output))
+    if database is not None and not database.exists():
         raise InputError(f"no runs are kept in {database.parent}; name the output folder of the fits with --output")
     uri = tracking.prepare_store(output)
 
     def read(name: str) -> bytes | None:
         try:
-            return tracking.read_artifact(uri, run_id, name, records.most_bytes(name))
+            return tracking.read_artifact(uri, run_id, name, _most_bytes(name))
         except tracking.NoArtifact:
             return None
         except InputError:
@@ -122,12 +143,51 @@ def _run_reader(run_id: str, output: str | Path) -> Read:
     return read
 
 
+def _code(read: Read, name: str, where: str) -> IFS | None:
+    """The code in one file of a fit, None if there is no such file. Raises `InputError` naming the file."""
+    data = read(name)
+    try:
+        return None if data is None else IFS.from_json(parse_json(data, "it"))
+    except InputError as error:
+        raise InputError(f"{where}/{name}: {error}") from None
+
+
+def read_aim(read: Read, where: str) -> Aim:
+    """What the fit of these files was to find: from truth.json or target.png. Raises `InputError` naming a file that
+    is damaged."""
+    truth = _code(read, TRUTH, where)
+    if truth is not None:
+        return Aim(truth)
+    if (data := read(PICTURE)) is not None:
+        return Aim(None, _picture(data, f"{where}/{PICTURE}"), PICTURE)
+    return Aim()
+
+
+def _picture(data: bytes, where: str) -> Tensor:
+    """A square grey PNG as (R,R) float32 in [0,1]."""
+    try:
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
+            if picture.width != picture.height or picture.width > LARGEST_SIDE:
+                raise InputError(f"{where}: a fit's picture is square and at most {LARGEST_SIDE} px a side, got "
+                                 f"{picture.width}×{picture.height}")
+            pixels = np.asarray(picture)
+    except InputError:
+        raise
+    except Exception as error:  # Pillow's own kinds, by what is wrong
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        raise InputError(f"{where}: this is no PNG that can be read: {reason}") from None
+    if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16, np.int32):
+        raise InputError(f"{where}: a fit's picture is grey, of 8 or 16 bits")
+    white = 255 if pixels.dtype == np.uint8 else 65535
+    return torch.from_numpy((pixels.astype(np.float64) / white).clip(0, 1).astype(np.float32))
+
+
 def _aim(name: str, truth: str | None) -> Aim:
     if truth is None:
         raise InputError(f"what should {name} be? Name its truth: --truth suite, a folder, or a code")
     if re.fullmatch(r"suite(:all:\d+)?", truth):
         return Aim(_of_the_suite(name, int(truth.rpartition(":")[2]) if ":" in truth else SUITE_SEED))
-    if Path(truth).is_dir() and not (Path(truth) / "code.json").exists():
+    if Path(truth).is_dir() and not (Path(truth) / CODE).exists():
         return Aim(IFS.load(Path(truth) / f"{name}.json"))
     code = read_code(truth)
     return Aim(replace(code, probabilities=None) if truth in codes.names() and not Path(truth).exists() else code)

@@ -6,7 +6,6 @@ import argparse
 import re
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import NoReturn
 
 from ..errors import InputError, did_you_mean
@@ -46,16 +45,6 @@ def command_parser(program: str, description: str) -> argparse.ArgumentParser:
     parser = _Parser(program, description=description, formatter_class=Raw)
     parser._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
     return parser
-
-
-def make_folder(path: str | Path) -> Path:
-    """The absolute folder, made if need be. Raises `InputError` if it cannot be."""
-    folder = Path(path).absolute()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make the folder {explain(error, folder)}") from error
-    return folder
 
 
 def command(program: str, work: Callable[[argparse.Namespace], None], parser: argparse.ArgumentParser,

@@ -11,6 +11,7 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
+from hydra.utils import get_method
 from omegaconf import DictConfig
 
 from ..errors import InputError
@@ -26,7 +27,7 @@ def main() -> None:
 
 
 def _fit(config: DictConfig) -> Any:
-    return done("fractal-train", lambda config: configuration.build(config.task).run(config), config)
+    return done("fractal-train", get_method(config.task), config)
 
 
 def run(program: str, config: str, work: Callable[[DictConfig], Any], given: Sequence[str],
@@ -81,7 +82,3 @@ def done(program: str, work: Callable[[DictConfig], Any], config: DictConfig) ->
         if line is None:
             raise
         complain(program, line)
-
-
-if __name__ == "__main__":
-    main()

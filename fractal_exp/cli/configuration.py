@@ -32,7 +32,7 @@ class TrainConfig:
     picture: str | None = None
     seconds: float | None = None
     colour: bool = False
-    task: Any = MISSING
+    task: str = MISSING
     target: Any = MISSING
     method: Any = MISSING
     pretraining: Any = None

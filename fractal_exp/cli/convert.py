@@ -52,7 +52,3 @@ def convert(options: argparse.Namespace) -> None:
     codes = [read_code(text, options.frame) for text in options.codes]
     path = formats.save(codes, Path(options.out), options.to)
     print(f"{path} ({format.key}, {', '.join(f'{len(code)} maps' for code in codes)})")
-
-
-if __name__ == "__main__":
-    main()

@@ -64,7 +64,3 @@ def _evaluate(options: argparse.Namespace) -> None:
     for name, value in SCALES[options.scale].items():
         setattr(options, name, value if getattr(options, name) is None else getattr(options, name))
     evaluate_codes(options)
-
-
-if __name__ == "__main__":
-    main()

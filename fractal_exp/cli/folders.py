@@ -20,9 +20,10 @@ from ..images.reading import write_image
 from ..runtime.checkpoint import compare
 from ..runtime.files import alone_in, check_scores, read_record, remove_partial, write_atomically
 from ..tracking.addresses import shown
-from . import records
 
-PAGE = "code.html"
+FINISHED, CONFIG, RUN = "finished.json", "config.yaml", "run.json"
+CODE, TRUTH, PICTURE = "code.json", "truth.json", "target.png"
+ENLARGED = "enlarged.png"  # in place of a code, where the method found none
 WHITE = 65535  # of 16 bits
 
 
@@ -59,20 +60,13 @@ class FitFolder:
     def checkpoint(self) -> Path:
         return self.path / "checkpoint.safetensors"
 
-    @property
-    def _finished(self) -> Path:
-        return self.path / "finished.json"
-
-    @property
-    def _run(self) -> Path:
-        return self.path / "run.json"
-
     def finished_scores(self, identity: Mapping[str, Any]) -> dict[str, float] | None:
         """The scores of a finished fit of this identity, or None. Raises `InputError` if another one finished here."""
-        if not self._finished.exists():
+        path = self.path / FINISHED
+        if not path.exists():
             return None
-        record = read_record(self._finished, "the record of a finished fit", identity=dict, scores=dict)
-        check_scores(record["scores"], self._finished)
+        record = read_record(path, "the record of a finished fit", identity=dict, scores=dict)
+        check_scores(record["scores"], path)
         differences = compare(record["identity"], json.loads(json.dumps(identity)))
         if differences:
             raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "
@@ -81,7 +75,7 @@ class FitFolder:
 
     def finish(self, identity: Mapping[str, Any], scores: Mapping[str, float]) -> None:
         """Mark the fit as finished; its checkpoint has served."""
-        write_atomically(self._finished, json.dumps({"identity": identity, "scores": scores}, indent=1).encode())
+        write_atomically(self.path / FINISHED, json.dumps({"identity": identity, "scores": scores}, indent=1).encode())
         self.checkpoint.unlink(missing_ok=True)
 
     def begin(self, config: str) -> None:
@@ -89,14 +83,13 @@ class FitFolder:
         what a killed one had not finished writing."""
         for each in (self.path, self.views):
             remove_partial(each)
-        write_atomically(self.path / "config.yaml", config.encode())
-        self._finished.unlink(missing_ok=True)
+        write_atomically(self.path / CONFIG, config.encode())
+        (self.path / FINISHED).unlink(missing_ok=True)
 
     def keep_target(self, image: Tensor, truth: IFS | None) -> Path:
         """Keep what the fit is to find, its path: the code that drew the target in truth.json, or else the picture
         (R,R) in target.png, of 16 bits, where no lit pixel becomes black."""
-        kept, other = (self.path / name for name in ((records.TRUTH, records.PICTURE) if truth is not None
-                                                     else (records.PICTURE, records.TRUTH)))
+        kept, other = (self.path / name for name in ((TRUTH, PICTURE) if truth is not None else (PICTURE, TRUTH)))
         other.unlink(missing_ok=True)
         if truth is not None:
             write_atomically(kept, (json.dumps(truth.to_json(), indent=1) + "\n").encode())
@@ -113,11 +106,11 @@ class FitFolder:
 
     def remember_run(self, uri: str, run_id: str | None) -> None:
         """Keep which MLflow run this fit logs to, so that a resumed fit goes on with it; no password is written."""
-        write_atomically(self._run, json.dumps({"uri": shown(uri), "run_id": run_id}).encode())
+        write_atomically(self.path / RUN, json.dumps({"uri": shown(uri), "run_id": run_id}).encode())
 
     def run_to_resume(self, uri: str) -> str | None:
         """The run that the interrupted fit logged to in this store, or None."""
-        if not (self._run.exists() and self.checkpoint.exists()):
+        if not ((self.path / RUN).exists() and self.checkpoint.exists()):
             return None
-        record = read_record(self._run, "the record of the MLflow run", uri=str, run_id=(str, type(None)))
+        record = read_record(self.path / RUN, "the record of the MLflow run", uri=str, run_id=(str, type(None)))
         return record["run_id"] if shown(record["uri"]) == shown(uri) else None

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from ..errors import InputError
 from ..methods import METHODS
 from ..runtime import threads
+from ..runtime.files import make_folder
 from . import interruption
-from .commands import command, command_parser, make_folder
+from .commands import command, command_parser
 
 if TYPE_CHECKING:
     from ..methods.base import Progress
@@ -162,7 +163,3 @@ def _tell(progress: Progress) -> None:
 def _print_list(lines: Iterable[str]) -> None:
     for line in lines:
         print(f"  {line}")
-
-
-if __name__ == "__main__":
-    main()

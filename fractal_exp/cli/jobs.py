@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
+import os
 import re
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Collection, Iterator, Sequence
@@ -14,16 +17,20 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
+from hydra.utils import get_method
 from omegaconf import DictConfig
 
 from ..runtime import threads
 from ..runtime.files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
-from . import configuration, parent
-from .runs import Runs
+from ..tracking.store import is_alive
+from . import configuration
+from .runs import NoRuns
 
 FINISHED, FAILED = "finished", "failed"
 LONGEST_NAME = 120
+POLL_SECONDS = 1.0  # between two looks at the process that began the sweep
+ORPHANED = 143      # the exit status of a process that SIGTERM ended
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ def run_job(config: DictConfig) -> str:
 
     A failure is an outcome too: it is noted, tracked and does not stop the other jobs.
     """
-    parent.follow(config.sweep.parent)
+    follow(config.sweep.parent)
     name = job_name(HydraConfig.get().overrides.task, config.sweep.varies)
     config.output = str(Path(config.output).expanduser().absolute())
     folder = Path(config.output) / config.study / config.sweep.folder / name
@@ -88,7 +95,7 @@ def run_job(config: DictConfig) -> str:
     with alone_in(folder, wait=True), _printing_to(folder / "log.txt"):
         again = (folder / "finished.json").exists()
         try:
-            scores = configuration.build(config.task).run(config)
+            scores = get_method(config.task)(config)
             outcome = Outcome(FINISHED, row, sample, time.perf_counter() - start, scores, again)
         except Exception as error:
             told = shown(traceback.format_exc())
@@ -100,6 +107,23 @@ def run_job(config: DictConfig) -> str:
     return outcome.status
 
 
+@functools.cache
+def follow(pid: int | None) -> None:
+    """End this process, whatever it does, within seconds after process `pid` of this machine is gone; None: live on.
+
+    A worker ends with the process that began the sweep: joblib's own would finish what they are at. A fit may be cut
+    off at any moment and goes on from its checkpoint, so nothing is tidied up: what hangs could not be. Does nothing in
+    the process `pid` itself, where a launcher runs jobs in place.
+    """
+    def watch(pid: int) -> None:
+        while is_alive(pid):
+            time.sleep(POLL_SECONDS)
+        os._exit(ORPHANED)
+
+    if pid not in (None, os.getpid()):
+        threading.Thread(target=watch, args=(pid,), daemon=True).start()
+
+
 def _label(config: DictConfig, key: str, otherwise: str) -> str:
     try:
         return str(config.sweep[key])
@@ -109,7 +133,7 @@ def _label(config: DictConfig, key: str, otherwise: str) -> str:
 
 def _track_failure(config: DictConfig, row: str, sample: str, folder: Path, error: BaseException) -> None:
     try:
-        runs: Runs = configuration.build(config.tracking)
+        runs: NoRuns = configuration.build(config.tracking)
         settings = {key: config[key] for key in ("study", "output")}
         sweep = {"run": config.sweep.run, "folder": config.sweep.folder, "row": row, "sample": sample}
         runs.fail(settings | {"sweep": sweep}, folder, error)

@@ -25,11 +25,10 @@ from ..rendering.sheets import comparison_strip
 from ..rendering.still import check_resolution, render
 from ..runtime import threads
 from ..runtime.checks import check_count
-from ..runtime.files import write_atomically
-from . import records
-from .candidates import Submission, gather, unfinished, without_code
-from .commands import make_folder
-from .judging import against_input, f1_in_words
+from ..runtime.files import make_folder, write_atomically
+from ..studies.judging import against_input, f1_in_words
+from .candidates import Submission, gather, without_code
+from .folders import PICTURE, TRUTH
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,12 +45,13 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         check_count("--points", options.points)
     check_kind(options.views)
     threads.use()
-    candidates, begun = gather(options.codes, options.truth, options.output), unfinished(options.codes)
+    candidates = gather(options.codes, options.truth, options.output)
+    begun, enlarged = without_code(options.codes)
     known = [candidate for candidate in candidates if candidate.aim.truth is not None]
     pictured = [candidate for candidate in candidates if candidate.aim.picture is not None]
     lost = [candidate.name for candidate in candidates if candidate not in known + pictured]
     if len(lost) == len(candidates):
-        raise InputError(f"{', '.join(lost)}: neither {records.TRUTH} nor {records.PICTURE} is kept; name a truth "
+        raise InputError(f"{', '.join(lost)}: neither {TRUTH} nor {PICTURE} is kept; name a truth "
                          "with --truth")
     distance = Perceptual.load(options.perceptual, options.perceptual_weights)
     for side, setting in {(options.resolution, "--resolution") for _ in known} | {
@@ -69,7 +69,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
             parts.append(_write_inputs(_judge_pictures(pictured, options, distance, strips, run), folder, run))
         if lost:
             parts.append(f"not judged, since neither a truth nor a picture is kept: {', '.join(lost)}")
-        if enlarged := without_code(options.codes):
+        if enlarged:
             parts.append(f"not judged, since they found no code: {', '.join(enlarged)}; fractal-train has judged them, "
                          "see per_view.csv beside them")
         if begun:

@@ -19,20 +19,17 @@ from ..training.loop import Trained, train
 from . import configuration
 from .folders import FitFolder
 from .progress import Reporter
-from .runs import Runs
+from .runs import NoRuns
 
 
-class Pretrain:
-    """The task `pretrain`."""
+def pretrain(config: DictConfig) -> dict[str, float]:
+    """Train the network of the method as configured and return its scores; the weights, safetensors with what they were
+    trained on, lie in the run's folder and in its MLflow run.
 
-    def run(self, config: DictConfig) -> dict[str, float]:
-        """Train the network of the method as configured and return its scores; the weights, safetensors with what they
-        were trained on, lie in the run's folder and in its MLflow run.
-
-        Raises `InputError` on anything a user can mend, before any work.
-        """
-        with ExitStack() as held:  # the lock of the run's folder
-            return _pretrain(config, held)
+    Raises `InputError` on anything a user can mend, before any work.
+    """
+    with ExitStack() as held:  # the lock of the run's folder
+        return _pretrain(config, held)
 
 
 def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
@@ -46,7 +43,7 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
     threads.use(config.threads)
     settings = configuration.plain(config)
     training: CodeTraining = configuration.build(config.pretraining)
-    runs: Runs = configuration.build(config.tracking)
+    runs: NoRuns = configuration.build(config.tracking)
     identity = {"pretraining": settings["pretraining"], "device": config.device}
     name = training.method.name
     folder = FitFolder.open(Path(config.output) / config.study,

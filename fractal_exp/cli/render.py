@@ -63,7 +63,3 @@ def _draw(options: argparse.Namespace) -> None:
     from .drawing import draw
 
     draw(options)
-
-
-if __name__ == "__main__":
-    main()

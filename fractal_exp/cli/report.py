@@ -32,19 +32,15 @@ def report_sweep(options: argparse.Namespace) -> None:
     """Report on the sweep that the command line names."""
     from .. import tracking
     from ..studies import report
-    from ..tracking.addresses import database_path
-    from .tables import store_uri, write_report
+    from ..studies.writing import write
+    from ..tracking.addresses import database_path, store_uri
 
-    uri = store_uri(Path(options.output))
+    uri = store_uri(options.output)
     database = database_path(uri)
     if database is not None and not database.exists():
         raise InputError(f"no runs are kept in {database.parent}; name the output folder with --output")
     sweep = report.read_sweep(uri, options.study, options.sweep)
     folder = Path(options.out or Path(options.output) / options.study / sweep.name).absolute()
-    write_report(uri, sweep, folder)
+    write(uri, sweep, folder)
     print((folder / "report.md").read_text())
     print(f"{tracking.comparison_address(uri, options.study, sweep.run_id)}\n{folder}/report.*")
-
-
-if __name__ == "__main__":
-    main()

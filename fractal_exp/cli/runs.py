@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,10 +25,9 @@ GENERAL = ("target", "target_image", "fingerprint", "resolution", "scale", "vari
            "perceptual_weights", "seed", "colour", "device", "backend")  # settings that every method has
 
 
-class Runs(ABC):
-    """A place that fits are logged to."""
+class NoRuns:
+    """tracking=none: fits are logged nowhere. And what any place that they are logged to can do."""
 
-    @abstractmethod
     def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str,
               backend: str | None = None) -> tracking.Tracker:
         """Begin the run of the fit in `folder`, or go on with it if the fit itself is resumed.
@@ -38,19 +36,20 @@ class Runs(ABC):
         the run's parameters; target: the name of the target; backend: who draws, where the settings leave no choice
         (None: what their backend comes to on their device). Raises `InputError` if the store cannot be used.
         """
+        return tracking.NoTracker()
 
-    @abstractmethod
     def start_sweep(self, settings: Mapping[str, Any], folder: Path, words: Sequence[str] = ()) -> tracking.Tracker:
         """Begin the parent run of the sweep in `folder`, or go on with it if that sweep was begun before.
 
         settings: as far as it is common to all jobs; words: those of the command after the study. Raises `InputError`
         if the store cannot be used.
         """
+        return tracking.NoTracker()
 
-    def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:  # noqa: B027
+    def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:
         """Note that the job of a sweep in `folder` failed, even if it failed before it had a run."""
 
-    def check_kept(self, folder: FitFolder, settings: Mapping[str, Any]) -> None:  # noqa: B027
+    def check_kept(self, folder: FitFolder, settings: Mapping[str, Any]) -> None:
         """Raise `InputError` if the finished fit in `folder` is a sweep's job whose run this store does not have."""
 
     def where(self, settings: Mapping[str, Any]) -> str | None:
@@ -58,18 +57,7 @@ class Runs(ABC):
         return None
 
 
-class NoRuns(Runs):
-    """tracking=none."""
-
-    def start_sweep(self, settings: Mapping[str, Any], folder: Path, words: Sequence[str] = ()) -> tracking.Tracker:
-        return tracking.NoTracker()
-
-    def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str,
-              backend: str | None = None) -> tracking.Tracker:
-        return tracking.NoTracker()
-
-
-class MlflowRuns(Runs):
+class MlflowRuns(NoRuns):
     """tracking=mlflow: the database in the output folder, or the server that MLFLOW_TRACKING_URI names."""
 
     def start(self, folder: FitFolder, settings: Mapping[str, Any], identity: Mapping[str, Any], target: str,

@@ -8,7 +8,8 @@ import webbrowser
 from pathlib import Path
 
 from ..runtime import threads
-from .commands import command, command_parser, make_folder
+from ..runtime.files import make_folder
+from .commands import command, command_parser
 
 DESCRIPTION = """Offer the studio: a page into which a picture is dropped, and which shows how its code is found.
 
@@ -42,7 +43,3 @@ def offer(options: argparse.Namespace) -> None:
 
     folder = make_folder(Path(options.output))
     serve(folder, options.port, opened, lambda path: print(f"  kept       {path}", file=sys.stderr))
-
-
-if __name__ == "__main__":
-    main()

@@ -7,8 +7,8 @@ import json
 
 from ..errors import InputError
 from ..runtime import threads
-from ..runtime.files import write_atomically
-from .commands import LARGEST, command, command_parser, make_folder
+from ..runtime.files import make_folder, write_atomically
+from .commands import LARGEST, command, command_parser
 
 COUNT, SEED = 100, 2025  # of the project's results
 SMALL = 256              # pixels a side at most, so that a hundred pictures may wait for the sheet
@@ -68,7 +68,3 @@ def write_suite(options: argparse.Namespace) -> None:
     facts = {"count": options.count, "seed": options.seed, "resolution": options.resolution, "kind": kind}
     write_atomically(folder / "suite.json", json.dumps(facts, indent=1) + "\n")
     print(f"{len(suite)} fractals in {folder}; all at a glance: {folder / 'sheet.png'}")
-
-
-if __name__ == "__main__":
-    main()

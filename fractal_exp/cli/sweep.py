@@ -59,7 +59,3 @@ def _arguments(given: list[str]) -> list[str]:
         rest = ["--config-dir", os.fspath(STUDIES), *rest]
     shows = not {"--cfg", "-c", "--info", "-i"}.isdisjoint(rest)
     return ["--config-name", name, *rest, *([] if shows else ["--multirun"])]
-
-
-if __name__ == "__main__":
-    main()

@@ -23,15 +23,16 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from ..errors import InputError
-from ..runtime.files import explain
+from ..runtime.files import explain, make_folder
+from ..studies import report
+from ..studies.writing import write
 from ..targets import Picture
-from ..tracking import NoTracker, Tracker, mark_killed_runs, prepare_store
-from ..tracking.addresses import shown
+from ..tracking import NoTracker, Tracker, comparison_address, mark_killed_runs, prepare_store
+from ..tracking.addresses import shown, store_uri
 from . import configuration
-from .commands import complain, make_folder
+from .commands import complain
 from .jobs import FAILED, Outcome, describe_scores, job_name
-from .runs import Runs
-from .tables import write_tables
+from .runs import NoRuns
 from .train import NOT_PART_OF_A_FIT
 
 POLL_SECONDS = 0.5
@@ -85,7 +86,7 @@ class RunningSweep:
         self.folder = make_folder(Path(settings["output"]) / settings["study"] / _folder_name(settings))
         for name in self.names:  # what is there from now on is news
             Outcome.path(self.folder / name).unlink(missing_ok=True)
-        runs: Runs = configuration.build(config.tracking)
+        runs: NoRuns = configuration.build(config.tracking)
         self.run: Tracker = runs.start_sweep(settings, self.folder, config.hydra.overrides.task)
         self.run.artifact(JOBS, json.dumps(self.names, indent=1))
         self.run.artifact("sweep.json", json.dumps(settings["sweep"], indent=1))
@@ -110,7 +111,7 @@ class RunningSweep:
         if not isinstance(self.run, NoTracker):
             mark_killed_runs(prepare_store(Path(self.settings["output"])))
             if len(absent) < len(self.names):
-                write_tables(self.run, Path(self.settings["output"]), self.settings["study"], self.folder)
+                self._write_tables(Path(self.settings["output"]), self.settings["study"])
         print(f"\n{len(self.names) - len(failed) - len(absent)} of {len(self.names)} jobs finished"
               + "".join(f"; {len(some)} {what}" for some, what in ((failed, "failed"), (absent, "without a result"))
                         if some))
@@ -121,6 +122,20 @@ class RunningSweep:
         error = f"{len(failed)} jobs failed, {len(absent)} without a result" if failed or absent else None
         self.run.finish("KILLED" if status == 130 else "FAILED" if error else "FINISHED", error)
         return status or int(bool(error))
+
+    def _write_tables(self, output: Path, study: str) -> None:
+        """Report on what is done: files into the folder, the same onto the parent run."""
+        uri = store_uri(output)
+        sweep = report.read_sweep(uri, study, self.run.run_id)
+        for path in write(uri, sweep, self.folder):
+            self.run.artifact(f"report/{path.name}", path)
+        self.run.table("summary.json", report.summary(sweep))
+        print(f"\n{(self.folder / 'report.md').read_text()}")
+        if output == Path("outputs").absolute():
+            print("dashboard: make dashboard, then")
+        elif not os.environ.get("MLFLOW_TRACKING_URI"):
+            print(f"dashboard: python -m fractal_exp.tracking dashboard '{output}', then")
+        print(f"  {comparison_address(uri, study, sweep.run_id)}\ntables and figure: {self.folder}/report.*")
 
 
 class Watch(threading.Thread):

@@ -10,27 +10,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from ..errors import InputError
 from ..evaluation import Perceptual
-from ..ifs.code import IFS
 from ..images.painted import Painted
 from ..images.reading import write_image
-from ..inversion import Inversion, Work, conclude, reconstruct, write
+from ..inversion import Inversion, Work, coloured, conclude, reconstruct, write
+from ..inversion.writing import PAGE
+from ..methods import WITHOUT_CODE
 from ..methods.base import CodeReconstruction, Method, Reconstruction
 from ..methods.super_resolution.enlarged import Enlarged
+from ..rendering.colour import on_ground
+from ..rendering.still import render
 from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
+from ..runtime.extras import need
 from ..runtime.files import write_atomically
+from ..studies.judging import Judgement, check_options, judge, judge_course
 from ..targets import Target
 from ..tracking import Tracker
-from . import colours, configuration, interruption
-from .folders import PAGE, FitFolder
-from .judging import Judgement, check_options, judge, judge_course
+from . import configuration, interruption
+from .folders import CODE, ENLARGED, FitFolder
 from .progress import Reporter
-from .records import ENLARGED
-from .runs import Runs
+from .runs import NoRuns
 
 # The target and the method hold what `picture` and `seconds` say. Colours are a part of a fit that has them.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "colour", "output", "study", "name", "resume", "tracking", "threads",
@@ -56,14 +60,6 @@ def fit(config: DictConfig) -> dict[str, float]:
         return _fit(config, held)
 
 
-class Fit:
-    """The task `fit`."""
-
-    def run(self, config: DictConfig) -> dict[str, float]:
-        """`fit`."""
-        return fit(config)
-
-
 def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     config = configuration.resolve(config)
     check_options(config.evaluation)
@@ -71,12 +67,13 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
     settings = configuration.plain(config)
     source = configuration.build(config.target)
     method: Method = configuration.build(config.method)
-    runs: Runs = configuration.build(config.tracking)
+    runs: NoRuns = configuration.build(config.tracking)
     if config.colour:
-        colours.check_method(config.method["_target_"])
+        _check_method(config.method["_target_"])
+        need("skimage")
     perceptual = Perceptual.load(config.perceptual, config.perceptual_weights)
     target = source.load(config.resolution)
-    painted = colours.of_target(target) if config.colour else None
+    painted = _painted(target) if config.colour else None
     method.check(target.read)
     if target.truth is None:  # judged at its own resolution
         perceptual.check(target.image.shape[-1])
@@ -108,12 +105,12 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
                                checkpoint=replace(checkpoint, first=run.secure))
         reconstruction = work.found
         found = _keep_found(folder, run, reconstruction)  # before anything else can go wrong
-        inversion = _keep_inversion(folder, run, work, target, settings)
+        inversion = _keep_inversion(folder, run, work, target, painted, settings)
         sweep = config.sweep or {}
         judgement = judge(reconstruction, target, settings["evaluation"], perceptual, work.seconds,
                           ceiling=bool(sweep.get("ceiling")), in_frame=bool(sweep.get("in_frame")))
-        if painted is not None and isinstance(reconstruction, CodeReconstruction):
-            judgement = _keep_colours(folder, run, reconstruction, painted, config.seed, judgement)
+        if painted is not None and inversion is not None and inversion.code.colours is not None:
+            judgement = _with_colours(judgement, inversion, painted)
         _keep(folder, run, judgement)
         if sweep.get("course") and target.truth is not None:
             points = judge_course(work.course, target.truth, settings["evaluation"])
@@ -153,8 +150,7 @@ def _conclude(judgement: Judgement, stopped: str, inversion: Inversion | None, f
 def _keep_found(folder: FitFolder, run: Tracker, reconstruction: Reconstruction) -> Path | None:
     """Put the code, or the enlarged picture, into the folder and into the run; its path."""
     if isinstance(reconstruction, CodeReconstruction):
-        kept = reconstruction.code.save(folder.path / "code.json")
-        _keep_page(folder, run, reconstruction.code)
+        kept = reconstruction.code.save(folder.path / CODE)
     elif isinstance(reconstruction, Enlarged):
         kept = write_image(folder.path / ENLARGED, reconstruction.image)
     else:
@@ -163,37 +159,55 @@ def _keep_found(folder: FitFolder, run: Tracker, reconstruction: Reconstruction)
     return kept
 
 
-def _keep_inversion(folder: FitFolder, run: Tracker, work: Work, target: Target, settings: dict[str, Any]
-                    ) -> Inversion | None:
-    """Put all that is known of a code into the folder and into the run, as `fractal-invert` does; None if the method
-    found no code."""
+def _keep_inversion(folder: FitFolder, run: Tracker, work: Work, target: Target, painted: Painted | None,
+                    settings: dict[str, Any]) -> Inversion | None:
+    """Put all that is known of a code, with the picture's colours if it is to have them, into the folder and into the
+    run, as `fractal-invert` does; None if the method found no code."""
     if not isinstance(work.found, CodeReconstruction):
         return None
     options = {key: value for key, value in settings["method"].items() if not key.startswith("_")}
     inversion = conclude(work, target.read, name=configuration.method_name(settings["method"]), options=options,
                          seed=settings["seed"])
-    for name in write(inversion, folder.path):
+    if painted is not None:
+        inversion = coloured(inversion, painted, settings["seed"])
+        if inversion.code.colours is None:
+            print(f"  {inversion.notes[-1]}")
+    written = write(inversion, folder.path)
+    for name in written:
         run.artifact(name, folder.path / name)
+    if PAGE not in written:
+        print("  no page    the code has more maps than a page shows")
     return inversion
 
 
-def _keep_colours(folder: FitFolder, run: Tracker, reconstruction: CodeReconstruction, painted: Painted, seed: int,
-                  judgement: Judgement) -> Judgement:
-    """Give the kept code the picture's colours; the judgement with what they are worth."""
-    coloured = colours.Coloured.of(reconstruction.code, painted, seed)
-    if coloured is None:
-        print("  no colours hardly any pixel is lit by both the code and the picture")
-        return judgement
-    _keep_found(folder, run, replace(reconstruction, code=coloured.code))
-    return coloured.beside(judgement)
+def _with_colours(judgement: Judgement, inversion: Inversion, painted: Painted) -> Judgement:
+    """The judgement with the colours' error, unless no pixel is lit in both, among its scores, and among its pictures
+    `coloured`: the picture and, on its right, the code's rendering on the picture's ground."""
+    ground = tuple(painted.ground.clip(0, 1).tolist())
+    drawn = on_ground(render(inversion.code, resolution=len(painted.seen), mode="colour"), ground).numpy()
+    error = {} if (colour := inversion.likeness.colour) is None else {"eval/ciede2000": colour}
+    return replace(judgement, scores=judgement.scores | error,
+                   pictures=judgement.pictures | {"coloured": np.hstack([painted.seen.clip(0, 1), drawn])})
 
 
-def _keep_page(folder: FitFolder, run: Tracker, code: IFS) -> None:
-    """Put the code's page into the folder and into the run. If a code has no page, say so and go on."""
-    try:
-        run.artifact(PAGE, code.save_html(folder.path / PAGE))
-    except InputError as error:
-        print(f"  no page    {error}")
+def _check_method(class_path: str) -> None:
+    """Raise `InputError` if a method, by the dotted path of its class, finds no code to give colours to."""
+    for name, instead in WITHOUT_CODE.items():
+        if name in class_path.split("."):
+            raise InputError(f"colour=true gives colours to the maps of a code, and method={name} finds none: it "
+                             f"{instead}; take another method, or leave colour out")
+
+
+def _painted(target: Target) -> Painted:
+    """The colours of a target's picture. Raises `InputError` if it is none, or a grey one."""
+    if target.read.source is None:
+        raise InputError("colour=true takes the colours of a picture, and this target is drawn without any; give "
+                         "picture=FILE, or leave colour out")
+    painted = Painted.of(target.read)
+    if painted.is_grey:
+        raise InputError(f"colour=true needs a picture in colour, and the shape in {target.read.source} is grey; "
+                         "leave colour out, or give another picture")
+    return painted
 
 
 def _name(config: DictConfig, label: str, identity: Mapping[str, Any]) -> str:

@@ -48,7 +48,3 @@ def write(options: argparse.Namespace) -> None:
 def _default(name: str) -> str:
     """leaf.html for codes/leaf.json, suite-7.html for suite:7."""
     return f"{Path(name).absolute().stem if Path(name).exists() else name.replace(':', '-')}.html"
-
-
-if __name__ == "__main__":
-    main()

@@ -5,6 +5,7 @@ What is wrong with a word, Hydra says itself.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
@@ -75,31 +76,26 @@ def hint(error: BaseException | None, config: str, words: Sequence[str]) -> str:
 
 def _near(wrong: Sequence[str], config: str, words: Sequence[str], told: str = "") -> str:
     """The settings and groups whose whole name, or whose last part, is nearest to one of the words."""
-    known, likeness = list(_known(config, words)), {}
-    for word in wrong:
-        for key in known:
-            whole = SequenceMatcher(None, word, key).ratio()
-            last = SequenceMatcher(None, word.rpartition(".")[2], key.rpartition(".")[2]).ratio()
-            if max(whole, last) >= NEAR:
-                likeness[key] = (max(whole, last), whole)
-    best = sorted(likeness, key=lambda key: likeness[key], reverse=True)[:MOST]
+    def likeness(key: str) -> tuple[float, float]:
+        pairs = [(SequenceMatcher(None, word, key).ratio(),
+                  SequenceMatcher(None, word.rpartition(".")[2], key.rpartition(".")[2]).ratio()) for word in wrong]
+        return max((max(pair), pair[0]) for pair in pairs)
+
+    near = [key for key in dict.fromkeys(_known(config, words)) if wrong and likeness(key)[0] >= NEAR]
+    best = sorted(near, key=likeness, reverse=True)[:MOST]
     return f"{told}did you mean {' or '.join(best)}?" if best else ""
 
 
-def _known(config: str, words: Sequence[str]) -> Iterator[str]:
+def _known(config: str, words: Sequence[str]) -> list[str]:
     """The settings and groups of a configuration with the choices that the words make, as far as those are right."""
     for choices in (words, ()):
         GlobalHydra.instance().clear()
-        try:
-            with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-                groups = compose(config, return_hydra_config=True).hydra.runtime.choices
-                chosen = [word for word in choices if word.split("=")[0] in groups and "," not in word]
-                composed = compose(config, chosen)
-        except HydraException:
-            continue
-        yield from (str(group) for group in groups if not str(group).startswith("hydra/"))
-        yield from _paths(OmegaConf.to_container(composed))
-        return
+        with contextlib.suppress(HydraException), initialize_config_module("fractal_exp.conf", version_base="1.3"):
+            groups = compose(config, return_hydra_config=True).hydra.runtime.choices
+            chosen = [word for word in choices if word.split("=")[0] in groups and "," not in word]
+            composed = OmegaConf.to_container(compose(config, chosen))
+            return [*(str(group) for group in groups if not str(group).startswith("hydra/")), *_paths(composed)]
+    return []
 
 
 def _paths(data: Any) -> Iterator[str]:

@@ -46,13 +46,10 @@ KINDS: dict[str, Callable[[Any, int], Center]] = {  # of a truth and the seed of
     "released": _within(lambda zoom: (1 - 1 / zoom) / zoom),  # the authors' program: the closer, the nearer the middle
     "uniform": _within(lambda zoom: 1 - 1 / zoom),            # anywhere, as long as the window stays on the canvas
 }
-FORMER = {"paper": "uniform"}  # old names
 
 
 def check_kind(kind: str) -> str:
     """The kind of views. Raises `InputError` if the name is unknown."""
-    if kind in FORMER:
-        raise InputError(f"views={kind} is now called views={FORMER[kind]}; views must be one of {', '.join(KINDS)}")
     if kind not in KINDS:
         raise InputError(f"views must be one of {', '.join(KINDS)}, got {kind!r}")
     return kind

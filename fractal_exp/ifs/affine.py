@@ -21,12 +21,10 @@ def from_code(code: IFS) -> Tensor:
     return torch.cat([code.linear.flatten(1), code.offset], 1)
 
 
-
 def to_code(maps: Tensor, weights: Tensor | None = None) -> IFS:
     """The code of maps (N,6), with probabilities proportional to `weights`, or to |det| + 0.01 without weights."""
     probabilities = None if weights is None else normalized(weights)
     return IFS(maps[:, :4].unflatten(1, (2, 2)), maps[:, 4:], probabilities)
-
 
 
 def normalized(weights: Tensor) -> Tensor:
@@ -35,11 +33,9 @@ def normalized(weights: Tensor) -> Tensor:
     return weights if abs(float(total) - 1) < ALREADY else weights / total
 
 
-
 def volumes(maps: Tensor) -> Tensor:
     """|det| + 0.01, (…). Tied probabilities are proportional to it."""
     return (maps[..., 0] * maps[..., 3] - maps[..., 1] * maps[..., 2]).abs() + PROBABILITY_FLOOR
-
 
 
 def largest_singular(maps: Tensor) -> Tensor:
@@ -48,12 +44,10 @@ def largest_singular(maps: Tensor) -> Tensor:
     return torch.hypot((a + d) / 2, (c - b) / 2) + torch.hypot((a - d) / 2, (c + b) / 2)
 
 
-
 def smaller_singular(maps: Tensor) -> Tensor:
     """The smaller singular value (…) of each matrix."""
     a, b, c, d = maps[..., :4].unbind(-1)
     return (torch.hypot((a + d) / 2, (c - b) / 2) - torch.hypot((a - d) / 2, (c + b) / 2)).abs()
-
 
 
 def rotations(count: int, generator: torch.Generator, *, reflections: bool = True) -> Tensor:
@@ -62,7 +56,6 @@ def rotations(count: int, generator: torch.Generator, *, reflections: bool = Tru
     flip = (torch.rand(count, generator=generator) < (0.5 if reflections else 0)) * -2.0 + 1
     cos, sin = angle.cos(), angle.sin()
     return torch.stack([cos, -sin * flip, sin, cos * flip], -1).view(-1, 2, 2)
-
 
 
 def random_matrices(count: int, smallest: float, largest: float, ratio: float, generator: torch.Generator, *,
@@ -74,7 +67,6 @@ def random_matrices(count: int, smallest: float, largest: float, ratio: float, g
     return first @ rotations(count, generator, reflections=reflections)
 
 
-
 def images(maps: Tensor, points: Tensor) -> Tensor:
     """Where maps (n,6) send points (P,2): (n,P,2)."""
     return points @ maps[:, :4].unflatten(1, (2, 2)).transpose(1, 2) + maps[:, None, 4:]
@@ -84,7 +76,6 @@ def sending(matrices: Tensor, source: Tensor, image: Tensor) -> Tensor:
     """Maps (…,6) of these matrices (…,2,2) that send the point source (…,2) to image (…,2)."""
     offset = image - (matrices @ source[..., None])[..., 0]
     return torch.cat([matrices.flatten(-2), offset], -1)
-
 
 
 def root(one: Tensor, order: int) -> Tensor | None:
@@ -100,7 +91,6 @@ def root(one: Tensor, order: int) -> Tensor | None:
     return real if float(largest_singular(real)) < 1 else None
 
 
-
 def preceded(one: Tensor, others: Tensor) -> Tensor:
     """Contractive maps g (k,6) such that one∘g is one of `others` (n,6). Empty if `one` (6,) is singular."""
     if float(volumes(one)) - PROBABILITY_FLOOR < SINGULAR:
@@ -112,7 +102,6 @@ def preceded(one: Tensor, others: Tensor) -> Tensor:
     return found[largest_singular(found) < 1]
 
 
-
 def compositions(first: Tensor, then: Tensor) -> Tensor:
     """All compositions (nm,6) of maps (n,6) after maps (m,6)."""
     a, b = first[:, None, :4].unflatten(-1, (2, 2)), then[None, :, :4].unflatten(-1, (2, 2))
@@ -120,12 +109,10 @@ def compositions(first: Tensor, then: Tensor) -> Tensor:
     return torch.cat([(a @ b).flatten(-2), offset], -1).flatten(0, 1)
 
 
-
 def composed(one: Tensor, inner: Tensor) -> Tensor:
     """The map (6,) one∘inner: first `inner` (6,), then `one` (6,)."""
     matrix = one[:4].view(2, 2)
     return torch.cat([(matrix @ inner[:4].view(2, 2)).flatten(), matrix @ inner[4:] + one[4:]])
-
 
 
 def inverse(one: Tensor) -> Tensor | None:

@@ -24,6 +24,7 @@ from ..methods.history import StageRecord
 from ..rendering import sheets
 from ..rendering.colour import on_ground
 from ..rendering.still import render_with_info
+from ..runtime.files import make_folder
 from ..verdict import Verdict
 
 if TYPE_CHECKING:
@@ -143,10 +144,7 @@ class Inversion:
         whole = replace(self.code, meta={**self.code.meta, "inversion": self.facts()})
         if path.suffix == ".json":
             return whole.save(path)
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make the folder {path}: {error.strerror}") from error
+        make_folder(path)
         self.code.save(path / CODE)
         whole.save(path / INVERSION)
         write_image(path / TARGET, self.target.image, bits=16)

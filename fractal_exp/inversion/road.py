@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from ..cameras.params import CameraParams
+from ..colouring import colour_error, fitted
 from ..ifs.code import IFS
+from ..images.painted import Painted
 from ..images.reading import ReadImage
 from ..likeness import Likeness, camera_for
 from ..methods.base import CodeReconstruction, Method, OnStep, Progress, Reconstruction, stop_reason
@@ -76,6 +78,18 @@ def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, 
         likeness=likeness, verdict=verdict, camera=camera, history=work.stages, stopped=work.stopped,
         seconds=work.seconds, method=name, options=options, notes=(*target.notes, *found.notes),
         warnings=warnings_of(target, verdict, likeness, work.stopped), curve=found.curve)
+
+
+def coloured(shape: Inversion, painted: Painted, seed: int = 0) -> Inversion:
+    """The result with the picture's colours: its maps, and so its likeness in shape, are the same."""
+    code = fitted(shape.code, painted, seed)
+    if code is None:
+        note = "no colours: hardly any pixel is lit by both the code and the picture"
+        return replace(shape, notes=(*shape.notes, note), warnings=(*shape.warnings, note))
+    grey = ["the picture is grey, so the colours found are greys"] if painted.is_grey else []
+    likeness = replace(shape.likeness, colour=colour_error(code, painted, seed))
+    return replace(shape, code=code, likeness=likeness, verdict=shape.verdict.with_colours(likeness.colour),
+                   notes=(*shape.notes, *grey))
 
 
 def _note(codes: list[IFS], progress: Progress) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import typing
 from collections.abc import Callable, Iterable, Mapping
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, did_you_mean
@@ -16,23 +16,22 @@ if TYPE_CHECKING:
     from .base import Method
 
 KINDS = {"int": "a whole number", "float": "a number", "bool": "True or False", "str": "a text"}  # of options
-METHODS = {  # name -> module.function that builds the method with sensible sizes
-    "collage": "collage.method.laptop",
-    "chaotic": "chaotic.method.laptop",
-    "evolutionary": "population.evolutionary.laptop",
-    "cuckoo": "population.cuckoo.laptop",
-    "learning_fractals_32": "learning_fractals.method.laptop_32",
-    "learning_fractals_256": "learning_fractals.method.laptop_256",
-    "neural_regression": "neural_regression.method.laptop",
-    "amortized": "amortized.method.laptop",
+METHODS = {  # name -> module:function that builds the method with sensible sizes
+    "collage": "collage.method:laptop",
+    "chaotic": "chaotic.method:laptop",
+    "evolutionary": "population.evolutionary:Evolutionary.laptop",
+    "cuckoo": "population.cuckoo:Cuckoo.laptop",
+    "learning_fractals_32": "learning_fractals.method:LearningFractals32.laptop",
+    "learning_fractals_256": "learning_fractals.method:LearningFractals256.laptop",
+    "neural_regression": "neural_regression.method:NeuralRegression.laptop",
+    "amortized": "amortized.method:Amortized.laptop",
 }
 WITHOUT_CODE = {"super_resolution": "draws the image larger"}  # methods that find no code, and what they do instead
 
 
 def load(name: str) -> Callable[..., Method]:
     """The function that builds the method called `name`, imported when it is asked for."""
-    module, _, function = METHODS[name].rpartition(".")
-    return getattr(import_module(f"{__package__}.{module}"), function)
+    return resolve_name(f"{__package__}.{METHODS[name]}")
 
 
 def check_options(build: Callable[..., Method], name: str, options: Mapping[str, Any],
@@ -42,7 +41,8 @@ def check_options(build: Callable[..., Method], name: str, options: Mapping[str,
     import numpy as np
 
     takes = {key: each for key, each in inspect.signature(build).parameters.items() if each.kind != each.VAR_KEYWORD}
-    params = getattr(inspect.signature(build, eval_str=True).return_annotation, "Params", None)
+    kind = getattr(build, "__self__", None) or inspect.signature(build, eval_str=True).return_annotation
+    params = getattr(kind, "Params", None)
     if params is not None:
         own = {key: value for key, value in options.items() if key in params.model_fields}
         params().updated(**own)

@@ -6,16 +6,21 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import torch
+from pydantic import Field
 from torch import Tensor, nn
 
 from ..errors import InputError
+from ..ifs.code import IFS
+from ..rendering.still import render
 from ..runtime import weights as files
+from ..runtime.checkpoint import Checkpoint
 from ..runtime.checks import check_seconds
 from ..runtime.params import Params
-from .base import AnyTarget, Method, check_device, check_target
+from ..runtime.precision import full_precision
+from .base import AnyTarget, CodeReconstruction, Method, OnStep, Progress, check_device, check_target
 
 
 class PretrainedParams(Params):
@@ -126,10 +131,49 @@ class Pretrained(Method):
                                  f"({name})")
 
 
-def resized_input(image: Tensor, side: int, what: str) -> Tensor:
-    """The image (R,R) as a network of this input sees it, (side, side), each pixel the mean of what it covers. Raises
-    `InputError` if it has fewer pixels than that."""
-    if len(image) < side:
-        raise InputError(f"{what} sees {side}² pixels, and the target has {len(image)}²; raise resolution to {side} or "
-                         "more")
-    return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]
+class CodeReaderParams(PretrainedParams):
+    """The parameters of a network that reads a code off an image."""
+
+    side: Annotated[int, Field(ge=16, le=512, multiple_of=8)] = 64
+    """Pixels a side of the image as the network sees it; weights know one size."""
+    largest: Annotated[float, Field(gt=0, lt=1)] = 0.99
+    """Largest singular value of a map: a matrix above it is shrunk as a whole, as a code must contract."""
+
+
+class CodeReader(Pretrained):
+    """A network that reads a code off the image, as it sees it on `side` pixels a side, in one pass."""
+
+    params: CodeReaderParams
+
+    @classmethod
+    def laptop(cls, *, resolution: int = 256, seed: int = 0, seconds: float | None = None, **options: Any) -> Self:
+        """The method with the weights in the package. It takes images of any resolution from the network's own on; the
+        seed makes no difference, as nothing is drawn."""
+        return cls(seconds=seconds, **options)
+
+    @abstractmethod
+    def read_off(self, network: nn.Module, image: Tensor) -> IFS:
+        """The code in the frame, from an image (1,S,S) on the device."""
+
+    def check_size(self, target: Tensor) -> None:
+        self.resized(target)
+
+    def resized(self, image: Tensor) -> Tensor:
+        """The image (R,R) as the network sees it (S,S), each pixel the mean of what it covers. Raises `InputError` if
+        it has fewer pixels than that."""
+        side = self.params.side
+        if len(image) < side:
+            raise InputError(f"the network sees {side}² pixels, and the target has {len(image)}²; raise resolution to "
+                             f"{side} or more")
+        return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]
+
+    @full_precision()
+    @torch.no_grad()
+    def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
+                    ) -> CodeReconstruction:
+        image = self.resized(check_target(target))
+        code = self.read_off(self.loaded()[0], image[None].to(self.device))
+        if on_step:
+            preview = render(code, resolution=self.params.side)
+            on_step(Progress(1, 1.0, {"maps": len(code)}, preview, "network", code))
+        return CodeReconstruction(code, "one pass of the network done", evaluations=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor
@@ -30,6 +30,7 @@ from .base import (
 )
 
 State = Mapping[str, Tensor]
+SMALLEST_INPUT = 16  # pixels a side of a target
 
 
 class Walk(ABC):
@@ -70,6 +71,7 @@ class Stepwise(Method):
     """
 
     unit: ClassVar[str]      # what a step is called, in the plural; the parameter of this name is the budget
+    budget: ClassVar[int]    # that two cores finish in minutes
     Params: ClassVar[type[Params]]
 
     def __init__(self, *, seconds: float | None = None, seed: int = 0, previews: int = 10, device: str = "cpu",
@@ -79,6 +81,14 @@ class Stepwise(Method):
             raise InputError(f"previews must be at least 0, got {previews}")
         self.params = self.Params().updated(**options)
         self.seconds, self.seed, self.previews, self.device = seconds, seed, previews, check_device(device)
+
+    @classmethod
+    def laptop(cls, *, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0,
+               **options: Any) -> Self:
+        """The method with a budget that two cores finish in minutes. It takes images of any resolution from 16² on."""
+        check_resolution(resolution)
+        sizes: dict[str, Any] = {cls.unit: cls.budget} | options
+        return cls(seed=seed, seconds=seconds, previews=previews, **sizes)
 
     @property
     def steps(self) -> int:
@@ -152,7 +162,7 @@ def resized(image: Tensor, side: int | None) -> Tensor:
     return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]
 
 
-def check_resolution(resolution: int, least: int) -> None:
+def check_resolution(resolution: int) -> None:
     """Raise `InputError` if targets of so many pixels a side are too small."""
-    if resolution < least:
-        raise InputError(f"resolution must be at least {least}, got {resolution}")
+    if resolution < SMALLEST_INPUT:
+        raise InputError(f"resolution must be at least {SMALLEST_INPUT}, got {resolution}")

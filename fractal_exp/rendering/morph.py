@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from scipy.ndimage import convolve1d, maximum_filter1d
 from scipy.optimize import linear_sum_assignment
 
 from ..errors import InputError
@@ -209,22 +210,15 @@ def _camera(boxes: list[np.ndarray], window: int, loop: bool) -> list[View]:
     averaged likewise, so that no average is below what its own frame needs.
     """
     low, high = (np.array([box[k:k + 2] for box in boxes]) for k in (0, 2))
-    middle = np.stack([_average(column, window, loop) for column in ((low + high) / 2).T], 1)
+    middle = _average((low + high) / 2, window, loop)
     needed = np.maximum(high - middle, middle - low).max(1)
-    around = np.stack([_shifted(needed, k, loop) for k in range(-window, window + 1)])
-    half = _average(around.max(0), window, loop) / (attractor.FRAME_SIDE / 2)
+    largest = maximum_filter1d(needed, 2 * window + 1, mode="wrap" if loop else "nearest")
+    half = _average(largest, window, loop) / (attractor.FRAME_SIDE / 2)
     return [View((float(x), float(y)), 1 / max(float(h), 1e-6)) for (x, y), h in zip(middle, half, strict=True)]
 
 
-def _shifted(values: np.ndarray, by: int, loop: bool) -> np.ndarray:
-    """The values `by` frames later; beyond the ends the last ones, or those of the other end."""
-    places = np.arange(len(values)) + by
-    return values[places % len(values) if loop else places.clip(0, len(values) - 1)]
-
-
 def _average(values: np.ndarray, window: int, loop: bool) -> np.ndarray:
-    """A mean over 2 · window + 1 frames that falls off smoothly to both sides."""
-    shifts = range(-window, window + 1)
-    weights = [1 + math.cos(math.pi * k / (window + 1)) for k in shifts]
-    return sum((w * _shifted(values, k, loop) for w, k in zip(weights, shifts, strict=True)),
-               np.zeros_like(values)) / sum(weights)
+    """A mean of each column over 2 · window + 1 rows that falls off smoothly to both sides; beyond the ends stand the
+    last rows, or those of the other end."""
+    weights = 1 + np.cos(np.pi * np.arange(-window, window + 1) / (window + 1))
+    return convolve1d(values, weights / weights.sum(), axis=0, mode="wrap" if loop else "nearest")

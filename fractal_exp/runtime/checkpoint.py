@@ -18,7 +18,6 @@ from ..errors import InputError
 from .files import check_file, write_atomically
 
 FORMAT = "fractal-exp/checkpoint/2"
-EARLIER = b"fractal-exp/checkpoint/1"
 DIGEST = b'"sha256":"%s"'  # stands once in a file: quotes inside the notes are escaped
 BLANK = b"0" * 64          # in the digest's place while it is computed
 
@@ -99,7 +98,6 @@ def read(path: Path) -> tuple[Snapshot, dict[str, Any]]:
     """A checkpoint's snapshot and identity. Raises `InputError` if it is no whole checkpoint of this layout.
 
     The SHA-256 over all bytes is checked before anything is parsed: what one changed byte could do is seen at once.
-    Files of layout 1, which had no digest, are not read.
     """
     from safetensors import SafetensorError
     from safetensors.torch import load
@@ -126,8 +124,6 @@ def _checked_notes(data: bytes) -> dict[str, Any]:
         raise InputError("it is damaged or cut short")
     found = re.search(re.escape(DIGEST).replace(b"%s", b"([0-9a-f]{64})"), data[8:8 + length])
     if found is None:
-        if EARLIER in data[8:8 + length]:
-            raise InputError("an earlier version of fractal-exp wrote it; resume with that version")
         raise InputError("it is no checkpoint of this version, which have a checksum")
     if _digest(data.replace(found[0], DIGEST % BLANK, 1)) != found[1]:
         raise InputError("it is damaged: its bytes do not give its checksum")

@@ -39,6 +39,16 @@ def explain(error: OSError, path: str | Path | None = None) -> str:
             f"{REMEDIES.get(error.errno or 0, 'choose a folder that exists and may be written')}")
 
 
+def make_folder(path: str | Path) -> Path:
+    """The absolute folder, made if need be. Raises `InputError` if it cannot be."""
+    folder = Path(path).absolute()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {explain(error, folder)}") from error
+    return folder
+
+
 @contextlib.contextmanager
 def replacing(path: str | Path, suffix: str = ".partial") -> Iterator[Path]:
     """A new, empty file beside `path`, which takes its place when the block ends without an error, else vanishes.

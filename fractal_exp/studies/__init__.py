@@ -1,1 +1,1 @@
-"""Reports of sweeps: tables of tracked runs, beside published figures."""
+"""What a fit is worth (`judging`), and reports of sweeps: tables of tracked runs, beside published figures."""

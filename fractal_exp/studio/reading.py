@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ from PIL import Image
 
 from ..errors import InputError, did_you_mean
 from ..images.reading import ReadImage, read_colour, read_target
+from ..rendering.sheets import png
 
 RESOLUTION = 256        # pixels a side that a picture is brought to
 LONGEST_NAME = 80       # characters of a file's name that are kept
@@ -73,13 +73,13 @@ class Picture:
 
     def target_png(self) -> bytes:
         """The image that is searched, white on black."""
-        return _png(np.rint(255 * self.read.image.numpy()).astype(np.uint8))
+        return png(self.read.image)
 
     def given_png(self) -> bytes:
         """The picture as it was given, small."""
         image = Image.fromarray(read_colour(self.path, backdrop=float(self.read.inverted)))
         image.thumbnail((SHOWN_SIDE, SHOWN_SIDE))
-        return _png(np.asarray(image))
+        return png(np.asarray(image))
 
     def facts(self) -> dict[str, Any]:
         """What is shown of it: plain data."""
@@ -104,9 +104,3 @@ def file_name(name: str) -> str:
     """The name under which a picture is put into a folder of ours: of the given one, only a known ending is kept."""
     found = SUFFIX.search(name)
     return f"picture{found[0].lower() if found else ''}"
-
-
-def _png(pixels: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "PNG")
-    return buffer.getvalue()

@@ -8,9 +8,10 @@ import json
 import logging
 import secrets
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from importlib import resources
 from pathlib import Path
+from string import Template
 from typing import Any
 
 from starlette.applications import Starlette
@@ -21,7 +22,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import InputError
-from .page import studio_page
+from ..viewer.page import fragments
 from .session import Session
 
 LARGEST_UPLOAD = 64 * 2**20   # bytes
@@ -97,6 +98,13 @@ def application(output: Path, *, token: str, port: int, kept: Callable[[Path], N
         WebSocketRoute("/{token}/live", _live),
     ]
     return Guard(Starlette(routes=routes, lifespan=lifespan), token=token, port=port)
+
+
+@cache
+def studio_page() -> str:
+    """The studio's HTML, with the panel and the dialogs of the viewer's editor. What it loads lies under static/."""
+    text = (resources.files("fractal_exp.studio") / "static" / "studio.html").read_text("utf-8")
+    return Template(text).substitute(fragments())
 
 
 async def _page(_: Request) -> Response:

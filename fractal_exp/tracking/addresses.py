@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -9,6 +10,11 @@ from ..errors import InputError
 
 # user:password@host is all that may stand before the path; a password with / ? # @ must be written in %XX.
 SERVER = re.compile(r"https?://([^/?#@\s]*@)?(\[[^\]\s]+\]|[^:/?#@\s]+)(:\d+)?([/?#]\S*)?")
+
+
+def store_uri(folder: str | Path) -> str:
+    """The store of an output folder, or the server that MLFLOW_TRACKING_URI names."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
 
 
 def database_path(uri: str) -> Path | None:

@@ -19,9 +19,6 @@ from ..errors import InputError
 from .addresses import reason, root, shown
 from .client import configure, connect
 
-# What people put into a store, by table; a table that is missing holds nothing.
-WORK = ("SELECT 1 FROM runs", "SELECT 1 FROM experiments WHERE experiment_id <> 0", "SELECT 1 FROM registered_models",
-        "SELECT 1 FROM trace_info")
 FULL = "disk is full|disk I/O error|No space left|File too large|[Qq]uota"
 REMEDIES = {FULL: "make room there or choose another output folder, and give the same command again",
             "not a database|malformed": "move that file away to begin anew"}
@@ -31,8 +28,7 @@ def build(database: Path, uri: str) -> None:
     """Make the store in the file `database` if it is not there, and check that it can be used.
 
     The tables are made in a folder beside it and renamed into place, so that a kill, Ctrl-C or a full disk leaves the
-    old state. A half-made store without any work in it, as earlier versions left them, is made anew. Raises
-    `InputError` if the store cannot be made, written or read; a store that holds work is never replaced.
+    old state. Raises `InputError` if the store cannot be made, written or read; none but an empty file is replaced.
     """
     try:
         artifacts(database).mkdir(parents=True, exist_ok=True)
@@ -40,7 +36,7 @@ def build(database: Path, uri: str) -> None:
         # folder, here perhaps one that is not ours, and has to write into its lock, which a full disk would not let it.
         with FileLock(f"{database}.lock"):
             _remove_leftovers(database)
-            if not database.exists() or _is_half_made(database):
+            if not database.exists() or not database.stat().st_size:
                 _make(database)
             _check_writing(database)
             _check_reading(database, uri)
@@ -72,24 +68,6 @@ def _scratch(database: Path) -> str:
 def _remove_leftovers(database: Path) -> None:
     for folder in database.parent.glob(f"{_scratch(database)}*"):
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_half_made(database: Path) -> bool:
-    """Whether a store was left unfinished, which nobody has worked with."""
-    with closing(sqlite3.connect(database, timeout=30)) as connection:
-        # MLflow adds its default experiment last of all.
-        if _finds(connection, "SELECT 1 FROM experiments WHERE experiment_id = 0"):
-            return False
-        return not any(_finds(connection, query) for query in WORK)
-
-
-def _finds(connection: sqlite3.Connection, query: str) -> bool:
-    try:
-        return connection.execute(f"{query} LIMIT 1").fetchone() is not None
-    except sqlite3.OperationalError as error:
-        if "no such table" in str(error):
-            return False
-        raise
 
 
 def _make(database: Path) -> None:

@@ -14,11 +14,11 @@ import urllib.request
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError, did_you_mean
-from .addresses import database_path, shown
+from ..errors import InputError
+from .addresses import database_path, shown, store_uri
 from .building import artifacts, hide_default
 from .client import ENVIRONMENT, connect
-from .store import pages
+from .store import no_study, pages
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -54,7 +54,7 @@ def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
 
     Raises `InputError` if there are none yet, if a server keeps them, or if the port is taken.
     """
-    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
+    uri = store_uri(folder)
     database = database_path(uri)
     if database is None:
         raise InputError(f"the runs are kept by the server {shown(uri)}: open that address in the browser")
@@ -77,9 +77,6 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
     client = connect(command[command.index("--backend-store-uri") + 1])
     experiment = _experiment(client, study)
     hide_default(client)
-    for name, value in experiment_tags(experiment.name).items():
-        if name not in experiment.tags:  # a store of an earlier version
-            client.set_experiment_tag(experiment.experiment_id, name, value)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     print("dashboard: starting", flush=True)
     server = subprocess.Popen(command, env={**ENVIRONMENT, **os.environ}, stdout=subprocess.DEVNULL,
@@ -104,9 +101,7 @@ def _experiment(client: MlflowClient, name: str | None) -> Experiment:
     if name is not None:
         found = next((experiment for experiment in known if experiment.name == name), None)
         if found is None:
-            names = sorted(each.name for each in known)
-            near = did_you_mean(name, names) or ";"
-            raise InputError(f"there is no study {name!r}{near} it has {', '.join(names) or 'none'}")
+            raise no_study("there is", name, known)
         return found
     newest = known and client.search_runs([experiment.experiment_id for experiment in known], max_results=1,
                                           order_by=["attributes.start_time DESC"])

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError
 from ..runtime.extras import need
 from ..runtime.files import check_file
 from .addresses import database_path, shown
 from .client import connect
-from .store import PARENT, pages, patiently
+from .store import PARENT, no_study, pages, patiently
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,9 +32,7 @@ def runs_frame(uri: str, experiment: str, where: str = "") -> pd.DataFrame:
     client = connect(uri)
     found = client.get_experiment_by_name(experiment)
     if found is None:
-        names = sorted(e.name for e in pages(client.search_experiments) if e.name != "Default")
-        near = did_you_mean(experiment, names) or ";"
-        raise InputError(f"{shown(uri)} has no study {experiment!r}{near} it has {', '.join(names) or 'none'}")
+        raise no_study(f"{shown(uri)} has", experiment, pages(client.search_experiments))
     rows = [
         {"run_id": run.info.run_id, "name": run.info.run_name, "status": run.info.status,
          "start_time": run.info.start_time, "end_time": run.info.end_time,

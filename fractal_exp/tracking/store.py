@@ -13,14 +13,14 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from filelock import FileLock
 
-from ..errors import InputError
-from .addresses import database_path, reason, root, shown
+from ..errors import InputError, did_you_mean
+from .addresses import database_path, reason, root, shown, store_uri
 from .building import artifacts, build
 from .client import connect
 
@@ -43,7 +43,7 @@ def prepare_store(folder: str | Path) -> str:
     this one, which would share its connection. Raises `InputError` if the folder cannot be written, the database
     cannot be used, or the server does not answer within ten seconds.
     """
-    uri = os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
+    uri = store_uri(folder)
     database = database_path(uri)
     if database is None:
         _check_server(uri)
@@ -109,6 +109,13 @@ def pages(search: Callable[..., Any], **query: Any) -> Iterator[Any]:
         token = page.token
         if not token:
             return
+
+
+def no_study(there: str, name: str, known: Iterable[Any]) -> InputError:
+    """The error that says which studies there are instead. known: experiments of MLflow."""
+    names = sorted(each.name for each in known if each.name != "Default")
+    return InputError(f"{there} no study {name!r}{did_you_mean(name, names) or ';'} it has "
+                      f"{', '.join(names) or 'none'}")
 
 
 def process_tags() -> dict[str, str]:

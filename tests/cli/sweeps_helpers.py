@@ -19,7 +19,7 @@ TINY = ["scale=smoke", "resolution=32", "evaluation.resolution=32", "evaluation.
 
 def start(output: Path, *words: str, **environment: str) -> subprocess.Popen:
     environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"} | environment
-    line = [sys.executable, "-m", "fractal_exp.cli.sweep", words[0], *TINY, f"output={output}", *words[1:]]
+    line = [sys.executable, "-m", "fractal_exp.cli", "sweep", words[0], *TINY, f"output={output}", *words[1:]]
     return subprocess.Popen(line, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
 
 

@@ -91,7 +91,6 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
 @pytest.mark.parametrize(("arguments", "message"), [
     (["mine"], "Name its truth"),
     (["mine", "--truth", "ferm"], "did you mean 'fern'? give"),
-    (["mine", "--truth", "suite", "--views", "paper"], "views=paper is now called views=uniform"),
     (["mine", "--truth", "suite", "--views", "all"], "views must be one of attractor, released, uniform"),
     (["mine", "--truth", "true"], "true/fit-000.json"),
     (["empty", "--truth", "suite"], "holds neither codes"),

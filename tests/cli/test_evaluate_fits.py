@@ -12,7 +12,7 @@ from networks_helpers import saved
 from PIL import Image
 
 from fractal_exp import IFS, InputError, codes, tracking
-from fractal_exp.cli import configuration, records
+from fractal_exp.cli import candidates, configuration
 from fractal_exp.cli import evaluate as app
 from fractal_exp.cli.candidates import gather
 from fractal_exp.cli.folders import FitFolder
@@ -158,7 +158,7 @@ def test_a_kept_picture_loses_no_lit_pixel(tmp_path):
     image[0, :4] = torch.tensor([0.0, 1e-9, 1e-6, 1.0])
     folder = FitFolder.open(tmp_path, "fit")
     assert folder.keep_target(image, None).name == "target.png"
-    back = records.read_aim({"target.png": (folder.path / "target.png").read_bytes()}.get, "").picture
+    back = candidates.read_aim({"target.png": (folder.path / "target.png").read_bytes()}.get, "").picture
     assert torch.equal(back > 0, image > 0) and float((back - image).abs().max()) < 2e-5
     folder.keep_target(image, codes.known("tree"))
     assert not (folder.path / "target.png").exists() and (folder.path / "truth.json").exists()

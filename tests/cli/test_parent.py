@@ -5,10 +5,10 @@ import sys
 
 WORKER = """
 import sys, time
-from fractal_exp.cli import parent
+from fractal_exp.cli import jobs
 
-parent.POLL_SECONDS = 0.01
-parent.follow(int(sys.argv[1]))
+jobs.POLL_SECONDS = 0.01
+jobs.follow(int(sys.argv[1]))
 time.sleep(0.5)
 print("alive", flush=True)
 time.sleep(60)

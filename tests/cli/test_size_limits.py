@@ -6,8 +6,8 @@ import pytest
 from safetensors.torch import load_file, save_file
 
 from fractal_exp import InputError, codes, tracking
+from fractal_exp.cli import candidates
 from fractal_exp.cli import evaluate as app
-from fractal_exp.cli import records
 from fractal_exp.cli.candidates import gather
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.runtime import files
@@ -36,7 +36,7 @@ def test_a_fits_file_that_is_too_large_ends_in_one_line(fit, capsys, name, most)
 def test_an_artifact_that_is_too_large_is_not_fetched(fit, tmp_path, monkeypatch):
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.setattr(files, "LARGEST_JSON", 1000)
-    monkeypatch.setattr(records, "LARGEST_JSON", 1000)
+    monkeypatch.setattr(candidates, "LARGEST_JSON", 1000)
     uri = tracking.prepare_store(tmp_path)
     with tracking.start_run(uri, "fits", "fern", folder=tmp_path) as run:
         run.artifact("code.json", "x" * 1001)

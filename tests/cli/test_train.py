@@ -35,7 +35,7 @@ def picture(tmp_path_factory) -> Path:
 
 
 def command(*arguments: str) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-m", "fractal_exp.cli.composed", *TINY, *arguments], text=True,
+    return subprocess.Popen([sys.executable, "-m", "fractal_exp.cli", "train", *TINY, *arguments], text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 

@@ -8,7 +8,6 @@ from PIL import Image
 from train_helpers import train
 
 from fractal_exp import IFS, InputError
-from fractal_exp.cli import colours
 from fractal_exp.tracking import read_artifact, runs_frame
 
 RED, BLUE = (200, 30, 20), (20, 60, 190)
@@ -79,7 +78,7 @@ def test_what_has_no_colours_is_refused_before_the_fit(picture, tmp_path, words,
 
 
 def test_where_no_pixel_is_shared_the_code_stays_without_colours(picture, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(colours, "fitted", lambda *_: None)
+    monkeypatch.setattr("fractal_exp.inversion.road.fitted", lambda *_: None)
     scores = on_picture(picture, tmp_path, "tracking=none", "colour=true")
     assert "eval/ciede2000" not in scores and "no colours" in capsys.readouterr().out
     assert IFS.load(tmp_path / "fits" / "fit" / "code.json").colours is None

@@ -10,13 +10,13 @@ from omegaconf import OmegaConf
 
 from fractal_exp import View, codes
 from fractal_exp.cli import configuration
-from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual, evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.rendering.cache import ImageCache
+from fractal_exp.studies.judging import judge
 from fractal_exp.suite import random_suite, target
 from fractal_exp.targets import SuiteFractal, Target
 

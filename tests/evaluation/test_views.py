@@ -49,8 +49,6 @@ def test_what_is_not_a_kind_of_views():
     code = random_suite(1)[0]
     with pytest.raises(InputError, match="attractor, released, uniform"):
         evaluation_views(code, "mine")
-    with pytest.raises(InputError, match="views=paper is now called views=uniform"):
-        evaluation_views(code, "paper")
     with pytest.raises(InputError, match="at least 0"):
         evaluation_views(code, seed=-1)
     with pytest.raises(InputError, match="needs seed"):

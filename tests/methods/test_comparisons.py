@@ -6,24 +6,26 @@ from pathlib import Path
 import fractal_exp.conf
 import pytest
 from configured import plain
+from fractal_exp.conf.generate import FILES, hydra_config
 from places import ROOT
 from rivals_helpers import TARGET
 
 from fractal_exp import InputError, codes, invert
 from fractal_exp.cli import configuration
-from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import CodeReconstruction
-from fractal_exp.methods.configs import FILES, NETWORKS, hydra_config
 from fractal_exp.methods.stepwise import Stepwise
+from fractal_exp.studies.judging import judge
 from fractal_exp.studies.published import TABLES
 from fractal_exp.targets import Target
 
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
 PAGE = (ROOT / "docs" / "comparisons.md").read_text()
-each_method = pytest.mark.parametrize("name", FILES)
+NETWORKS = [file.split("/")[1] for file in FILES if file.startswith("pretraining/")]
+each_method = pytest.mark.parametrize("name", [name for group, name in (file.split("/") for file in FILES)
+                                               if group == "method" and name not in NETWORKS])
 
 
 def built(*words: str) -> Stepwise:
@@ -36,16 +38,16 @@ def built(*words: str) -> Stepwise:
 
 @each_method
 def test_its_file_is_made_from_its_parameters(name):
-    assert (CONF / "method" / f"{name}.yaml").read_text() == hydra_config(name), (
-        f"python -m fractal_exp.methods.configs {name} > conf/method/{name}.yaml")
+    assert (CONF / "method" / f"{name}.yaml").read_text() == hydra_config(f"method/{name}"), (
+        f"python -m fractal_exp.conf.generate method/{name} > conf/method/{name}.yaml")
     for field, info in type(built(f"method={name}").params).model_fields.items():
         assert info.description, field
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_so_is_that_of_a_method_with_a_network(name):
-    assert (CONF / "method" / f"{name}.yaml").read_text() == hydra_config(name), (
-        f"python -m fractal_exp.methods.configs {name} > conf/method/{name}.yaml")
+    assert (CONF / "method" / f"{name}.yaml").read_text() == hydra_config(f"method/{name}"), (
+        f"python -m fractal_exp.conf.generate method/{name} > conf/method/{name}.yaml")
     method = built(f"method={name}")
     assert method.name == name and f"`{name}`" in PAGE
     assert name in TABLES["comparisons"].rows or name == "amortized", "which is younger than the paper"

@@ -8,7 +8,6 @@ from networks_helpers import SUPER, saved
 from rivals_helpers import TARGET
 
 from fractal_exp import InputError, codes, evaluation
-from fractal_exp.cli.judging import judge
 from fractal_exp.evaluation import Perceptual, score
 from fractal_exp.ifs.code import View
 from fractal_exp.images.reading import ReadImage
@@ -16,6 +15,7 @@ from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.methods.super_resolution.enlarged import Enlarged
 from fractal_exp.methods.super_resolution.method import SuperResolution
 from fractal_exp.methods.super_resolution.network import SwinIR
+from fractal_exp.studies.judging import judge
 from fractal_exp.targets import Target
 from fractal_exp.training.super_resolution import SuperResolutionRecipe, SuperResolutionTraining
 

@@ -32,7 +32,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
     "ifs": [{"canvas", "numbers"}, {"colours"}, {"code"}, {"address_tree", "affine"}, {"attractor"}, {"formats"}],
     "ops": [{"cuda_launch", "scale"}, {"backends"}, {"chaos"},
             {"collage", "histogram", "occupancy", "sequences", "splatting"}],
-    "methods": [{"base"}, {"history", "pretrained", "stepwise"}, {"configs"},
+    "methods": [{"base"}, {"history", "pretrained", "stepwise"},
                 {"chaotic", "collage", "learning_fractals", "population", "super_resolution"}, {"neural_regression"},
                 {"amortized"}],
     "methods/collage": [{"params", "maps"}, {"bins"}, {"state"}, {"measure"}, {"image"},

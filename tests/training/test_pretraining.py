@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from configured import composed, options, plain
+from fractal_exp.conf.generate import hydra_config
 from networks_helpers import TRAININGS, Stop, each_training, resumed, run, saved, stopped_after
 
 from benchmarks import networks
@@ -21,7 +22,6 @@ from fractal_exp.runtime import weights
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.suite import FIRST_TRAINING_SEED, draw_code, random_suite, target
 from fractal_exp.training import codes, loop
-from fractal_exp.training.configs import FILES, hydra_config
 from fractal_exp.training.loop import train
 
 
@@ -141,10 +141,11 @@ def test_trainings_that_cannot_be(name, change, message):
         TRAININGS[name](**change)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", TRAININGS)
 def test_its_file_is_made_from_its_recipe_and_every_scale_composes(name):
     path = Path(next(iter(fractal_exp.conf.__path__))) / "pretraining" / f"{name}.yaml"
-    assert path.read_text() == hydra_config(name), f"python -m fractal_exp.training.configs {name} > {path}"
+    file = f"pretraining/{name}"
+    assert path.read_text() == hydra_config(file), f"python -m fractal_exp.conf.generate {file} > {path}"
     for scale in ("smoke", "laptop", "paper"):
         training = configuration.build(configuration.resolve(
             composed("task=pretrain", f"method={name}", f"scale={scale}")).pretraining)
@@ -152,8 +153,8 @@ def test_its_file_is_made_from_its_recipe_and_every_scale_composes(name):
         if scale == "paper":
             assert training.params == type(training.params)(), "the recipe's own values are the paper's"
     assert f"{name}_laptop" in options("pretraining")
-    with pytest.raises(InputError, match=f"did you mean '{name}'"):
-        hydra_config(name[:-1])
+    with pytest.raises(InputError, match=f"did you mean '{file}'"):
+        hydra_config(file[:-1])
 
 
 def test_a_fit_is_the_same_with_and_without_the_recipe():

@@ -7,7 +7,7 @@ Fractals" (Eurographics 2025, section 5.1) did, on 256².
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 import torch
 from pydantic import Field
@@ -18,11 +18,9 @@ from ...ifs.code import IFS
 from ...ops.sequences import blob_error, sequence
 from ...runtime.params import Amount, Params, Positive
 from ...runtime.seeds import derive, generator
-from ..stepwise import State, Stepwise, Walk, check_resolution, resized
+from ..stepwise import SMALLEST_INPUT, State, Stepwise, Walk, check_resolution, resized
 from . import maps as affine
 
-SMALLEST_INPUT = 16
-LAPTOP = 3000  # iterations, as published: a minute or so of one core
 MOMENTS = ("exp_avg", "exp_avg_sq")  # of Adam
 
 
@@ -69,7 +67,7 @@ class LearningFractalsWalk(Walk):
     """Learning Fractals on one image. What is lowered is the mean squared error of an iteration's sequences."""
 
     def __init__(self, image: Tensor, params: LearningFractalsParams, seed: int):
-        check_resolution(len(image), SMALLEST_INPUT)
+        check_resolution(len(image))
         self.image, self.params, self.seed = resized(image, params.side), params, seed
 
     def start(self) -> State:
@@ -156,6 +154,7 @@ class LearningFractals32(Stepwise):
     """Learning Fractals on its own canvas of 32² (Tu et al. 2023)."""
 
     unit = "iterations"
+    budget = 3000  # as published: a minute or so of one core
     Params = LearningFractalsParams
     params: LearningFractalsParams
 
@@ -168,19 +167,3 @@ class LearningFractals256(LearningFractals32):
 
     Params = LearningFractals256Params
     params: LearningFractals256Params
-
-
-def laptop_32(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
-              ) -> LearningFractals32:
-    """The method on 32² with its published budget. It takes images of any resolution from 16² on."""
-    check_resolution(resolution, SMALLEST_INPUT)
-    budget: dict[str, Any] = {"iterations": LAPTOP}
-    return LearningFractals32(seed=seed, seconds=seconds, previews=previews, **(budget | options))
-
-
-def laptop_256(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
-               ) -> LearningFractals256:
-    """The method on 256² with its published budget. It takes images of any resolution from 16² on."""
-    check_resolution(resolution, SMALLEST_INPUT)
-    budget: dict[str, Any] = {"iterations": LAPTOP}
-    return LearningFractals256(seed=seed, seconds=seconds, previews=previews, **(budget | options))

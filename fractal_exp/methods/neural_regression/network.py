@@ -43,4 +43,3 @@ class RegressionNetwork(nn.Module):
         """Codes (B,N,6), rows a b c d e f, from images (B,S,S) in [0,1]."""
         deviation = self.layers((images[:, None] - MEAN) / SPREAD).unflatten(-1, (self.maps, 6))
         return deviation.new_tensor(IDENTITY) + self.residual * deviation
-

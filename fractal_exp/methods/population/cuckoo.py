@@ -7,7 +7,7 @@ Source: Quirce et al. 2017, after Yang and Deb, "Cuckoo search via Lévy flights
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 import torch
 from pydantic import Field
@@ -16,10 +16,8 @@ from torch import Tensor
 from ...ifs.code import IFS
 from ...runtime.params import Amount, Positive, Share
 from ...runtime.seeds import generator
-from ..stepwise import State, Stepwise, Walk, check_resolution
-from .search import SMALLEST_INPUT, Canvas, Overlap, PopulationParams, best_of, bounded
-
-LAPTOP = 500  # generations that one core draws in two minutes or so: each draws every code twice
+from ..stepwise import State, Stepwise, Walk
+from .search import Canvas, Overlap, PopulationParams, best_of, bounded
 
 
 class CuckooParams(PopulationParams):
@@ -124,16 +122,9 @@ class Cuckoo(Stepwise):
     """Cuckoo search on codes of a fixed number of maps (Quirce et al. 2017)."""
 
     unit = "generations"
+    budget = 500  # that one core draws in two minutes or so: each draws every code twice
     Params = CuckooParams
     params: CuckooParams
 
     def walk(self, image: Tensor) -> CuckooWalk:
         return CuckooWalk(image, self.params, self.seed)
-
-
-def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
-           ) -> Cuckoo:
-    """The method with a budget that two cores finish in minutes. It takes images of any resolution from 16² on."""
-    check_resolution(resolution, SMALLEST_INPUT)
-    budget: dict[str, Any] = {"generations": LAPTOP}
-    return Cuckoo(seed=seed, seconds=seconds, previews=previews, **(budget | options))

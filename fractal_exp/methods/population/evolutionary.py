@@ -7,7 +7,7 @@ comparison.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 import torch
 from pydantic import Field
@@ -16,10 +16,8 @@ from torch import Tensor
 from ...ifs.code import IFS
 from ...runtime.params import Amount, Positive
 from ...runtime.seeds import generator
-from ..stepwise import State, Stepwise, Walk, check_resolution
-from .search import SMALLEST_INPUT, Canvas, Overlap, PopulationParams, best_of, bounded
-
-LAPTOP = 1000  # generations, as published: two minutes or so of one core
+from ..stepwise import State, Stepwise, Walk
+from .search import Canvas, Overlap, PopulationParams, best_of, bounded
 
 
 class EvolutionaryParams(PopulationParams):
@@ -128,16 +126,9 @@ class Evolutionary(Stepwise):
     """Evolutionary programming on codes of a fixed number of maps (Nettleton and Garigliano 1994)."""
 
     unit = "generations"
+    budget = 1000  # as published: two minutes or so of one core
     Params = EvolutionaryParams
     params: EvolutionaryParams
 
     def walk(self, image: Tensor) -> EvolutionaryWalk:
         return EvolutionaryWalk(image, self.params, self.seed)
-
-
-def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any
-           ) -> Evolutionary:
-    """The method with a budget that two cores finish in minutes. It takes images of any resolution from 16² on."""
-    check_resolution(resolution, SMALLEST_INPUT)
-    budget: dict[str, Any] = {"generations": LAPTOP}
-    return Evolutionary(seed=seed, seconds=seconds, previews=previews, **(budget | options))

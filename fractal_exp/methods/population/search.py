@@ -19,9 +19,8 @@ from ...ifs.code import IFS, sampling_probabilities
 from ...ops.occupancy import occupancy
 from ...runtime.params import Params
 from ...runtime.seeds import derive
-from ..stepwise import check_resolution, resized
+from ..stepwise import SMALLEST_INPUT, check_resolution, resized
 
-SMALLEST_INPUT = 16
 MAPS = 10          # "a conservative number of functions" for all compared methods (section 5.1 of the paper)
 
 
@@ -71,7 +70,7 @@ class Canvas:
     that a code's fitness is always the same. Raises `InputError` if no pixel or every pixel belongs to the shape."""
 
     def __init__(self, image: Tensor, params: PopulationParams, seed: int):
-        check_resolution(len(image), SMALLEST_INPUT)
+        check_resolution(len(image))
         self.params, self.seed = params, derive(seed, "points")
         self.shape = resized(image, params.side) >= params.threshold
         self.lit = int(self.shape.sum())
@@ -120,4 +119,3 @@ def best_of(maps: Tensor, cost: Tensor, best: Tensor, least: Tensor) -> tuple[Te
     """The best code ever, (N,6), and its cost: of a population, and the best one before it."""
     k = cost.argmin()
     return (maps[k], cost[k]) if cost[k] < least else (best, least)
-

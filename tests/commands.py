@@ -18,7 +18,7 @@ def run_here(program: ModuleType, *words: str, server: str | None = None) -> tup
     with (pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed),
           contextlib.redirect_stderr(printed)):
         patch.setattr(sys, "argv", [program.__name__, *words])
-        patch.setattr("fractal_exp.cli.interruption.listen", lambda: None)  # the signals are pytest's
+        patch.setattr("fractal_exp.cli.interruption.listen", lambda answer: None)  # the signals are pytest's
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         if server is not None:
             patch.setenv("MLFLOW_TRACKING_URI", server)

@@ -39,7 +39,7 @@ def run(program: str, config: str, work: Callable[[DictConfig], Any], given: Seq
     """
     global failed
     failed = []
-    interruption.listen()
+    interruption.listen(f"{program}: stopping; what is done is being kept")
     configuration.register()
     try:
         sys.argv[1:] = words.completed(given, for_picture)

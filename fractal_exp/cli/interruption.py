@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 from collections.abc import Iterator
 
 from ..errors import InputError
 
-_asked = False
+_asked, _answer = False, ""
 
 
-def listen() -> None:
-    """Let SIGINT and SIGTERM raise KeyboardInterrupt, and remember that they came."""
-    global _asked
-    _asked = False
+def listen(answer: str = "") -> None:
+    """Let SIGINT and SIGTERM raise KeyboardInterrupt, and remember that they came. answer: printed at once, where
+    there is more to do before the end."""
+    global _asked, _answer
+    _asked, _answer = False, answer
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
 
@@ -43,5 +45,7 @@ def not_lost() -> Iterator[None]:
 
 def _interrupt(*_: object) -> None:
     global _asked
+    if _answer and not _asked:
+        os.write(2, f"\n{_answer}\n".encode())  # the interrupted code may be in the middle of a print
     _asked = True
     raise KeyboardInterrupt

@@ -25,6 +25,8 @@ FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "thres
                                          "seconds", "colour")}
 FLAGS["clean"] = "--as-it-is"
 
+STOPPING = "fractal-invert: stopping; the best code so far is being written, if there is one"
+
 DESCRIPTION = """Find the code of the self-similar shape on a picture: the few affine maps whose attractor it is.
 
 PICTURE is a PNG, JPEG, GIF, BMP, TIFF, WebP or PPM file with one shape on a background of one colour. Captions, axes,
@@ -81,7 +83,7 @@ def invert_picture(options: argparse.Namespace) -> None:
     from ..inversion.road import INTERRUPTED
     from ..inversion.writing import LARGEST_OVERLAY, OVERLAY
 
-    interruption.listen()
+    interruption.listen(STOPPING)
     threads.use()
     settings = parse_settings(options.settings)
     if options.maps is not None:

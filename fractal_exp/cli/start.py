@@ -1,8 +1,22 @@
 """The commands, each imported when it is started: one whose libraries are missing says in a line what to install."""
 
+import sys
 from functools import partial
 
-from ..runtime.extras import start
+from ..runtime import extras
+from . import interruption
+
+
+def start(program: str, module: str) -> None:
+    """Import a command and run it. Ctrl-C ends it in a line from the first moment on, also while libraries load."""
+    interruption.listen()
+    try:
+        with interruption.not_lost():
+            extras.start(program, module)
+    except KeyboardInterrupt:
+        print(f"\n{program}: interrupted", file=sys.stderr)
+        raise SystemExit(130) from None
+
 
 train = partial(start, "fractal-train", "fractal_exp.cli.composed")
 sweep = partial(start, "fractal-sweep", "fractal_exp.cli.sweep")

@@ -49,7 +49,7 @@ def method(monkeypatch):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(interruption, "listen", lambda: None)
+    monkeypatch.setattr(interruption, "listen", lambda answer: None)
     shape = np.rint(255 * render(TRIANGLE, resolution=128, points_in_view=300_000).numpy()).astype(np.uint8)
     picture = write(Image.fromarray(255 - np.pad(shape, ((0, 30), (20, 20)))), "Sierpinski's gasket", 84, 140, 13)
     picture.save(tmp_path / "gasket.png")

@@ -19,7 +19,7 @@ from train_helpers import TINY, train
 
 from fractal_exp import IFS, InputError
 from fractal_exp.cli import composed as program
-from fractal_exp.cli import interruption
+from fractal_exp.cli import interruption, start
 from fractal_exp.inversion import Inversion
 from fractal_exp.tracking import read_artifact, read_series, runs_frame
 
@@ -115,13 +115,15 @@ def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_that_got_lost_is_raised_again(number):
+def test_an_interrupt_is_answered_at_once_and_raised_again_if_it_got_lost(number, capfd):
     before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
     try:
-        interruption.listen()
+        interruption.listen("stopping; work is being kept")
         interruption.check()
-        with contextlib.suppress(KeyboardInterrupt):
-            signal.raise_signal(number)
+        for _ in range(2):
+            with contextlib.suppress(KeyboardInterrupt):
+                signal.raise_signal(number)
+        assert capfd.readouterr().err == "\nstopping; work is being kept\n"
         with pytest.raises(KeyboardInterrupt):
             interruption.check()
         interruption.listen()
@@ -129,6 +131,24 @@ def test_an_interrupt_that_got_lost_is_raised_again(number):
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
+
+
+def test_an_interrupt_while_libraries_load_is_one_line(monkeypatch, capsys):
+    def loading(program, module):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise ImportError("half a library")  # what an interrupted import may end in
+
+    monkeypatch.setattr("fractal_exp.runtime.extras.start", loading)
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(SystemExit) as left:
+            start.train()
+    finally:
+        interruption.listen()  # or it would still count as asked
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    assert left.value.code == 130 and capsys.readouterr().err == "\nfractal-train: interrupted\n"
 
 
 def test_an_interrupt_saves_and_says_how_to_go_on(picture, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import hydra
@@ -19,6 +19,7 @@ from . import configuration, interruption, words
 from .commands import complain, told
 
 failed: list[str] | None = None  # jobs of -m, to be told at its end; None in a launcher's worker, which has no end
+scored: list[tuple[str, Mapping[str, float]]] = []  # the others: their own words and scores
 
 
 def main() -> None:
@@ -39,6 +40,7 @@ def run(program: str, config: str, work: Callable[[DictConfig], Any], given: Seq
     """
     global failed
     failed = []
+    scored.clear()
     interruption.listen(f"{program}: stopping; what is done is being kept")
     configuration.register()
     try:
@@ -58,16 +60,29 @@ def run(program: str, config: str, work: Callable[[DictConfig], Any], given: Seq
     except KeyboardInterrupt:
         print(f"\n{program}: interrupted; {go_on}", file=sys.stderr)
         return 130
+    if scored:
+        print(f"\n{_table(scored)}")
     if failed:
         print(f"{program}: {len(failed)} failed", *failed, sep="\n  ", file=sys.stderr)
     return 2 if failed else status
+
+
+def _table(scores: Sequence[tuple[str, Mapping[str, float]]]) -> str:
+    """The scores of the jobs of -m, a line each."""
+    import pandas as pd
+
+    table = pd.DataFrame([each for _, each in scores], index=[words for words, _ in scores])
+    return table.rename(columns=lambda name: name.split("/")[-1]).to_string(float_format="{:.3f}".format)
 
 
 def done(program: str, work: Callable[[DictConfig], Any], config: DictConfig) -> Any:
     """The work of one job. What a user can mend is one line; with -m, a job that fails does not stop the others."""
     try:
         with interruption.not_lost():
-            return work(config)
+            result = work(config)
+        if isinstance(result, Mapping) and (own := configuration.own_words()):
+            scored.append((own, result))
+        return result
     except Exception as error:
         line, job = told(error), HydraConfig.get()
         if job.mode == RunMode.MULTIRUN:
@@ -75,8 +90,7 @@ def done(program: str, work: Callable[[DictConfig], Any], config: DictConfig) ->
                 raise
             if line is None:
                 traceback.print_exc()
-            own = " ".join(word for word in job.overrides.task if word not in sys.argv)
-            failed.append(f"{own}: {line or f'{type(error).__name__}: {error}'}")
+            failed.append(f"{configuration.own_words()}: {line or f'{type(error).__name__}: {error}'}")
             print(f"{program}: error: {failed[-1]}", file=sys.stderr)
             return None
         if line is None:

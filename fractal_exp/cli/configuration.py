@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import inspect
+import sys
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import InstantiationException
+from hydra.types import RunMode
 from hydra.utils import get_object, instantiate
 from omegaconf import MISSING, DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -22,6 +26,7 @@ if TYPE_CHECKING:
 
 PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights", "weights.neural_regression",
              "weights.super_resolution", "weights.amortized", "method.weights")
+VARIED = ("model", "loss", "optimizer")   # groups whose choice names a variant of the paper's method
 TIMES = ("method.seconds", "method.init.seconds")  # 60 and 60.0 are one limit
 
 
@@ -70,8 +75,27 @@ class TrainConfig:
 
 
 def register() -> None:
-    """Make the top-level schema known to Hydra, under the name that conf/train.yaml asks for."""
+    """Make the top-level schema known to Hydra, under the name that conf/train.yaml asks for, and `chosen`."""
     ConfigStore.instance().store(name="train_schema", node=TrainConfig)
+    OmegaConf.register_new_resolver("chosen", chosen, replace=True)
+
+
+def chosen() -> str:
+    """The chosen model, loss and optimizer as far as they are not the usual ones, as in naive+moments; "full" if all
+    are usual, or if no command composed the configuration."""
+    if not HydraConfig.initialized():
+        return "full"
+    defaults = plain(OmegaConf.load(str(files("fractal_exp.conf") / "train.yaml")))["defaults"]
+    usual = {group: choice for line in defaults if isinstance(line, dict) for group, choice in line.items()}
+    choices = HydraConfig.get().runtime.choices
+    return "+".join(str(choices[group]) for group in VARIED if choices.get(group) != usual[group]) or "full"
+
+
+def own_words() -> str:
+    """The words of this job that the other jobs of -m do not share; none without -m."""
+    if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
+        return ""
+    return " ".join(word for word in HydraConfig.get().overrides.task if word not in sys.argv)
 
 
 def resolve(config: DictConfig) -> DictConfig:

@@ -17,12 +17,14 @@ from ..errors import InputError
 from ..ops import backends
 from ..tracking.addresses import shown
 from ..tracking.store import PARENT
-from .configuration import method_name
+from .configuration import VARIED, method_name, own_words
 from .folders import FitFolder
 
 SWEEP = "sweep"  # the tag `kind` of a parent run
 GENERAL = ("target", "target_image", "fingerprint", "resolution", "scale", "variant", "perceptual",
            "perceptual_weights", "seed", "colour", "device", "backend")  # settings that every method has
+TOLD = (*VARIED, "ablation", "without", "seed", "method", "init", "picture", "target", "target.name", "target.path",
+        "target.index")  # settings that the other words of a run's name tell
 
 
 class NoRuns:
@@ -144,9 +146,10 @@ def _run_name(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:
         return f"{tags['row']}, {tags['sample']}"
     if settings["name"]:
         return settings["name"]
-    variant = "" if tags["variant"] == "full" else f", {tags['variant']}"
-    seed = f", seed {settings['seed']}" if settings.get("seed") else ""
-    return f"{tags['target']}, {tags['method']}{variant}{seed}"
+    variant = [] if tags["variant"] == "full" else [tags["variant"]]
+    seed = [f"seed {settings['seed']}"] if settings.get("seed") else []
+    own = [word for word in own_words().split() if word.split("=")[0] not in TOLD]
+    return ", ".join([tags["target"], tags["method"], *variant, *seed, *own])
 
 
 def _note(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:

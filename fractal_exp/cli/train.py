@@ -223,7 +223,9 @@ def _digest(data: bytes) -> str:
 
 def _announce(config: DictConfig, label: str, target: Target) -> None:
     method = METHOD_TITLES.get(configuration.method_name(config.method), configuration.method_name(config.method))
-    print(f"{label}: {method}, {config.resolution}² pixels, {config.scale} scale; {'; '.join(target.read.notes)}")
+    variant = "" if config.variant == "full" else f", {config.variant}"
+    print(f"{label}: {method}{variant}, {config.resolution}² pixels, {config.scale} scale; "
+          f"{'; '.join(target.read.notes)}")
     if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
         print("  no perceptual term in this objective (perceptual=none); perceptual=fractal adds one")
 

@@ -16,6 +16,7 @@ from fractal_exp import InputError, codes, invert, render
 from fractal_exp.cli import commands, composed, configuration, interruption, sweep, words
 from fractal_exp.cli.train import NOT_PART_OF_A_FIT
 from fractal_exp.ifs import attractor
+from fractal_exp.tracking import runs_frame
 
 SHOWN = ["--cfg", "job"]
 
@@ -82,6 +83,21 @@ def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(mo
     told = ["seed=1: this seed is out", "seed=3: ZeroDivisionError: of ours"]
     assert [f"  {line}" for line in told] == printed.splitlines()[-2:] and "2 failed" in printed
     assert "Traceback" in printed, "of the defect"
+
+
+def test_jobs_of_m_are_named_by_what_they_vary_and_end_in_a_table(tmp_path):
+    status, printed = run_here(composed, "-m", "model=naive,svd", "model.maps=2,3", "scale=smoke", "iterations=2",
+                               "resolution=32", "threads=1", f"output={tmp_path}")
+    assert status == 0, printed
+    frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
+    assert set(frame["tags.mlflow.runName"]) == {f"fern, chaotic{variant}, model.maps={maps}"
+                                                 for variant in ("", ", naive") for maps in (2, 3)}
+    assert sorted(frame["tags.variant"]) == ["full", "full", "naive", "naive"]
+    assert printed.count("the paper's method, naive,") == 2
+    table = printed.splitlines()[-5:]
+    assert "f1" in table[0] and [line.split()[:2] for line in table[1:]] == [
+        [f"model={model}", f"model.maps={maps}"] for model in ("naive", "svd") for maps in (2, 3)], printed
+    assert len({path.name for path in (tmp_path / "fits").iterdir() if "-naive-" in path.name}) == 2
 
 
 def completed(*given: str) -> list[str]:

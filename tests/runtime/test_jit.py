@@ -44,10 +44,10 @@ SEARCHED = """
 import fractal_exp, hashlib, torch
 from fractal_exp import codes, ops, suite
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.measure.bins import binned
-from fractal_exp.methods.collage.measure.levels import Density
-from fractal_exp.methods.collage.params import CameraParams
+from fractal_exp.ifs import affine
+from fractal_exp.methods.collage.bins import binned
+from fractal_exp.cameras.levels import Density
+from fractal_exp.cameras.params import CameraParams
 from fractal_exp.ops.collage import Descent, descend, pushforward
 from fractal_exp.runtime import threads
 threads.use(1)

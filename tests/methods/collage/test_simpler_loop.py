@@ -76,6 +76,5 @@ def test_a_code_must_stay_as_like_the_picture(monkeypatch):
     monkeypatch.setattr("fractal_exp.methods.collage.simplify.loop.likenesses",
                         lambda shown, objective: next(likeness[id(fit)] for fit in (start, pale, other, off)
                                                       if fit.shown is shown))
-    OBJECTIVE.params = SimpleNamespace(stages=SimpleNamespace(unlike=0.95))
     for each, is_taken in (pale, False), (other, True), (off, False):
         assert (simplified(start, [Proposer(then(start, each), loss=0.01)], Price()) is each) == is_taken

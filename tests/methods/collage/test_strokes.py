@@ -15,9 +15,8 @@ from fractal_exp.cameras.estimate import nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots
 from fractal_exp.cameras.strokes import Strokes, as_lines
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage import method
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import MOST_MAPS, sharpened
@@ -25,10 +24,10 @@ from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.simplify.drawn import simplest, without_width
 from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.simplify.loop import Draft
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction, is_construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.stages.plan import plan_of
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -6,8 +6,7 @@ from ....cameras.estimate import nearest
 from ....cameras.kinds import KINDS, with_camera
 from ....cameras.pens import ToneMapped
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from .gauss_newton import polished
-from .jacobian import FromRenderings
+from .gauss_newton import FromRenderings, polished
 from .objective import ImageObjective, Rendered
 
 LIKELIEST = 3      # cameras of each kind with which a code is polished first

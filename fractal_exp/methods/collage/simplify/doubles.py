@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 
 from ....cameras.points import attractor_points
-from .. import maps as affine
-from ..maps import WeightedMaps
+from ....ifs import affine
 from ..params import CollageParams
+from ..state import WeightedMaps
 
 NEAR_PX = 2.0     # distance (rms, pixels) below which two maps count as one: a pen is rarely thinner
 POINTS = 20_000   # of the attractor, that measure this distance

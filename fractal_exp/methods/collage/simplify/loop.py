@@ -13,11 +13,10 @@ from functools import cached_property
 
 from torch import Tensor
 
+from ....likeness import UNLIKE
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ..image.frame import Frame
-from ..image.gauss_newton import polished
-from ..image.jacobian import FromPoints, FromRenderings
-from ..image.objective import ImageObjective, Rendered
+from ..image.gauss_newton import FromPoints, FromRenderings, polished
+from ..image.objective import Frame, ImageObjective, Rendered
 from .likeness import likenesses
 
 DRAWN_WORSE = 1.5     # factor on the error: a picture that others drew tells less precisely which code is right
@@ -109,7 +108,7 @@ def simplified(start: Draft, proposers: Iterable[Proposer], price: Price, deadli
     Each proposer has its turn, which lasts as long as any of its codes is accepted. Of several, the one of lowest score
     is taken. A code is accepted if its score is at most `worse` times the lowest so far. If the proposer names a loss,
     its drawing must also be as like the picture as that of `start`, less this loss. So must its attractor, or it must
-    be like the picture to `StageParams.unlike`.
+    be like the picture to `UNLIKE`.
     """
     rule, now, asked = _Rule(start, price), start, dict[Proposer, Draft]()
     for proposer in proposers:
@@ -153,7 +152,7 @@ class _Rule:
             return True
         drawing, attractor = (each - loss for each in self._likenesses)
         found = likenesses(draft.shown, draft.objective)
-        return found[0] >= drawing and found[1] >= min(attractor, draft.objective.params.stages.unlike)
+        return found[0] >= drawing and found[1] >= min(attractor, UNLIKE)
 
     @cached_property
     def _likenesses(self) -> tuple[float, float]:

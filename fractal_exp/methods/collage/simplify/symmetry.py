@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 
-from .. import maps as affine
-from ..maps import WeightedMaps
-from ..params.rounding import RoundingParams
+from ....ifs import affine
+from ..params import RoundingParams
+from ..state import WeightedMaps
 from .doubles import without_doubles
 from .loop import Draft
 

@@ -11,8 +11,7 @@ from ....runtime.seeds import derive
 from ..growth.growing import Grower
 from ..simplify.likeness import likeness_of
 from ..state import Candidate, Grown, State
-from .base import Stage
-from .problem import SearchProblem
+from .base import SearchProblem, Stage
 
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found

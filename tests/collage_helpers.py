@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from fractal_exp.cameras.camera import Camera
-from fractal_exp.cameras.kinds import KINDS, levels_of
+from fractal_exp.cameras.kinds import kind_of, levels_of
 from fractal_exp.ifs import affine
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage.image.objective import ImageObjective
@@ -22,7 +22,7 @@ from fractal_exp.ops.collage.reference import displacement_squared
 IDENTITY = torch.tensor([1.0, 0, 0, 1, 0, 0])
 PARAMS = CollageParams()
 CAMERA = PARAMS.camera
-DENSITY, COVERAGE, BINARY = (KINDS[name](CAMERA) for name in ("density", "coverage", "binary"))
+DENSITY, COVERAGE, BINARY = (kind_of(name)(CAMERA) for name in ("density", "coverage", "binary"))
 FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1,   # moves
        "growth": {"enabled": False}}
 BRIEF = {  # a search goes through all its steps, but does not polish what it has found for long

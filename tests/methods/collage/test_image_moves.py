@@ -7,7 +7,7 @@ import torch
 from collage_helpers import CAMERA, DENSITY, PARAMS, distances, image_search, objective, tied
 
 from fractal_exp import codes, suite
-from fractal_exp.cameras.kinds import KINDS
+from fractal_exp.cameras.kinds import kind_of
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.image.gauss_newton import polished
@@ -29,7 +29,7 @@ def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
 def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangle, levels):
     code, _ = triangle
     image = suite.target(code, 128, "grey" if levels == "density" else "binary")
-    picture = objective(image, KINDS[levels](CAMERA))
+    picture = objective(image, kind_of(levels)(CAMERA))
     maps = affine.from_code(code)
     off = maps + 0.004 * torch.randn(maps.shape, generator=torch.Generator().manual_seed(0))
     start = picture.judge(off)
@@ -144,7 +144,7 @@ def test_reflections_and_thinner_images_stay_in_place(triangle):
 @pytest.mark.parametrize(("kind", "levels", "noises"), [("grey", "density", 1.2), ("binary", "binary", 3)])
 def test_a_reduced_picture_is_as_it_would_have_been_drawn(kind, levels, noises):
     code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
-    levels, image = KINDS[levels](CAMERA), suite.target(code, 512, kind)
+    levels, image = kind_of(levels)(CAMERA), suite.target(code, 512, kind)
 
     def error(picture: ImageObjective) -> float:
         return picture.error(picture.render(code)) / picture.noise(code)

@@ -15,8 +15,7 @@ from fractal_exp.methods.collage.measure.births import reoriented, thinness
 from fractal_exp.methods.collage.moves import reorient
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.moves.single import THIN
-from fractal_exp.methods.collage.simplify.loop import Price
-from fractal_exp.methods.collage.simplify.removal import pruned_in_frame
+from fractal_exp.methods.collage.simplify.loop import Price, pruned_in_frame
 from fractal_exp.methods.collage.state import Candidate
 
 

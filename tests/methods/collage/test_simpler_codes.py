@@ -12,13 +12,11 @@ from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.simplify.doubles import without_doubles
 from fractal_exp.methods.collage.simplify.drawn import simplest
 from fractal_exp.methods.collage.simplify.flat import on_their_line
-from fractal_exp.methods.collage.simplify.likeness import likeness_of
 from fractal_exp.methods.collage.simplify.loop import Draft, Price, Proposer, maps_polished, simplified
 from fractal_exp.methods.collage.simplify.parents import fewer, parents, uncontained
-from fractal_exp.methods.collage.simplify.removal import unseen, without_least, without_needless
+from fractal_exp.methods.collage.simplify.removal import unseen, without_doubles, without_least, without_needless
 from fractal_exp.methods.collage.simplify.symmetry import simplest as least_turned
 from fractal_exp.methods.collage.simplify.symmetry import symmetries
 from fractal_exp.methods.collage.state import WeightedMaps
@@ -198,7 +196,7 @@ def test_single_maps_are_needless_too():
     least = len(without_unseen(fit).shown.maps) - 1
     found = without_needless(fitted(judge, many.maps, many.weights, maps=least), without_least)
     assert len(found.shown.maps) == least
-    assert found.shown.error <= 1.5 * fit.shown.error and likeness_of(found.shown, found.objective) > 0.99
+    assert found.shown.error <= 1.5 * fit.shown.error and found.objective.likeness_of(found.shown) > 0.99
 
 
 def test_two_maps_that_a_symmetry_makes_one_are_one():

@@ -12,8 +12,8 @@ from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.image.objective import reduced
 from fractal_exp.methods.collage.measure.search import PRUNE
 from fractal_exp.methods.collage.moves import single
-from fractal_exp.methods.collage.simplify.loop import Price
-from fractal_exp.methods.collage.simplify.removal import pruned, unseen
+from fractal_exp.methods.collage.simplify.loop import Price, pruned
+from fractal_exp.methods.collage.simplify.removal import unseen
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State

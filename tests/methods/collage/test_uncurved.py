@@ -14,9 +14,9 @@ from fractal_exp.cameras.levels import FAINT, may_be_density
 from fractal_exp.cameras.pens import Dots, Drawn, ToneMapped
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN, meaning_of
+from fractal_exp.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.bins import correction
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves, Uncurved

@@ -78,6 +78,16 @@ class ImageObjective(Comparison):
         keep = [i for i in range(len(rendered.maps)) if i not in gone]
         return self.judge(rendered.maps[keep], None if rendered.weights is None else rendered.probabilities[keep])
 
+    def likenesses(self, shown: Rendered) -> tuple[float, float]:
+        """The likeness of a code's drawing to a picture that others drew (F1 within a pixel), and its attractor's."""
+        from ....likeness import likeness_of_attractor  # such pictures alone need it
+
+        return self.likeness(shown.image), likeness_of_attractor(shown.code, self.image, self.levels)
+
+    def likeness_of(self, shown: Rendered) -> float:
+        """The likeness of a code's drawing, or of its attractor if that is lower and the image shows all of it."""
+        return min(self.likenesses(shown)) if self.levels.is_whole else self.likeness(shown.image)
+
     def framed_error(self, rendered: Rendered) -> float:
         """The geometric mean of two errors of a binary image's code: that of its rendering, and that of the code scaled
         to fill the frame exactly. The image does not show the faint tips that decide an attractor's box, so a code may

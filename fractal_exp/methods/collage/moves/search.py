@@ -17,8 +17,7 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import generator
 from ..image.gauss_newton import FromRenderings, firmly_framed, fitted_into_frame, polished
 from ..image.objective import FAR, FIRM_ABOVE, FIRM_ONLY, ImageObjective, Rendered, error_of
-from ..simplify.loop import Draft, Proposer, Way, maps_polished, simplified
-from ..simplify.removal import pruned_in_frame
+from ..simplify.loop import Draft, Proposer, Way, maps_polished, pruned_in_frame, simplified
 from ..simplify.rounding import begun, with_simple_numbers
 from ..state import Candidate
 from .reorient import with_reorientation
@@ -28,7 +27,7 @@ from .tools import Latest, Tools
 ACCEPTED_STEPS = 1      # Gauss-Newton steps of all maps after an accepted move
 SETTLED = 1.05          # noise ratio below which a code counts as the true one, and how much it rises
 SETTLED_MORE = 0.005    # with each move: further moves hardly ever help then
-OTHER_OWN_WEIGHTS = 1.0   # `MoveParams.own_weights` of such a picture and of linear grey levels, which show weights
+OTHER_OWN_WEIGHTS = 1.0   # `MoveParams.own_weights` of linear grey levels, which show weights, and of others' pictures
 RENDERED_RATIO = 1.1, 6.0   # noise ratios between which a Jacobian from renderings helps: above noise, and nearly right
 
 

@@ -16,8 +16,7 @@ from ....runtime.seeds import derive
 from ..bins import binned, correction, grid_for, saturation_corrected
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered, error_of
-from ..simplify.loop import Price
-from ..simplify.removal import pruned
+from ..simplify.loop import Price, pruned
 from ..state import WeightedMaps
 
 MISSING = 1e3      # cost of each map fewer than were asked for: more than any error

@@ -10,10 +10,9 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from ..image.camera import in_turns, sharpened
 from ..image.gauss_newton import polished
 from .flat import flattened, on_line
-from .likeness import likeness_of
-from .loop import DRAWN_WORSE, Draft, Price, Proposer, maps_polished, simplified
+from .loop import DRAWN_WORSE, Draft, Price, Proposer, maps_polished, pruning, simplified
 from .parents import fewer, uncontained
-from .removal import pruning, unseen, without_least, without_needless
+from .removal import unseen, without_least, without_needless
 from .rounding import begun, rounded
 from .symmetry import other_simplest_code, simplest_code
 
@@ -30,8 +29,8 @@ def simplest(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
         needed = Draft(*in_turns(needed.objective, needed.shown, deadline))
     now = simplified(rounded(begun(needed.objective, needed.shown), deadline), pruning(params), worth, deadline)
     now = simplified(now, [Proposer(without_width, repeats=False)], Price.of_drawn(now.objective), deadline)
-    least = min(UNLIKE, likeness_of(start.shown, start.objective))
-    return now if likeness_of(now.shown, now.objective) >= least else start
+    least = min(UNLIKE, start.objective.likeness_of(start.shown))
+    return now if now.objective.likeness_of(now.shown) >= least else start
 
 
 def _with_simplest_maps(start: Draft, worth: Price, deadline: Deadline) -> Draft:

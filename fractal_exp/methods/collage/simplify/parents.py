@@ -18,8 +18,7 @@ from ....ifs.canvas import canvas_to_pixel
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective, Rendered
 from .flat import flattened
-from .loop import Draft
-from .removal import fewest
+from .loop import Draft, fewest
 from .symmetry import symmetries
 
 TRIED = 6         # parents, the largest ones: each is polished

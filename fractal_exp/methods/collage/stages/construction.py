@@ -15,7 +15,6 @@ from ....runtime.seeds import derive
 from ..image.camera import MOST_MAPS, STROKED, Fit, angle_of, in_turns, polish_under
 from ..image.objective import ImageObjective, Rendered
 from ..measure.search import MeasureSearch, Regime
-from ..simplify.likeness import likeness_of
 from ..simplify.loop import Price
 from ..state import Candidate, State, WeightedMaps
 from ..trees.registration import Registration, misfit_of
@@ -209,7 +208,8 @@ class Construction(Stage):
 
     def _likeness(self, found: Candidate, objective: ImageObjective | None = None) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
-        return likeness_of(*self._shown(found, objective or self.objective))
+        shown, objective = self._shown(found, objective or self.objective)
+        return objective.likeness_of(shown)
 
     def _shown(self, found: Candidate, objective: ImageObjective) -> tuple[Rendered, ImageObjective]:
         if found.camera is not None and found.camera.is_known:

@@ -11,9 +11,9 @@ from ....cameras.pens import Drawn
 from ....likeness import UNLIKE
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective
-from ..simplify.doubles import without_doubles
 from ..simplify.drawn import simplest
 from ..simplify.loop import Draft
+from ..simplify.removal import without_doubles
 from ..state import Candidate, State
 from .base import SearchProblem, Stage
 from .construction import Construction, is_construction

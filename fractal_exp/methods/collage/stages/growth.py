@@ -9,7 +9,6 @@ from ....cameras.estimate import showing
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..growth.growing import Grower
-from ..simplify.likeness import likeness_of
 from ..state import Candidate, Grown, State
 from .base import SearchProblem, Stage
 
@@ -87,7 +86,7 @@ class Growth(Stage):
         objective = problem.objective(len(problem.image), chosen.code, seed, camera=camera)
         shown = objective.judge(chosen.maps, chosen.weights)
         drawn = Candidate(chosen.maps, chosen.weights, shown.error, shown.error, camera)
-        return drawn, chosen.likeness if problem.levels.is_exact else likeness_of(shown, objective)
+        return drawn, chosen.likeness if problem.levels.is_exact else objective.likeness_of(shown)
 
     def _draws_better(self, found: Candidate, grown: Grown) -> bool:
         """Whether what the search found draws a binary image well, and with less error than the grown maps do. The
@@ -106,7 +105,7 @@ class Growth(Stage):
             return self.grower.likeness(found)
         objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"),
                                       camera=found.camera)
-        return likeness_of(objective.judge(found.maps, found.weights), objective)
+        return objective.likeness_of(objective.judge(found.maps, found.weights))
 
     def _explains_rendering(self, found: Candidate) -> bool:
         """Whether what the search found renders a density or a binary image roughly. Its likeness is then no reason to

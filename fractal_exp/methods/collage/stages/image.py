@@ -12,8 +12,7 @@ from ...base import time_is_up
 from ..image.gauss_newton import firmly_framed, fitted_into_frame
 from ..image.objective import FAR, FIRM_ABOVE, FIRM_ONLY, ImageObjective
 from ..moves.search import ImageSearch
-from ..simplify.loop import Draft, Price
-from ..simplify.removal import pruned_in_frame
+from ..simplify.loop import Draft, Price, pruned_in_frame
 from ..simplify.rounding import begun, rounded
 from ..state import Candidate, State
 from .base import Stage

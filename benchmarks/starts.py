@@ -32,8 +32,8 @@ from fractal_exp.ifs.affine import from_code
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.amortized.method import Amortized
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.measure import Restart
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.checkpoint import Snapshot

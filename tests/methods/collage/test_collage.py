@@ -1,3 +1,5 @@
+import subprocess
+import sys
 import time
 from dataclasses import replace
 
@@ -20,6 +22,18 @@ from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, desce
 from fractal_exp.runtime.checkpoint import Checkpoint
 
 IDENTITY = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]])
+
+
+def test_a_search_of_a_grey_picture_loads_nothing_that_only_other_pictures_need():
+    grey = "import sys, fractal_exp.methods.collage.method; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", grey], capture_output=True, text=True, check=True).stdout.split()
+    names = {each.removeprefix("fractal_exp.") for each in loaded}
+    assert {"methods.collage.stages.image", "cameras.levels"} <= names
+    assert not names & {f"cameras.{each}" for each in ("pens", "linear", "strokes", "tiles")}
+    collage = {each.removeprefix("methods.collage.") for each in names if each.startswith("methods.collage.")}
+    assert not collage & {"image.camera", "image.counts", "measure.population", "moves.drawn", "stages.construction",
+                          "stages.crossing", "stages.drawn", "stages.growth", "simplify.drawn", "simplify.parents",
+                          "simplify.removal", "simplify.symmetry", "growth", "trees"}
 
 
 def test_the_kernel_pushes_measures_forward_as_its_twin_does():

@@ -14,7 +14,8 @@ from fractal_exp.ifs import affine
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import TargetImage
 from fractal_exp.likeness import Likeness
-from fractal_exp.methods.collage.image.gauss_newton import WEIGHT, FromCounts
+from fractal_exp.methods.collage.image.counts import FromCounts
+from fractal_exp.methods.collage.image.gauss_newton import WEIGHT
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.population import Population
 from fractal_exp.methods.collage.method import Collage

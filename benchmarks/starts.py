@@ -28,12 +28,12 @@ from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.evaluation.summary import bootstrap_interval, without_empty
+from fractal_exp.ifs.affine import from_code
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.amortized.method import Amortized
-from fractal_exp.methods.collage.maps import from_code
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.measure import Restart
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.checkpoint import Snapshot

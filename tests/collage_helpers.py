@@ -6,20 +6,23 @@ import torch
 from torch import Tensor
 
 from fractal_exp.cameras.camera import Camera
-from fractal_exp.cameras.kinds import KINDS, levels_of
+from fractal_exp.cameras.kinds import kind_of, levels_of
+from fractal_exp.ifs import affine
 from fractal_exp.images.levels import meaning_of
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.stages.problem import SearchProblem
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.state import Candidate
+from fractal_exp.ops.collage import BinnedMeasure
+from fractal_exp.ops.collage.reference import displacement_squared
 
+IDENTITY = torch.tensor([1.0, 0, 0, 1, 0, 0])
 PARAMS = CollageParams()
 CAMERA = PARAMS.camera
-DENSITY, COVERAGE, BINARY = (KINDS[name](CAMERA) for name in ("density", "coverage", "binary"))
+DENSITY, COVERAGE, BINARY = (kind_of(name)(CAMERA) for name in ("density", "coverage", "binary"))
 FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1,   # moves
        "growth": {"enabled": False}}
 BRIEF = {  # a search goes through all its steps, but does not polish what it has found for long
@@ -70,6 +73,12 @@ def small(**options) -> Collage:
 def tied(maps: Tensor, error: float = 0.0) -> Candidate:
     """A candidate whose weights are its own, and those of |det| + 0.01."""
     return Candidate(maps, affine.volumes(maps), error)
+
+
+def distances(a: Tensor, b: Tensor, measure: BinnedMeasure) -> Tensor:
+    """Root mean square over the measure of |f(x) - g(x)|, canvas units: maps (n,6) and (m,6) -> (n,m)."""
+    difference = a[:, None] - b[None]
+    return displacement_squared(difference + IDENTITY, measure.mean, measure.covariance).sqrt()
 
 
 def random(seed: int = 0) -> torch.Generator:

@@ -8,9 +8,8 @@ from ..ifs.code import IFS
 from ..runtime.seeds import derive
 from .camera import Camera
 from .comparison import Comparison
-from .kinds import KINDS, with_camera
+from .kinds import kind_of, with_camera
 from .levels import Levels
-from .pens import ToneMapped
 
 DOTTED = 0.75      # dots, or a tone curve, need an angle of error below this factor times that of simpler kinds
 CURVED_FROM = 2.0  # a tone curve is tried if the angle of dots is at most this factor times the pen's
@@ -31,10 +30,10 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
         return None
 
     def best(name: str) -> Tried:
-        kind = KINDS[name](levels.params, image, kinds=levels.kinds)
+        kind = kind_of(name)(levels.params, image, kinds=levels.kinds)
         return _likely(kind, nearest(image, kind, code, seed))
 
-    if len(levels.kinds) == 1 or isinstance(levels, ToneMapped):
+    if len(levels.kinds) == 1 or levels.kind == "tonemapped":
         return min(map(best, levels.kinds), key=angle_of)[1]
     dots = best("dots")
     pen = best("coverage") if "coverage" in levels.kinds else (float("inf"), Camera("coverage"))
@@ -92,4 +91,4 @@ def _likely(levels: Levels, tried: list[Tried]) -> Tried:
 
 def angle_as_density(image: Tensor, levels: Levels, code: IFS, seed: int) -> float:
     """The least angle of error between the image (R,R) and the density of a code, with or without a tone curve."""
-    return min(nearest(image, KINDS[name](levels.params, image), code, seed)[0][0] for name in ("dots", "tonemapped"))
+    return min(nearest(image, kind_of(name)(levels.params, image), code, seed)[0][0] for name in ("dots", "tonemapped"))

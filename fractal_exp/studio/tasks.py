@@ -13,13 +13,13 @@ import torch
 
 from ..api import invert
 from ..evaluation import metrics
+from ..ifs.affine import from_code
 from ..ifs.code import IFS
 from ..images.reading import ReadImage
 from ..inversion import Inversion, Work, conclude
 from ..inversion.road import INTERRUPTED
 from ..methods.base import CodeReconstruction, Progress
 from ..methods.collage import given
-from ..methods.collage.maps import from_code
 from ..rendering.still import render
 from ..runtime.checkpoint import Checkpoint
 

@@ -6,10 +6,10 @@ import torch
 from benchmarks import starts
 from benchmarks.ablation import CoreTime
 from fractal_exp import codes, suite
+from fractal_exp.ifs.affine import from_code
 from fractal_exp.ifs.attractor import normalize
 from fractal_exp.methods.amortized.method import Amortized
 from fractal_exp.methods.base import CodeReconstruction
-from fractal_exp.methods.collage.maps import from_code
 from fractal_exp.methods.collage.state import State
 
 

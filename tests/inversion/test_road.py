@@ -5,7 +5,7 @@ import torch
 
 from fractal_exp import codes, suite
 from fractal_exp.cameras.camera import Camera, parse_camera
-from fractal_exp.cameras.kinds import KINDS
+from fractal_exp.cameras.kinds import KINDS, kind_of
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.errors import InputError
 from fractal_exp.ifs import attractor
@@ -42,7 +42,7 @@ class Known(Method):
 def drawn(kind: str) -> ReadImage:
     """A target that the camera of this kind drew."""
     brightness = {"brightness": 0.05} if kind == "linear" else {}
-    image = KINDS[kind](CameraParams(), torch.zeros(SIDE, SIDE), CAMERAS[kind], **brightness).render(CODE, SIDE, 1)
+    image = kind_of(kind)(CameraParams(), torch.zeros(SIDE, SIDE), CAMERAS[kind], **brightness).render(CODE, SIDE, 1)
     return ReadImage.of_drawing(image.clamp(0, 1), kind)
 
 

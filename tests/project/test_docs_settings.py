@@ -155,8 +155,8 @@ def test_the_pages_quote_most_numbers_of_the_method():
     ("`recent = 2 / 3`, `pruning = true`, `rounds = null`", []),
     ("`ORBITS = 15`, `orbits = 16`", []),                                # the first is no name of a setting
     ("`orbits = 15`", ["orbits = 15, but it is 16"]),                    # a constant of a module
-    ("`construction.ends = 0.75`, `rounding.ends = 0.99`", []),          # of one of several modules
-    ("`ends = 24`", ["ends = 24, but it is 24 or 0.75 or 0.99"]),        # which of them?
+    ("`construction.ends = 0.75`, `reorient.ends = 24`", []),          # of one of several modules
+    ("`ends = 24`", ["ends = 24, but it is 24 or 0.75"]),        # which of them?
     ("`binnedmeasure.grids = 3`", []),                                   # a default of a class
     ("`rendered.near_px = 0.05`", []),                                   # a field of a constant
     ("`no_such_name = 1`", ["no_such_name = 1, but no setting or constant has this name"]),

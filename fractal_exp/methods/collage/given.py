@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ...ifs.affine import from_code
 from ...ifs.code import IFS
 from ...runtime.checkpoint import Snapshot
-from .maps import from_code
 from .stages.measure import Detail
 from .state import Candidate, Key, State
 

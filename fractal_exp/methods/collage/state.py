@@ -11,8 +11,9 @@ from torch import Tensor
 
 from ...cameras.camera import Camera
 from ...errors import InputError
+from ...ifs.affine import normalized, to_code, volumes
+from ...ifs.code import IFS
 from ...runtime.checkpoint import Snapshot
-from .maps import WeightedMaps
 
 VERSION = 16   # of the stages and their scores; stored in checkpoints
 CANDIDATES = "current", "best", "before"   # fields of `State`
@@ -31,6 +32,33 @@ class Key(NamedTuple):
     def place(self) -> tuple[int, int, float]:
         """Higher for later stages."""
         return self.round, STAGES.index(self.stage), self.restart
+
+
+@dataclass(frozen=True)
+class WeightedMaps:
+    """Maps (N,6) with weights.
+
+    weights (N,): relative; the probability of a map is its weight over their sum. None: they are tied to |det| + 0.01.
+    """
+
+    maps: Tensor
+    weights: Tensor | None
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(N,), summing to 1."""
+        return normalized(volumes(self.maps) if self.weights is None else self.weights)
+
+    @property
+    def own_weights(self) -> Tensor:
+        """`weights`, where they are not tied, as in all sets on the image's measure."""
+        assert self.weights is not None
+        return self.weights
+
+    @property
+    def code(self) -> IFS:
+        """The code of the maps."""
+        return to_code(self.maps, self.weights)
 
 
 @dataclass(frozen=True)

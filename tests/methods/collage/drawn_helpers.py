@@ -8,12 +8,11 @@ from collage_helpers import PARAMS
 from PIL import Image, ImageDraw
 
 from fractal_exp.cameras.kinds import levels_of
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 
 SIDE, RATIO, DEPTH = 128, 0.6, 6
 PIXEL = 2 / SIDE

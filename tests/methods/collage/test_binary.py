@@ -7,8 +7,8 @@ import torch
 from collage_helpers import BINARY, PARAMS, objective, problem, random, tied
 
 from fractal_exp import suite
+from fractal_exp.ifs import affine
 from fractal_exp.ifs.attractor import normalize
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image import gauss_newton
 from fractal_exp.methods.collage.image.gauss_newton import firmly_framed
 from fractal_exp.methods.collage.moves import search as search_module
@@ -16,10 +16,9 @@ from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.moves.tools import MISSING
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.simplify.rounding import begun, rounded
-from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves
+from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves, Rounding
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.stages.plan import plan_of
-from fractal_exp.methods.collage.stages.rounding import Rounding
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -163,7 +162,7 @@ def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, monkeypatch, ratios
     image, right, _ = pulled
     given, told, ratio = search(image), [], iter(ratios)
     monkeypatch.setattr(given, "noise_ratio", lambda now: next(ratio))
-    monkeypatch.setattr(given, "_polished_last", lambda now: told.append("clean") or now)
+    monkeypatch.setattr(given, "last_polished", lambda now: told.append("clean") or now)
     monkeypatch.setattr(search_module, "firmly_framed", lambda objective, found, *_: told.append("firm") or found)
     given.finish(given.candidate(given.objective.judge(right)))
     assert told == steps
@@ -172,7 +171,7 @@ def test_a_round_on_a_binary_image_ends_in_the_frame(pulled, monkeypatch, ratios
 def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled, monkeypatch):
     image, right, wrong = pulled
     given, told = search(image), []
-    monkeypatch.setattr(given, "_polished_last", lambda now: told.append(given.noise_ratio(now)) or now)
+    monkeypatch.setattr(given, "last_polished", lambda now: told.append(given.noise_ratio(now)) or now)
     monkeypatch.setattr(search_module, "firmly_framed", lambda objective, *_: objective.judge(right))
     given.finish(given.candidate(given.objective.judge(wrong)))
     assert len(told) == 1 and told[0] < 2

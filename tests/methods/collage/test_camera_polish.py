@@ -12,17 +12,15 @@ from fractal_exp.cameras.estimate import estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots, Drawn, ToneMapped
 from fractal_exp.cameras.tiles import tiled
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image import camera
 from fractal_exp.methods.collage.image.camera import angle_of, polish_under, sharpened
-from fractal_exp.methods.collage.image.gauss_newton import polished
-from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
+from fractal_exp.methods.collage.image.gauss_newton import FromPoints, FromRenderings, polished
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.runtime.deadline import NO_DEADLINE
 
 PARAMS, SIDE = CollageParams(), 128

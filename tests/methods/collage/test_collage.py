@@ -1,19 +1,19 @@
+import subprocess
+import sys
 import time
 from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, measure_search, problem, small, tied
+from collage_helpers import DENSITY, PARAMS, distances, measure_search, problem, small, tied
 from ops_helpers import check_descent, check_pushforward, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, suite
 from fractal_exp.evaluation import evaluate
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images import samples
 from fractal_exp.images.levels import meaning_of
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.measure.saturation import saturation_corrected
+from fractal_exp.methods.collage.bins import binned, saturation_corrected
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.stages.image import ImageMoves
@@ -22,6 +22,18 @@ from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, desce
 from fractal_exp.runtime.checkpoint import Checkpoint
 
 IDENTITY = torch.tensor([[[1.0, 0, 0, 1, 0, 0]]])
+
+
+def test_a_search_of_a_grey_picture_loads_nothing_that_only_other_pictures_need():
+    grey = "import sys, fractal_exp.methods.collage.method; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", grey], capture_output=True, text=True, check=True).stdout.split()
+    names = {each.removeprefix("fractal_exp.") for each in loaded}
+    assert {"methods.collage.stages.image", "cameras.levels"} <= names
+    assert not names & {f"cameras.{each}" for each in ("pens", "linear", "strokes", "tiles")}
+    collage = {each.removeprefix("methods.collage.") for each in names if each.startswith("methods.collage.")}
+    assert not collage & {"image.camera", "image.counts", "measure.population", "moves.drawn", "stages.construction",
+                          "stages.crossing", "stages.drawn", "stages.growth", "simplify.drawn", "simplify.parents",
+                          "simplify.removal", "simplify.symmetry", "growth", "trees"}
 
 
 def test_the_kernel_pushes_measures_forward_as_its_twin_does():
@@ -72,7 +84,7 @@ def test_a_true_code_has_no_collage_error_and_maps_near_it_find_back(triangle):
     moved = maps + 0.06 * torch.randn(maps.shape, generator=torch.Generator().manual_seed(1))
     found, _, better = descend(moved, weights, measure, Descent(300, rate=0.01))
     assert float(better) < float(error) + 1e-3
-    assert float(affine.distances(found[0], maps[0], measure).diagonal().max()) < 1 / 64
+    assert float(distances(found[0], maps[0], measure).diagonal().max()) < 1 / 64
 
 
 def test_the_correction_brings_the_measure_of_a_saturated_image_back():
@@ -244,7 +256,7 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
     wrong = affine.sending(affine.random_matrices(12, 0.2, 0.6, 0.05, torch.Generator().manual_seed(1)),
                            torch.zeros(12, 2), torch.zeros(12, 2))
     mixed = search.mixed(torch.cat([wrong[:6], true[:2], wrong[6:], true[2:]]))
-    near = affine.distances(true, mixed.maps, search.measure).min(1).values * 64
+    near = distances(true, mixed.maps, search.measure).min(1).values * 64
     assert bool((near < 1).all()) and len(mixed.maps) < 6
 
 

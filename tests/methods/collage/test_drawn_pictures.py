@@ -18,15 +18,13 @@ from fractal_exp.cameras.pens import DOT_SUPERSAMPLE, GAMMAS, Dots, Drawn, ToneM
 from fractal_exp.cameras.tile_kernels import collect, mark
 from fractal_exp.cameras.tiles import tiled, words
 from fractal_exp.errors import InputError
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN, meaning_of
-from fractal_exp.likeness import Likeness
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.likeness import Likeness, likeness_of_attractor
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, Key, State
 from fractal_exp.rendering.still import render_with_info
 

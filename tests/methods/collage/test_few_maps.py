@@ -8,7 +8,7 @@ from collage_helpers import pen_camera
 from drawn_helpers import SIDE, stage
 
 from fractal_exp.cameras.camera import Camera
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.ifs import affine
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.state import Candidate, State

@@ -10,9 +10,8 @@ from PIL import Image, ImageDraw
 
 from fractal_exp.cameras.estimate import estimated
 from fractal_exp.cameras.kinds import levels_of
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import decided
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.growth import growing
 from fractal_exp.methods.collage.growth.coverage import areas
 from fractal_exp.methods.collage.growth.growing import Grower
@@ -21,9 +20,9 @@ from fractal_exp.methods.collage.growth.silhouette import Silhouette
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth
 from fractal_exp.methods.collage.stages.plan import plan_of
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline

@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import CAMERA, DENSITY, PARAMS, image_search, objective, tied
+from collage_helpers import CAMERA, DENSITY, PARAMS, distances, image_search, objective, tied
 
 from fractal_exp import codes, suite
-from fractal_exp.cameras.kinds import KINDS
-from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.cameras.kinds import kind_of
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.image.objective import ImageObjective, reduced
 from fractal_exp.methods.collage.measure.births import mirrored, narrowed, reoriented
-from fractal_exp.methods.collage.moves import root
+from fractal_exp.methods.collage.moves import single
 
 
 def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
@@ -30,14 +29,14 @@ def test_a_true_code_is_told_from_a_wrong_one_by_its_picture(triangle):
 def test_polish_finds_back_to_a_small_part_of_a_pixel_and_never_leads_up(triangle, levels):
     code, _ = triangle
     image = suite.target(code, 128, "grey" if levels == "density" else "binary")
-    picture = objective(image, KINDS[levels](CAMERA))
+    picture = objective(image, kind_of(levels)(CAMERA))
     maps = affine.from_code(code)
     off = maps + 0.004 * torch.randn(maps.shape, generator=torch.Generator().manual_seed(0))
     start = picture.judge(off)
     found = polished(picture, start, 10)
     assert found.error < 0.5 * start.error
     measure = binned(DENSITY.measure(image), 64)
-    away = affine.distances(found.maps, maps, measure).diagonal().max() * 64  # pixels of 128
+    away = distances(found.maps, maps, measure).diagonal().max() * 64  # pixels of 128
     assert away < (0.06 if levels == "density" else 0.3)
     assert polished(picture, found, 2).error <= found.error
 
@@ -114,10 +113,10 @@ def test_a_map_found_squared_is_replaced_by_its_root():
     search = image_search(image)
     shown = search.objective.judge(torch.cat([squared[None], others, company]))
     g = torch.Generator().manual_seed(0)
-    found = min((root.neighbour(search, shown, g) for _ in range(4)), key=lambda drawn: drawn.error)
+    found = min((single.with_root(search, shown, g) for _ in range(4)), key=lambda drawn: drawn.error)
     assert found.error < shown.error and len(found.maps) == 4
     search = image_search(image, at_most=3)
-    assert all(len(root.rooted(search, shown, 0, order).maps) in (len(shown.maps), 2, 3) for order in (2, 3))
+    assert all(len(single.rooted(search, shown, 0, order).maps) in (len(shown.maps), 2, 3) for order in (2, 3))
 
 
 def test_reflections_and_thinner_images_stay_in_place(triangle):
@@ -145,7 +144,7 @@ def test_reflections_and_thinner_images_stay_in_place(triangle):
 @pytest.mark.parametrize(("kind", "levels", "noises"), [("grey", "density", 1.2), ("binary", "binary", 3)])
 def test_a_reduced_picture_is_as_it_would_have_been_drawn(kind, levels, noises):
     code = attractor.normalize(replace(codes.known("fern"), probabilities=None))
-    levels, image = KINDS[levels](CAMERA), suite.target(code, 512, kind)
+    levels, image = kind_of(levels)(CAMERA), suite.target(code, 512, kind)
 
     def error(picture: ImageObjective) -> float:
         return picture.error(picture.render(code)) / picture.noise(code)

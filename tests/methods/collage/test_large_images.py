@@ -2,11 +2,10 @@
 
 import pytest
 import torch
-from collage_helpers import problem, small, tied
+from collage_helpers import distances, problem, small, tied
 
 from fractal_exp import codes, suite
-from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
 from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import State
@@ -61,7 +60,7 @@ def test_a_large_picture_is_searched_small_and_polished_whole(kind):
     stage = plan_of(given).last[0]
     polished = stage.open(State(best=tied(maps))).now
     measure = binned(given.masses, 64)
-    away = affine.distances(polished.maps, affine.from_code(code), measure)
+    away = distances(polished.maps, affine.from_code(code), measure)
     assert stage.name == "full size" and float(away.diagonal().max()) * 300 < 0.3  # pixels of 600
     whole = problem(given.image)
     names = [each.name for each in plan_of(whole).stages]

@@ -9,9 +9,8 @@ from collage_helpers import CAMERA, objective
 
 from fractal_exp import codes, suite
 from fractal_exp.cameras.points import attractor_points
-from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.moves.lines import CanvasLine, Light, profiled
+from fractal_exp.ifs import affine, attractor
+from fractal_exp.methods.collage.moves.reorient import CanvasLine, Light, profiled
 
 
 def light(target, rest):

@@ -10,17 +10,18 @@ from fractal_exp import invert
 from fractal_exp.cameras.linear import LEAST_POINTS, Linear
 from fractal_exp.cameras.points import attractor_points
 from fractal_exp.errors import InputError
+from fractal_exp.ifs import affine
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import TargetImage
 from fractal_exp.likeness import Likeness
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image.jacobian import WEIGHT, FromCounts
+from fractal_exp.methods.collage.image.counts import FromCounts
+from fractal_exp.methods.collage.image.gauss_newton import WEIGHT
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.population import Population
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CameraParams
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.crossing import Crossing
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 
 SIDE, BLUR_PX, POINTS = 64, 1.2, 60_000
 CODE = IFS(torch.tensor([[[0.55, -0.2], [0.2, 0.5]], [[0.1, 0.45], [-0.5, 0.1]], [[0.4, 0.1], [0.0, -0.35]]]),

@@ -8,12 +8,10 @@ from collage_helpers import DENSITY, PARAMS, measure_search, random, tied
 from ops_helpers import tiling_problem
 
 from fractal_exp import suite
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import meaning_of
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.bins import halve
+from fractal_exp.methods.collage.bins import correction, halve
 from fractal_exp.methods.collage.measure.births import candidates
-from fractal_exp.methods.collage.measure.saturation import correction
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.ops.collage import BinnedMeasure, Descent, descend, pushforward
 from fractal_exp.ops.collage.reference import displacement_squared
@@ -40,14 +38,6 @@ def test_maps_are_only_merged_with_those_whose_images_are_alike(triangle):
     maps, search = affine.from_code(code), measure_search(DENSITY.measure(image))
     assert len(search.merged(tied(maps)).maps) == 3
     assert len(search.merged(tied(torch.cat([maps, maps[:1] * 1.001]))).maps) == 3
-
-
-def test_distances_of_maps_are_those_of_the_points_they_map():
-    measure, maps = far_from_the_middle(), torch.randn(4, 6, generator=random())
-    images, mass = applied(maps, measure.samples), measure.samples[:, 2]
-    squares = (images[:, None] - images[None]).square().sum(-1) @ mass / mass.sum()
-    torch.testing.assert_close(affine.distances(maps[:2], maps, measure).double(), squares[:2].sqrt().double(),
-                               atol=1e-3, rtol=1e-4)
 
 
 def test_the_displacement_of_a_measure_is_that_of_its_points():

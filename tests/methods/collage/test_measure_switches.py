@@ -10,8 +10,8 @@ from drawn_helpers import drawing, tree
 from fractal_exp import suite
 from fractal_exp.cameras.estimate import estimated
 from fractal_exp.cameras.kinds import levels_of, with_camera
+from fractal_exp.ifs import affine
 from fractal_exp.images.levels import DRAWN, meaning_of
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.camera import polish_under
 from fractal_exp.methods.collage.measure.births import candidates, reoriented
 from fractal_exp.methods.collage.measure.population import Population

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 import torch
-from collage_helpers import CAMERA, PARAMS, objective
+from collage_helpers import CAMERA, objective
 
 from fractal_exp import ops
 from fractal_exp.cameras.levels import Density
 from fractal_exp.errors import InputError
-from fractal_exp.methods.collage.moves.root import HOPELESS_MAPS, rooted
+from fractal_exp.methods.collage.image import objective as objective_module
 from fractal_exp.methods.collage.moves.search import ImageSearch
+from fractal_exp.methods.collage.moves.single import HOPELESS_MAPS, rooted
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.ops.collage import orbit_bins, pushforward
 from fractal_exp.runtime.seeds import generator
@@ -79,20 +80,21 @@ def scribble() -> torch.Tensor:
 
 
 @pytest.mark.parametrize("more", [0, 1])
-def test_roots_of_one_of_many_maps_are_not_tried_where_the_image_may_be_of_no_code(scribble, more):
+def test_roots_of_one_of_many_maps_are_not_tried_where_the_image_may_be_of_no_code(scribble, monkeypatch, more):
     count = HOPELESS_MAPS + more
     maps = random_codes(1, count)[0][0]
     maps[0, :4] = torch.tensor([0.8, 0.1, -0.1, 0.7])  # has roots
 
     def most_maps_rendered(hopeless: float) -> int:
-        search, start, rendered = searched(scribble, maps, stages={"hopeless": hopeless})
+        monkeypatch.setattr(objective_module, "HOPELESS", hopeless)
+        search, start, rendered = searched(scribble, maps)
         shown = search.objective.judge(maps)
         assert search.objective.is_hopeless(start.error) == (hopeless < 1)
         rendered.clear()
         rooted(search, shown, 0, 2)
         return max((each for each, _ in rendered), default=0)
 
-    assert most_maps_rendered(PARAMS.stages.hopeless) == (0 if more else 2 * count - 1)
+    assert most_maps_rendered(objective_module.HOPELESS) == (0 if more else 2 * count - 1)
     assert most_maps_rendered(3.14) == 2 * count - 1
 
 

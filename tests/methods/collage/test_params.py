@@ -13,10 +13,9 @@ from omegaconf import OmegaConf
 
 from fractal_exp import InputError, suite
 from fractal_exp.cli import configuration
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.moves import MOVES
-from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.params.__main__ import hydra_config
+from fractal_exp.ifs import affine
+from fractal_exp.methods.collage.moves.search import MOVES
+from fractal_exp.methods.collage.params import CollageParams, hydra_config
 from fractal_exp.runtime.params import Params
 
 CONF = Path(next(iter(fractal_exp.conf.__path__)))

@@ -8,13 +8,10 @@ import torch
 from collage_helpers import PARAMS, measure_search, objective
 
 from fractal_exp import codes
-from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.image.frame import Frame
-from fractal_exp.methods.collage.image.jacobian import FromPoints
-from fractal_exp.methods.collage.image.objective import stabilize
-from fractal_exp.methods.collage.simplify.loop import Price
-from fractal_exp.methods.collage.simplify.removal import pruned
+from fractal_exp.ifs import affine, attractor
+from fractal_exp.methods.collage.image.gauss_newton import FromPoints
+from fractal_exp.methods.collage.image.objective import Frame, stabilize
+from fractal_exp.methods.collage.simplify.loop import Price, pruned
 from fractal_exp.methods.collage.simplify.simple_maps import RENDERED, Spread
 from fractal_exp.methods.collage.state import Candidate
 from fractal_exp.suite import target

@@ -4,21 +4,18 @@ from dataclasses import replace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, image_search, objective
+from collage_helpers import DENSITY, PARAMS, distances, image_search, objective
 
 from fractal_exp import codes, suite
-from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.image.frame import Frame
-from fractal_exp.methods.collage.image.gauss_newton import polished
-from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
-from fractal_exp.methods.collage.measure.births import reoriented
+from fractal_exp.methods.collage.image.gauss_newton import FromPoints, FromRenderings, polished
+from fractal_exp.methods.collage.image.objective import Frame
+from fractal_exp.methods.collage.measure.births import reoriented, thinness
 from fractal_exp.methods.collage.moves import reorient
-from fractal_exp.methods.collage.moves.new_map import THIN
 from fractal_exp.methods.collage.moves.search import ImageSearch
-from fractal_exp.methods.collage.simplify.loop import Price
-from fractal_exp.methods.collage.simplify.removal import pruned_in_frame
+from fractal_exp.methods.collage.moves.single import THIN
+from fractal_exp.methods.collage.simplify.loop import Price, pruned_in_frame
 from fractal_exp.methods.collage.state import Candidate
 
 
@@ -97,14 +94,14 @@ def test_a_line_is_reoriented_by_its_rendering(fern, monkeypatch):
     code, image = fern
     maps, stem = affine.from_code(code), int(code.linear.det().abs().argmin())
     measure = binned(DENSITY.measure(image), 64)
-    thin = [affine.thinness(each, measure) for each in maps]
+    thin = [thinness(each, measure) for each in maps]
     assert thin[stem] < THIN < min(thin[:stem] + thin[stem + 1:])
     wrong = maps.clone()
     wrong[stem] = reoriented(maps[stem], measure, 1, torch.Generator().manual_seed(4))[0]
     search = image_search(image)
     shown = search.objective.judge(wrong)
     monkeypatch.setattr(reorient, "small_maps", lambda shown, g, count=1: [stem])
-    found = reorient.neighbour(search, shown, torch.Generator().manual_seed(0))
+    found = reorient.with_reorientation(search, shown, torch.Generator().manual_seed(0))
     assert found.error < shown.error
 
 
@@ -113,7 +110,7 @@ def test_the_last_polish_leaves_a_true_code_where_it_is(fern):
     true = affine.from_code(code)
     search = image_search(image)
     found = search.finish(search.candidate(search.objective.judge(true)))
-    away = affine.distances(found.maps, true, binned(DENSITY.measure(image), 64)).diagonal() * 64
+    away = distances(found.maps, true, binned(DENSITY.measure(image), 64)).diagonal() * 64
     assert float(away.max()) < 0.1  # pixels of 128
 
 

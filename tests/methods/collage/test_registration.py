@@ -8,8 +8,8 @@ from drawn_helpers import PIXEL, SIDE, drawing, objective, tree
 
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.cameras.strokes import parts_of
+from fractal_exp.ifs import affine
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.trees.registration import Registration, _drawn, _Tree
 from fractal_exp.runtime.deadline import Deadline

@@ -8,8 +8,7 @@ import torch
 from collage_helpers import objective, problem
 
 from fractal_exp import codes, suite
-from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.image.gauss_newton import polished
 from fractal_exp.methods.collage.simplify.rounding import begun, rounded
 from fractal_exp.methods.collage.simplify.simple_maps import (

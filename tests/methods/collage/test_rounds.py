@@ -7,7 +7,7 @@ import torch
 from collage_helpers import measure_search, objective, problem, tied
 from collage_helpers import small as few
 
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.ifs import affine
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
 from fractal_exp.methods.collage.stages.plan import plan_of

@@ -8,20 +8,18 @@ from drawn_helpers import at, triangles
 from fractal_exp import codes
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots, Drawn
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.simplify.doubles import without_doubles
 from fractal_exp.methods.collage.simplify.drawn import simplest
 from fractal_exp.methods.collage.simplify.flat import on_their_line
-from fractal_exp.methods.collage.simplify.likeness import likeness_of
 from fractal_exp.methods.collage.simplify.loop import Draft, Price, Proposer, maps_polished, simplified
 from fractal_exp.methods.collage.simplify.parents import fewer, parents, uncontained
-from fractal_exp.methods.collage.simplify.removal import unseen, without_least, without_needless
+from fractal_exp.methods.collage.simplify.removal import unseen, without_doubles, without_least, without_needless
 from fractal_exp.methods.collage.simplify.symmetry import simplest as least_turned
 from fractal_exp.methods.collage.simplify.symmetry import symmetries
+from fractal_exp.methods.collage.state import WeightedMaps
 
 PARAMS, SIDE = CollageParams(), 128
 CAMERA, PIXEL = PARAMS.camera, 2 / SIDE
@@ -59,13 +57,13 @@ def without_unseen(fit: Draft) -> Draft:
     return simplified(fit, unseen(fit.objective.params), Price.of_drawn(fit.objective))
 
 
-def with_compositions() -> affine.WeightedMaps:
+def with_compositions() -> WeightedMaps:
     """Another code of the same measure: half of what the largest map f brings is brought by f∘g, for each map g."""
     maps, shares = affine.from_code(CULCITA), CULCITA.probabilities
     largest = int(shares.argmax())
     more = torch.stack([affine.composed(maps[largest], each) for each in maps])
     less = shares.index_fill(0, torch.tensor([largest]), float(shares[largest]) / 2)
-    return affine.WeightedMaps(torch.cat([maps, more]), torch.cat([less, shares[largest] / 2 * shares]))
+    return WeightedMaps(torch.cat([maps, more]), torch.cat([less, shares[largest] / 2 * shares]))
 
 
 def test_the_symmetries_of_a_triangle_are_found():
@@ -95,7 +93,7 @@ def test_a_map_takes_the_place_of_its_compositions():
 def test_doubles_are_one_map_with_both_weights():
     maps = affine.from_code(GASKET)
     doubled = torch.cat([maps, maps[:1] + 0.3 * PIXEL * torch.tensor([0, 0, 0, 0, 1.0, 1])])
-    found = without_doubles(affine.WeightedMaps(doubled, torch.tensor([.3, .3, .3, .1])), PARAMS, SIDE, 0)
+    found = without_doubles(WeightedMaps(doubled, torch.tensor([.3, .3, .3, .1])), PARAMS, SIDE, 0)
     assert torch.equal(found.maps, maps)
     assert found.weights.tolist() == pytest.approx([.4, .3, .3])
     assert without_doubles(found, PARAMS, SIDE, 0) is found
@@ -198,7 +196,7 @@ def test_single_maps_are_needless_too():
     least = len(without_unseen(fit).shown.maps) - 1
     found = without_needless(fitted(judge, many.maps, many.weights, maps=least), without_least)
     assert len(found.shown.maps) == least
-    assert found.shown.error <= 1.5 * fit.shown.error and likeness_of(found.shown, found.objective) > 0.99
+    assert found.shown.error <= 1.5 * fit.shown.error and found.objective.likeness_of(found.shown) > 0.99
 
 
 def test_two_maps_that_a_symmetry_makes_one_are_one():

@@ -15,20 +15,19 @@ from fractal_exp.cameras.estimate import nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots
 from fractal_exp.cameras.strokes import Strokes, as_lines
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.likeness import likeness_of_attractor
 from fractal_exp.methods.collage import method
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import MOST_MAPS, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.simplify.drawn import simplest, without_width
-from fractal_exp.methods.collage.simplify.likeness import likeness_of, likeness_of_attractor
 from fractal_exp.methods.collage.simplify.loop import Draft
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction, is_construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.stages.plan import plan_of
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 
@@ -162,10 +161,10 @@ def test_a_tree_is_like_its_drawing_though_its_attractor_goes_on():
     twig = RATIO**3 * (TOP[1] - FOOT[1])
     assert strokes.levels.smallest_part(tree(), SIDE) == pytest.approx(twig, rel=0.02)
     maps = affine.from_code(tree())
-    assert likeness_of(strokes.judge(maps), strokes) > 0.95
+    assert strokes.likeness_of(strokes.judge(maps)) > 0.95
     assert likeness_of_attractor(tree(), image, strokes.levels) < 0.7
     bare = strokes.judge(maps[1:])    # no trunk, and so no strokes
-    assert likeness_of(bare, strokes) < 0.5
+    assert strokes.likeness_of(bare) < 0.5
 
 
 @pytest.mark.slow

@@ -8,13 +8,12 @@ import torch
 from collage_helpers import DENSITY, image_search, measure_search, objective, params, problem, random, tied
 
 from fractal_exp import codes
-from fractal_exp.ifs import attractor
-from fractal_exp.methods.collage import maps as affine
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.image.objective import reduced
 from fractal_exp.methods.collage.measure.search import PRUNE
-from fractal_exp.methods.collage.moves import new_map
-from fractal_exp.methods.collage.simplify.loop import Price
-from fractal_exp.methods.collage.simplify.removal import pruned, unseen
+from fractal_exp.methods.collage.moves import single
+from fractal_exp.methods.collage.simplify.loop import Price, pruned
+from fractal_exp.methods.collage.simplify.removal import unseen
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State
@@ -50,10 +49,10 @@ def test_a_set_on_the_measure_is_pruned_unless_that_is_off_and_its_number_of_map
 @pytest.mark.parametrize("mirrored", [True, False])
 def test_new_maps_are_mirrored_unless_that_is_off(doubled, monkeypatch, mirrored):
     maps, image = doubled
-    search, seen, own = image_search(image, moves={"mirrored": mirrored}), [], new_map.mirrored
-    monkeypatch.setattr(new_map, "mirrored", lambda *given: seen.append(given) or own(*given))
+    search, seen, own = image_search(image, moves={"mirrored": mirrored}), [], single.mirrored
+    monkeypatch.setattr(single, "mirrored", lambda *given: seen.append(given) or own(*given))
     shown = search.objective.judge(maps[:3])
-    new_map.with_new_map(search, search.objective.without(shown, [0]), shown, maps[0], random())
+    single.with_new_map(search, search.objective.without(shown, [0]), shown, maps[0], random())
     assert len(seen) == 2 * mirrored, "the new map and the old one"
 
 

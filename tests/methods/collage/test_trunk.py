@@ -10,9 +10,8 @@ from fractal_exp import codes
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.cameras.stroke_kernels import outline
 from fractal_exp.cameras.strokes import flat_maps, parts_of
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage import maps as affine
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.stages.construction import COARSE_SIDE
 from fractal_exp.methods.collage.state import Candidate, State

@@ -12,18 +12,17 @@ from fractal_exp.cameras.estimate import DOTTED, estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.levels import FAINT, may_be_density
 from fractal_exp.cameras.pens import Dots, Drawn, ToneMapped
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN, meaning_of
-from fractal_exp.methods.collage import maps as affine
-from fractal_exp.methods.collage.measure.saturation import correction
+from fractal_exp.likeness import likeness_of_attractor
+from fractal_exp.methods.collage.bins import correction
 from fractal_exp.methods.collage.params import CollageParams
-from fractal_exp.methods.collage.simplify.likeness import likeness_of_attractor
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves, Uncurved
 from fractal_exp.methods.collage.stages.image import Approach
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
 from fractal_exp.methods.collage.stages.plan import plan_of
-from fractal_exp.methods.collage.stages.problem import SearchProblem
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -6,11 +6,11 @@ import torch
 from torch import Tensor
 
 from ....cameras.levels import Coverage
+from ....ifs import affine
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive, generator
-from .. import maps as affine
 from ..params import CollageParams
-from ..state import Grown
+from ..state import Grown, WeightedMaps
 from .coverage import Uncovered, areas, covering
 from .paving import paving
 from .silhouette import Silhouette, widened
@@ -49,13 +49,13 @@ class Grower:
         shape cover, so the whole shape is drawn evenly."""
         g = generator(self.seed, "areas")
         weights = affine.normalized(areas(maps, self.shape, g))
-        return Grown(maps, weights, self.likeness(affine.WeightedMaps(maps, weights)))
+        return Grown(maps, weights, self.likeness(WeightedMaps(maps, weights)))
 
-    def drawing(self, candidate: affine.WeightedMaps) -> Tensor:
+    def drawing(self, candidate: WeightedMaps) -> Tensor:
         """The drawing (R,R) of a code."""
         return self.levels.render(candidate.code, self.shape.side, derive(self.seed, "drawing")).cpu()
 
-    def likeness(self, candidate: affine.WeightedMaps) -> float:
+    def likeness(self, candidate: WeightedMaps) -> float:
         """The F1 within a pixel of a code's drawing."""
         return self.shape.likeness(self.drawing(candidate))
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from ....cameras.estimate import nearest
-from ....cameras.kinds import KINDS, with_camera
+from ....cameras.kinds import kind_of, with_camera
 from ....cameras.pens import ToneMapped
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from .gauss_newton import polished
-from .jacobian import FromRenderings
+from .gauss_newton import FromRenderings, polished
 from .objective import ImageObjective, Rendered
 
 LIKELIEST = 3      # cameras of each kind with which a code is polished first
@@ -80,7 +79,7 @@ def polish_under(objective: ImageObjective, found: Rendered, kind: str, deadline
     """The code polished together with each of the likeliest cameras of a kind, the best first; empty if no such camera
     can draw it."""
     image, params, fits = objective.image, objective.params, []
-    levels = KINDS[kind](params.camera, image, kinds=objective.levels.kinds)
+    levels = kind_of(kind)(params.camera, image, kinds=objective.levels.kinds)
     for _, camera in nearest(image, levels, found.code, objective.seed)[:LIKELIEST]:
         if deadline.passed:
             break

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from ....ifs import affine
 from ....ifs.canvas import pixel_to_canvas
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ....runtime.params import Interval
-from .. import maps as affine
 from ..bins import halve
-from ..params.measure import BirthParams
+from ..params import BirthParams
 
 KEPT = 4                       # candidates that also descend on the fine grid; one of them is taken
 BLOBS = 1 / 3                  # share of the candidates that take the shape of the uncovered blob; others are random
@@ -116,6 +116,19 @@ def reoriented(old: Tensor, measure: BinnedMeasure, count: int, generator: torch
     matrices = torch.linalg.cholesky(image) @ turn @ torch.linalg.inv(source)
     matrices = matrices * (LARGEST / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
     return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
+
+
+def extents(one: Tensor, measure: BinnedMeasure) -> tuple[float, float]:
+    """Width and length of a map's (6,) image of the measure, both as standard deviations, canvas units."""
+    linear = one[:4].view(2, 2).double()
+    spread = torch.linalg.eigvalsh(linear @ measure.covariance.double() @ linear.T)
+    return tuple(spread.clamp_min(0).sqrt().tolist())
+
+
+def thinness(one: Tensor, measure: BinnedMeasure) -> float:
+    """Width over length of a map's (6,) image of the measure."""
+    width, length = extents(one, measure)
+    return width / max(length, 1e-6)
 
 
 def narrowed(maps: Tensor, measure: BinnedMeasure, ratio: float) -> Tensor:

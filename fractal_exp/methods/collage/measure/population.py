@@ -12,10 +12,10 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from ....ifs import affine
 from ....ifs.canvas import pixel_to_canvas
 from ....ops.collage import BinnedMeasure, Descent, descend, pushforward
 from ....runtime.seeds import generator
-from .. import maps as affine
 from ..bins import binned, grid_for
 from ..params import CollageParams
 

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....ifs import affine
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
-from .. import maps as affine
 from ..bins import attractor_bins, binned, grid_for
 from ..params import CollageParams
 from ..state import Candidate

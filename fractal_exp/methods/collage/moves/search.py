@@ -6,35 +6,57 @@ to nothing but are still seen, and small copies in a wrong orientation. A render
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
 from torch import Tensor
 
-from ....likeness import ALIKE
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import generator
-from ..image.frame import FAR, FIRM_ABOVE, FIRM_ONLY
-from ..image.gauss_newton import firmly_framed, fitted_into_frame, polished
-from ..image.jacobian import FromRenderings
-from ..image.objective import ImageObjective, Rendered, error_of
-from ..image.refine import refined
-from ..simplify.loop import Draft, Proposer, maps_polished, simplified
-from ..simplify.parents import fewer
-from ..simplify.removal import pruned_in_frame
+from ..image.gauss_newton import FromRenderings, firmly_framed, fitted_into_frame, polished
+from ..image.objective import FAR, FIRM_ABOVE, FIRM_ONLY, ImageObjective, Rendered, error_of
+from ..simplify.loop import Draft, Proposer, Way, maps_polished, pruned_in_frame, simplified
 from ..simplify.rounding import begun, with_simple_numbers
 from ..state import Candidate
-from . import MOVES
-from .root import with_roots
+from .reorient import with_reorientation
+from .single import with_birth, with_removal, with_replacement, with_root, with_roots
 from .tools import Latest, Tools
 
 ACCEPTED_STEPS = 1      # Gauss-Newton steps of all maps after an accepted move
 SETTLED = 1.05          # noise ratio below which a code counts as the true one, and how much it rises
 SETTLED_MORE = 0.005    # with each move: further moves hardly ever help then
-DRAWN_LEAST = 8         # moves after which the code of a picture that others drew may be settled
-OTHER_OWN_WEIGHTS = 1.0   # `MoveParams.own_weights` of such a picture and of linear grey levels, which show weights
+OTHER_OWN_WEIGHTS = 1.0   # `MoveParams.own_weights` of linear grey levels, which show weights, and of others' pictures
 RENDERED_RATIO = 1.1, 6.0   # noise ratios between which a Jacobian from renderings helps: above noise, and nearly right
+
+
+@dataclass(frozen=True)
+class Move:
+    """neighbour: another code, from a code and a random stream; is_open: whether the code admits the move."""
+
+    neighbour: Callable[[Tools, Rendered, torch.Generator], Rendered]
+    is_open: Callable[[Tools, Rendered], bool]
+
+
+def _may_gain(tools: Tools, shown: Rendered) -> bool:
+    n, params = len(shown.maps), tools.params
+    return n < (params.maps or params.most_maps or n + 1)
+
+
+def _has_others(tools: Tools, shown: Rendered) -> bool:
+    return len(shown.maps) > 1
+
+
+def _may_lose(tools: Tools, shown: Rendered) -> bool:
+    return len(shown.maps) > 2 and not tools.params.maps
+
+
+# The odds of a move in `MoveParams` have its name. A new move is a function that makes a neighbour, an entry here and
+# its odds there.
+MOVES = {"birth": Move(with_birth, _may_gain), "reorient": Move(with_reorientation, _has_others),
+         "replace": Move(with_replacement, _has_others), "remove": Move(with_removal, _may_lose),
+         "root": Move(with_root, _may_lose)}
 
 
 class ImageSearch(Tools):
@@ -51,22 +73,25 @@ class ImageSearch(Tools):
 
     def resume(self, found: Candidate) -> Candidate:
         """The best rendering among the candidate and its refinements, with free weights or weights |det| + 0.01."""
-        steps = self.params.moves.polish_starts
         free = found.probabilities if found.weights is None else found.weights
         tried = (None, free) if self.params.moves.own_weights else (None,)
         tried = tried[-1:] if self.objective.levels.is_linear else tried  # linear levels determine the weights
-        shown = [self.polished(refined(self.objective, self.masses, found.maps, weights, self.seed), steps)
+        shown = [self.polished(self.refined(found.maps, weights), self.params.moves.polish_starts)
                  for weights in tried]
-        roots = Proposer(partial(with_roots, self), maps_polished(steps), early=True, repeats=False)
-        parents = Proposer(fewer, maps_polished(steps))
-        first = self._tied_if_as_good(shown[0], shown[-1])
-        best = self.polished(self.pruned(first), steps)
-        if not self.objective.levels.is_exact:  # at this price, pruning may remove maps that a root needs
-            best = min(best, self._simpler(first, roots), self._simpler(first, parents), key=self.score)
-        return self.candidate(self._simpler(best, roots))
+        return self.candidate(self.rooted(self.first_pruned(self._tied_if_as_good(shown[0], shown[-1]))))
 
-    def _simpler(self, shown: Rendered, way: Proposer) -> Rendered:
-        return simplified(Draft(self.objective, shown), [way], self.price, self.deadline).shown
+    def first_pruned(self, first: Rendered) -> Rendered:
+        """The code that the search starts with, pruned and polished."""
+        return self.polished(self.pruned(first), self.params.moves.polish_starts)
+
+    def rooted(self, shown: Rendered) -> Rendered:
+        """The code with roots of its largest maps, if that is simpler."""
+        return self.simpler(shown, partial(with_roots, self), early=True, repeats=False)
+
+    def simpler(self, shown: Rendered, way: Way, **exceptions: bool) -> Rendered:
+        """The code simplified in this way, if that is worth it. exceptions: fields of the `Proposer`."""
+        proposer = Proposer(way, maps_polished(self.params.moves.polish_starts), **exceptions)
+        return simplified(Draft(self.objective, shown), [proposer], self.price, self.deadline).shown
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better neighbour."""
@@ -91,20 +116,20 @@ class ImageSearch(Tools):
         If it is still far from right after the first firm polish, stop there: parts of a pixel do not matter yet."""
         before = self.noise_ratio(now)
         if self.objective.firm_frame() is None or before < FIRM_ABOVE:
-            return self._polished_last(now)
+            return self.last_polished(now)
         now = self._firmly_framed(self.pruned(self.shown(now)))
         if min(before, self.noise_ratio(now)) > FIRM_ONLY:
             return now
-        return self._firmly_framed(self.shown(self._polished_last(now)))
+        return self._firmly_framed(self.shown(self.last_polished(now)))
 
     def _firmly_framed(self, shown: Rendered) -> Candidate:
         return self.candidate(firmly_framed(self.objective, shown, self.deadline))
 
-    def _polished_last(self, now: Candidate) -> Candidate:
+    def last_polished(self, now: Candidate) -> Candidate:
         """The code cleaned, and then polished on the mean of several renderings, which has less noise. The polish is
-        left out for pictures that others drew and for hopeless codes."""
+        left out for hopeless codes."""
         cleaned = self.cleaned(now)
-        if not self.objective.levels.is_exact or self.objective.is_hopeless(cleaned.error):
+        if self.objective.is_hopeless(cleaned.error):
             return cleaned
         found = self.shown(cleaned)
         if found.weights is not None and not self.objective.levels.is_linear:
@@ -132,15 +157,8 @@ class ImageSearch(Tools):
     def is_settled(self, now: Candidate, moves: int) -> bool:
         """Whether the code's rendering is as close to the image as the true code's would be, or nearly so after many
         moves."""
-        if not self.objective.levels.is_exact:
-            enough = moves >= DRAWN_LEAST and len(now.maps) >= (self.params.maps or 0)
-            return enough and self.likeness(now) >= ALIKE
         worth = SETTLED + SETTLED_MORE * moves
         return self.noise_ratio(now) < worth and len(now.maps) >= (self.params.maps or 0)
-
-    def likeness(self, now: Candidate) -> float:
-        """The likeness of the code's rendering to the image, see `ImageObjective`."""
-        return self.objective.likeness(self.shown(now).image)
 
     def noise_ratio(self, now: Candidate) -> float:
         """The error, relative to the error between two renderings of the same code."""

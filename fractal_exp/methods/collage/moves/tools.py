@@ -9,23 +9,26 @@ from typing import Generic, TypeVar
 import torch
 from torch import Tensor
 
-from ....ops.collage import BinnedMeasure, pushforward
+from ....ifs import affine
+from ....ops.collage import BinnedMeasure, Descent, descend, pushforward
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from .. import maps as affine
-from ..bins import binned, grid_for
+from ..bins import binned, correction, grid_for, saturation_corrected
 from ..image.gauss_newton import polished
-from ..image.objective import ImageObjective, Rendered
-from ..maps import WeightedMaps
-from ..measure.saturation import correction
-from ..simplify.loop import Price
-from ..simplify.removal import pruned
+from ..image.objective import ImageObjective, Rendered, error_of
+from ..simplify.loop import Price, pruned
+from ..state import WeightedMaps
 
 MISSING = 1e3      # cost of each map fewer than were asked for: more than any error
 PROMISING = 1.25   # factor on the error up to which a code with a new map is polished
 HOPEFUL = 4.0      # the same factor after a removal or a root, and for a line in another projection
 NEW_STEPS = 2      # Gauss-Newton steps of a new map
 REST_STEPS = 4     # Gauss-Newton steps of all maps after a removal or a root, which move further
+# Of refinement.
+COARSEST = 128     # cells per side of the first grid; each further grid has twice as many
+GRIDS = 4          # grids that each error compares, each half as fine as the one before
+RATE = 0.002       # learning rate on the first grid, canvas units, halved on each further grid: maps are nearly right
+LARGEST = 0.9995   # largest singular value that a map may have
 
 Value = TypeVar("Value")
 
@@ -122,3 +125,22 @@ class Tools:
     def polished_all(self, new: Rendered, shown: Rendered) -> Rendered:
         """The new code with all maps polished, if the code is hopeful."""
         return self.polished(new, REST_STEPS) if new.error < HOPEFUL * shown.error else new
+
+    def refined(self, maps: Tensor, weights: Tensor | None) -> Rendered:
+        """The best rendering among the maps (N,6) and their refinements, moved together on ever finer grids.
+
+        Before each grid, the code so far corrects the image's masses for saturation, so that the collage error nearly
+        vanishes for the true code. weights (N,) are free to move; None: they are tied to |det| + 0.01.
+        """
+        refine, size, rate = self.params.refine, COARSEST, RATE
+        best = now = self.objective.judge(maps, weights)
+        finest = grid_for(self.masses.shape[0], refine.finest)
+        while refine.steps and size <= finest:
+            how = Descent(refine.steps, rate=rate, largest=LARGEST, prior=0.0, tied=weights is None)
+            corrected = saturation_corrected(self.masses, now.code, self.objective.levels, self.params.saturation,
+                                             derive(self.seed, "refine", size))
+            moved, shares, _ = descend(now.maps[None], now.probabilities[None], binned(corrected, size, GRIDS), how)
+            now = self.objective.judge(moved[0], None if weights is None else shares[0] / shares[0].sum())
+            best = min(best, now, key=error_of)
+            size, rate = 2 * size, rate / 2
+        return best

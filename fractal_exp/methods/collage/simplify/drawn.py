@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....cameras.strokes import as_lines
+from ....likeness import UNLIKE
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ..image.camera import in_turns, sharpened
 from ..image.gauss_newton import polished
 from .flat import flattened, on_line
-from .likeness import likeness_of
-from .loop import DRAWN_WORSE, Draft, Price, Proposer, maps_polished, simplified
+from .loop import DRAWN_WORSE, Draft, Price, Proposer, maps_polished, pruning, simplified
 from .parents import fewer, uncontained
-from .removal import pruning, unseen, without_least, without_needless
+from .removal import unseen, without_least, without_needless
 from .rounding import begun, rounded
 from .symmetry import other_simplest_code, simplest_code
 
 
 def simplest(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     """A simpler code with the camera that suits it. It is as like the picture as `start`, or like it to
-    `StageParams.unlike`: tiles may draw the picture of a code whose attractor is another shape."""
+    `UNLIKE`: tiles may draw the picture of a code whose attractor is another shape."""
     params = start.objective.params
     worth, line = Price(share=params.moves.worth), Price(worse=DRAWN_WORSE)   # a line is told from a curve by little
     now = simplified(_with_simplest_maps(start, worth, deadline), [Proposer(on_line, _flat, repeats=False)], line,
@@ -29,8 +29,8 @@ def simplest(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
         needed = Draft(*in_turns(needed.objective, needed.shown, deadline))
     now = simplified(rounded(begun(needed.objective, needed.shown), deadline), pruning(params), worth, deadline)
     now = simplified(now, [Proposer(without_width, repeats=False)], Price.of_drawn(now.objective), deadline)
-    least = min(params.stages.unlike, likeness_of(start.shown, start.objective))
-    return now if likeness_of(now.shown, now.objective) >= least else start
+    least = min(UNLIKE, start.objective.likeness_of(start.shown))
+    return now if now.objective.likeness_of(now.shown) >= least else start
 
 
 def _with_simplest_maps(start: Draft, worth: Price, deadline: Deadline) -> Draft:
@@ -49,7 +49,7 @@ def _with_its_camera(draft: Draft, deadline: Deadline) -> Iterator[Draft]:
     """A code that draws the picture, with the camera that suits it."""
     objective = draft.objective
     shown = polished(objective, draft.shown, objective.params.rounding.polish, deadline=deadline)
-    if objective.likeness(shown.image) >= objective.params.stages.unlike:
+    if objective.likeness(shown.image) >= UNLIKE:
         yield Draft(*sharpened(objective, shown, deadline))
 
 

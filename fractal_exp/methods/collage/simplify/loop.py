@@ -13,12 +13,11 @@ from functools import cached_property
 
 from torch import Tensor
 
+from ....likeness import UNLIKE
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ..image.frame import Frame
-from ..image.gauss_newton import polished
-from ..image.jacobian import FromPoints, FromRenderings
-from ..image.objective import ImageObjective, Rendered
-from .likeness import likenesses
+from ..image.gauss_newton import FromPoints, FromRenderings, polished
+from ..image.objective import Frame, ImageObjective, Rendered
+from ..params import CollageParams
 
 DRAWN_WORSE = 1.5     # factor on the error: a picture that others drew tells less precisely which code is right
 DRAWN_NOISE = 0.06    # error, radians rms, that counts as noise in such a picture, as no camera draws quite like it
@@ -109,7 +108,7 @@ def simplified(start: Draft, proposers: Iterable[Proposer], price: Price, deadli
     Each proposer has its turn, which lasts as long as any of its codes is accepted. Of several, the one of lowest score
     is taken. A code is accepted if its score is at most `worse` times the lowest so far. If the proposer names a loss,
     its drawing must also be as like the picture as that of `start`, less this loss. So must its attractor, or it must
-    be like the picture to `StageParams.unlike`.
+    be like the picture to `UNLIKE`.
     """
     rule, now, asked = _Rule(start, price), start, dict[Proposer, Draft]()
     for proposer in proposers:
@@ -152,9 +151,39 @@ class _Rule:
         if loss is None:
             return True
         drawing, attractor = (each - loss for each in self._likenesses)
-        found = likenesses(draft.shown, draft.objective)
-        return found[0] >= drawing and found[1] >= min(attractor, draft.objective.params.stages.unlike)
+        found = draft.objective.likenesses(draft.shown)
+        return found[0] >= drawing and found[1] >= min(attractor, UNLIKE)
 
     @cached_property
     def _likenesses(self) -> tuple[float, float]:
-        return likenesses(self.start.shown, self.start.objective)
+        return self.start.objective.likenesses(self.start.shown)
+
+
+def fewest(params: CollageParams) -> int:
+    """The number of maps that must stay."""
+    return max(2, params.maps or 0)
+
+
+def without_one(draft: Draft) -> Iterable[Draft]:
+    """The code without one of its maps."""
+    objective, shown = draft.objective, draft.shown
+    gone = range(len(shown.maps)) if len(shown.maps) > fewest(objective.params) else ()
+    return [Draft(objective, objective.without(shown, [i])) for i in gone]
+
+
+def pruning(params: CollageParams) -> list[Proposer]:
+    """Leave out maps that are not worth their price."""
+    return [Proposer(without_one)] if params.moves.pruning else []
+
+
+def pruned(objective: ImageObjective, shown: Rendered, price: Price, deadline: Deadline = NO_DEADLINE) -> Rendered:
+    """The code without maps that are not worth their price."""
+    return simplified(Draft(objective, shown), pruning(objective.params), price, deadline).shown
+
+
+def pruned_in_frame(objective: ImageObjective, shown: Rendered, price: Price, *, near: bool,
+                    deadline: Deadline = NO_DEADLINE) -> Rendered:
+    """Like `pruned`, for a polished code. In a nearly right code, even a map that nobody sees may decide the frame."""
+    framed = objective.within(objective.own_frame() if near else None)
+    fewer = pruned(framed, framed.judge(shown.maps, shown.weights), price, deadline)
+    return shown if len(fewer.maps) == len(shown.maps) else objective.judge(fewer.maps, fewer.weights)

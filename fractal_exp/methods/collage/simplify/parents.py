@@ -13,13 +13,12 @@ from torch import Tensor
 from torch.nn.functional import max_pool2d
 
 from ....cameras.points import attractor_points
+from ....ifs import affine
 from ....ifs.canvas import canvas_to_pixel
 from ....runtime.seeds import derive
-from .. import maps as affine
 from ..image.objective import ImageObjective, Rendered
 from .flat import flattened
-from .loop import Draft
-from .removal import fewest
+from .loop import Draft, fewest
 from .symmetry import symmetries
 
 TRIED = 6         # parents, the largest ones: each is polished

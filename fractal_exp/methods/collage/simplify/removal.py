@@ -1,28 +1,23 @@
-"""Codes without maps that the image does not justify."""
+"""Codes without maps that a picture that others drew does not justify: those that nobody sees, those that its camera
+makes up for, and doubles, which make lines thicker: that is the pen's job."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
+import torch
+
+from ....cameras.points import attractor_points
+from ....ifs import affine
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ..image.camera import may_be_sharpened
-from ..image.objective import ImageObjective, Rendered
 from ..params import CollageParams
-from .loop import Draft, Price, Proposer, Way, camera_polished, maps_polished, simplified
+from ..state import WeightedMaps
+from .loop import Draft, Price, Proposer, Way, camera_polished, maps_polished, simplified, without_one
 
 TRIED = 2   # single maps that are left out on trial where each trial is a polish with the camera, which takes seconds
-
-
-def fewest(params: CollageParams) -> int:
-    """The number of maps that must stay."""
-    return max(2, params.maps or 0)
-
-
-def without_one(draft: Draft) -> Iterable[Draft]:
-    """The code without one of its maps."""
-    objective, shown = draft.objective, draft.shown
-    gone = range(len(shown.maps)) if len(shown.maps) > fewest(objective.params) else ()
-    return [Draft(objective, objective.without(shown, [i])) for i in gone]
+NEAR_PX = 2.0     # distance (rms, pixels) below which two maps count as one: a pen is rarely thinner
+POINTS = 20_000   # of the attractor, that measure this distance
 
 
 def without_least(draft: Draft) -> Iterable[Draft]:
@@ -55,19 +50,22 @@ def without_needless(draft: Draft, *ways: Way, deadline: Deadline = NO_DEADLINE)
     return draft if found is start else found
 
 
-def pruning(params: CollageParams) -> list[Proposer]:
-    """Leave out maps that are not worth their price."""
-    return [Proposer(without_one)] if params.moves.pruning else []
-
-
-def pruned(objective: ImageObjective, shown: Rendered, price: Price, deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """The code without maps that are not worth their price."""
-    return simplified(Draft(objective, shown), pruning(objective.params), price, deadline).shown
-
-
-def pruned_in_frame(objective: ImageObjective, shown: Rendered, price: Price, *, near: bool,
-                    deadline: Deadline = NO_DEADLINE) -> Rendered:
-    """Like `pruned`, for a polished code. In a nearly right code, even a map that nobody sees may decide the frame."""
-    framed = objective.within(objective.own_frame() if near else None)
-    fewer = pruned(framed, framed.judge(shown.maps, shown.weights), price, deadline)
-    return shown if len(fewer.maps) == len(shown.maps) else objective.judge(fewer.maps, fewer.weights)
+def without_doubles(found: WeightedMaps, params: CollageParams, side: int, seed: int) -> WeightedMaps:
+    """The code without its doubles in an image of `side` pixels, if at least two maps stay and no number of maps is
+    asked for. A map is a double if it sends the attractor to nearly where a heavier map sends it, which gets its
+    weight. No error is compared: until a camera is known, the error of a thicker line says nothing."""
+    if params.maps:
+        return found
+    points = attractor_points(found.maps, found.probabilities, POINTS, seed)
+    images, weights = affine.images(found.maps, points), found.probabilities
+    apart = (images[:, None] - images[None]).square().sum(-1).mean(-1).sqrt()
+    kept: list[int] = []
+    for i in weights.argsort(descending=True, stable=True).tolist():
+        same = [k for k in kept if float(apart[i, k]) < 2 / side * NEAR_PX]
+        if same:
+            weights = weights.index_add(0, torch.tensor(same[:1], device=weights.device), weights[i:i + 1])
+        else:
+            kept.append(i)
+    kept.sort()
+    alone = len(kept) < 2 or len(kept) == len(found.maps)
+    return found if alone else WeightedMaps(found.maps[kept], weights[kept])

@@ -14,10 +14,8 @@ import torch
 from torch import Tensor
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ..image.frame import Frame
-from ..image.gauss_newton import fitted_into_frame, polished
-from ..image.jacobian import FromPoints, FromRenderings
-from ..image.objective import ImageObjective, Rendered, error_of
+from ..image.gauss_newton import FromPoints, FromRenderings, fitted_into_frame, framed, polished
+from ..image.objective import Frame, ImageObjective, Rendered, error_of
 from .loop import Draft, Price, Proposer, simplified
 from .simple_maps import OFF_MIDDLE, Line, Precision, Spread, mirrored_offsets
 
@@ -64,13 +62,10 @@ def with_simple_numbers(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft
 def filled(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     """Fill the frame exactly if it is meant to be filled, unless that makes the rendering notably worse."""
     def into_frame(draft: Draft, deadline: Deadline) -> Iterator[Draft]:
-        objective, shown, params = draft.objective, draft.shown, draft.objective.params
-        middle = {(i, 4 + axis) for i, axis in _in_the_middle(shown.maps)
+        middle = {(i, 4 + axis) for i, axis in _in_the_middle(draft.shown.maps)
                   if {(i, 2 * axis), (i, 2 * axis + 1)} <= draft.fixed}
-        within = objective.within(draft.frame)
-        found = polished(within, within.judge(shown.maps, shown.weights), params.rounding.polish,
-                         patience=params.gauss_newton.last_patience, deadline=deadline, fixed=draft.fixed | middle)
-        yield replace(draft, shown=replace(found, error=objective.error(found.image)))
+        yield replace(draft, shown=framed(draft.objective, draft.shown, draft.objective.params.rounding.polish,
+                                          draft.frame, deadline=deadline, fixed=draft.fixed | middle))
 
     return simplified(start, [Proposer(exact_frame, into_frame, repeats=False)], Price(worse=FILLED_WORSE), deadline)
 

@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from ....cameras.points import attractor_points
+from ....ifs import affine
 from ....runtime.seeds import derive
-from .. import maps as affine
 from ..image.objective import ImageObjective, Rendered
 from .loop import DRAWN_WORSE
 

@@ -13,11 +13,11 @@ import torch
 from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample, max_pool2d
 
-from .. import maps as affine
-from ..maps import WeightedMaps
-from ..params.rounding import RoundingParams
-from .doubles import without_doubles
+from ....ifs import affine
+from ..params import RoundingParams
+from ..state import WeightedMaps
 from .loop import Draft
+from .removal import without_doubles
 
 ORDERS = range(2, 9)     # of the rotations that are tried as symmetries: people build fractals from such polygons
 AXES_DEGREES = 7.5       # between the axes of the reflections that are tried

@@ -1,14 +1,206 @@
-"""What all stages of collage search have in common."""
+"""What all stages of a search share: what they are given, their time, and how they run.
+
+What is given is the image, the meaning of its grey levels, the parameters and the deadline.
+"""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
-from ....runtime.deadline import Deadline
+from torch import Tensor
+
+from ....cameras.blur import blurred
+from ....cameras.camera import Camera
+from ....cameras.kinds import with_camera
+from ....cameras.levels import Levels
+from ....ifs.code import IFS
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....runtime.seeds import derive
+from ..image.objective import Frame, ImageObjective, reduced
+from ..moves.search import ImageSearch
+from ..params import CollageParams
 from ..state import Key, State
-from .problem import SearchProblem
+
+DENSITY_ROUNDS = 4      # where grey levels are a density
+BINARY_ROUNDS = 2       # on a binary image, if rounds continue from each other
+DRAWN_ROUNDS = 3        # on pictures that others drew
+ROUND_SECONDS = 30.0    # in which a round finds something, on an image of at most ROUND_SIDE pixels per side
+ROUND_SIDE = 256
+LATER_RESTARTS = 0.5    # share of the restarts, rounded up, in rounds that are not full
+# Shares of a round's part of the time limit at which its moves end, and those of all later rounds
+ROUND_ENDS = 0.95
+BINARY_ROUND_ENDS = 0.85   # of a binary image that has a frame: this leaves time for the firm polishes in the frame
+DRAWN_ROUND_ENDS = 0.8     # of a picture that others drew: this leaves time for the last stage
+DRAWN_BLUR_PX = 3.0     # more in each later round: from afar, a construction that ended early looks like its attractor
+
+
+@dataclass(frozen=True)
+class Timetable:
+    """When the parts of a search end. Each of the first rounds, `parts` of them, has an equal part of the time limit.
+    Later rounds have what is left of the last part. round_ends: the share of a part at which a round ends."""
+
+    limit: Deadline
+    rounds: int
+    parts: int
+    round_ends: float
+
+    def part_end(self, number: int, share: float = 1.0) -> Deadline:
+        """When this share of a round's part has passed."""
+        return self.limit.until((min(number, self.parts - 1) + share) / self.parts)
+
+    def round_end(self, number: int) -> Deadline:
+        """When the moves of a round end."""
+        return self.part_end(number, self.round_ends)
+
+    def stage_end(self, number: int, share: float | None) -> Deadline:
+        """When a stage ends that has a share of its round's part, or, after all rounds, of the whole limit. None: it
+        ends with its round, as all stages of rounds without a part do."""
+        if share is None or self.parts <= number < self.rounds:
+            return self.round_end(number)
+        return self.limit.until(share) if number >= self.rounds else self.part_end(number, share)
+
+
+@dataclass(frozen=True)
+class SearchProblem:
+    """The image `given` (R,R), what its grey levels mean, and all that a search of its code is given besides."""
+
+    given: Tensor
+    levels: Levels
+    params: CollageParams
+    seed: int = 0
+    deadline: Deadline = NO_DEADLINE
+
+    @cached_property
+    def image(self) -> Tensor:
+        """The image on which the search works: with at most `stages.largest_side` pixels per side."""
+        side = len(self.given)
+        size = side // math.ceil(side / self.params.stages.largest_side)
+        return self.given if size == side else self.levels.shrunk(self.given, size)
+
+    @cached_property
+    def masses(self) -> Tensor:
+        """The masses of the pixels of `image`."""
+        return self.levels.measure(self.image)
+
+    @property
+    def full_side(self) -> int:
+        """The side, pixels, on which the code of a larger image is polished at the end."""
+        return min(len(self.given), self.params.stages.full_side)
+
+    @property
+    def is_reduced(self) -> bool:
+        """Whether the search uses a smaller image than the given one."""
+        return self.image is not self.given
+
+    @property
+    def kind(self) -> str:
+        """Which stages the image needs, a name in `plan.PLANS`."""
+        return "drawn" if not self.levels.is_exact else "crossed" if self.is_crossed else "rendered"
+
+    @property
+    def is_crossed(self) -> bool:
+        """Whether populations of sets replace stages 1 and 2."""
+        return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.most_maps
+
+    @cached_property
+    def is_framed_firmly(self) -> bool:
+        """Whether rounds end with polishes of the code in the frame of a binary image."""
+        return Frame.firm_of(self.image, self.levels, self.params.frame) is not None
+
+    @property
+    def has_independent_rounds(self) -> bool:
+        """Whether each round begins from nothing. The measure of a binary image often leads to a wrong code that draws
+        it well, and a round that begins with the maps of such a code ends with them."""
+        return self.levels.is_exact and not self.levels.is_graded and self.params.stages.independent_rounds > 0
+
+    @property
+    def rounds(self) -> int:
+        """Maximum number of rounds."""
+        other = self.params.stages.independent_rounds if self.has_independent_rounds else BINARY_ROUNDS
+        most = 1 if self.is_crossed else DENSITY_ROUNDS if self.levels.is_density else other
+        return self.params.rounds or (most if self.levels.is_exact else DRAWN_ROUNDS)
+
+    @property
+    def full_rounds(self) -> int:
+        """Number of rounds that have all restarts, and equal parts of the time limit. Later rounds have fewer restarts,
+        and the time that is left. Parts are at least as long as a round needs on an image of this size."""
+        if not self.has_independent_rounds:
+            return 1
+        seconds = ROUND_SECONDS * max(1.0, (len(self.image) / ROUND_SIDE) ** 2)
+        limit = self.deadline.seconds
+        return self.rounds if limit is None else max(1, int(min(self.rounds, limit / seconds)))
+
+    @cached_property
+    def times(self) -> Timetable:
+        """When rounds and stages end."""
+        exact = BINARY_ROUND_ENDS if self.is_framed_firmly else ROUND_ENDS
+        return Timetable(self.deadline, self.rounds, self.full_rounds,
+                         exact if self.levels.is_exact else DRAWN_ROUND_ENDS)
+
+    def restarts(self, number: int) -> int:
+        """Number of restarts in a round."""
+        restarts = self.params.search.restarts
+        return restarts if number < self.full_rounds else math.ceil(restarts * LATER_RESTARTS)
+
+    def masses_of(self, number: int, measured_through: Camera | None = None) -> Tensor:
+        """The masses (R,R) on which a round searches, read from the image through a camera."""
+        masses = self._masses(with_camera(self.levels, measured_through)) if measured_through else self.masses
+        return masses if self.levels.is_exact else blurred(masses, number * DRAWN_BLUR_PX)
+
+    def _masses(self, levels: Levels) -> Tensor:
+        """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
+        return levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
+
+    def camera(self, code: IFS, seed: int, measured_through: Camera | None = None) -> Camera:
+        """The camera of the image, estimated from a nearly right code; the one that is known if the levels are exact.
+        measured_through: the camera through which the search reads masses."""
+        if self.levels.is_exact:
+            return self.levels.camera
+        from ....cameras.estimate import estimated  # for other pictures alone
+
+        numbers = [each for each in (code.linear, code.offset, code.probabilities) if each is not None]
+        key = seed, measured_through, *(each.cpu().numpy().tobytes() for each in numbers)
+        if key not in self._cameras:
+            levels = with_camera(self.levels, measured_through)
+            self._cameras[key] = estimated(self.image, levels, code, seed) or self.levels.camera
+        return self._cameras[key]
+
+    @cached_property
+    def _cameras(self) -> dict[tuple[object, ...], Camera]:
+        """The cameras estimated so far, by all that they depend on. A stage that is asked whether it is wanted needs
+        the same one as when it is opened."""
+        return {}
+
+    def objective(self, size: int, code: IFS, seed: int, renderings: int = 1,
+                  camera: Camera | None = None) -> ImageObjective:
+        """The objective at this image size. `code` is the best so far, `camera` the camera that renders it."""
+        image, levels = self.given, with_camera(self.levels, camera)
+        if size != image.shape[0]:
+            image = reduced(image, size, code, levels, self.params, seed)
+        return ImageObjective(image, levels, self.params, seed, renderings)
+
+    def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
+                     camera: Camera | None = None, measured_through: Camera | None = None) -> ImageSearch:
+        """The search by renderings, at the size of the problem's image. `code` is the best so far; without a camera,
+        the one that suits the code best is estimated."""
+        seed = derive(self.seed, *path)
+        camera = self.camera(code, seed, measured_through) if camera is None else camera
+        objective = self.objective(len(self.image), code, seed, camera=camera)
+        seen = objective.levels
+        masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses
+        return self._searching(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
+
+    @property
+    def _searching(self) -> type[ImageSearch]:
+        if self.levels.is_exact:
+            return ImageSearch
+        from ..moves.drawn import DrawnSearch  # for other pictures alone
+
+        return DrawnSearch
 
 
 class Stage(ABC):

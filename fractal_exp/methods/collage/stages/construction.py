@@ -10,19 +10,16 @@ from ....cameras.blur import blurred
 from ....cameras.kinds import with_camera
 from ....cameras.pens import Drawn
 from ....cameras.strokes import flat_maps
-from ....likeness import ALIKE, TILED_MAPS
+from ....likeness import ALIKE, TILED_MAPS, UNLIKE
 from ....runtime.seeds import derive
 from ..image.camera import MOST_MAPS, STROKED, Fit, angle_of, in_turns, polish_under
 from ..image.objective import ImageObjective, Rendered
-from ..maps import WeightedMaps
 from ..measure.search import MeasureSearch, Regime
-from ..simplify.likeness import likeness_of
 from ..simplify.loop import Price
-from ..state import Candidate, State
+from ..state import Candidate, State, WeightedMaps
 from ..trees.registration import Registration, misfit_of
 from ..trees.trunk import with_trunk
-from .base import Stage
-from .problem import SearchProblem
+from .base import SearchProblem, Stage
 
 ENDS = 0.75             # share of the time limit at which the stage ends
 TILES, STROKES = "coverage", "strokes"  # tiles are coverage with a tile size above 0; without one it is a pen
@@ -86,7 +83,7 @@ class Construction(Stage):
         objective = self._objective_for(state.leader)
         likeness = self._likeness(state.leader, objective)
         if objective.levels.is_density:  # a scatter plot, as it seems: constructions are drawn with lines
-            return likeness < self.params.stages.unlike
+            return likeness < UNLIKE
         most = max(tried.maps for tried in self._tries)  # a simpler code may draw the picture, too
         return likeness < BELOW or len(state.leader.maps) > most
 
@@ -195,7 +192,7 @@ class Construction(Stage):
         if has_strokes(found):
             return self._likeness_of_drawing(found) >= DRAWN_ALIKE
         return self._likeness_of_drawing(found) >= ALIKE \
-            and self._likeness(found) >= self.params.stages.unlike
+            and self._likeness(found) >= UNLIKE
 
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
@@ -211,7 +208,8 @@ class Construction(Stage):
 
     def _likeness(self, found: Candidate, objective: ImageObjective | None = None) -> float:
         """How like the picture a code is, with its own camera or the one that suits the code so far."""
-        return likeness_of(*self._shown(found, objective or self.objective))
+        shown, objective = self._shown(found, objective or self.objective)
+        return objective.likeness_of(shown)
 
     def _shown(self, found: Candidate, objective: ImageObjective) -> tuple[Rendered, ImageObjective]:
         if found.camera is not None and found.camera.is_known:

@@ -8,18 +8,18 @@ from ....cameras.camera import Camera
 from ....cameras.estimate import angle_as_density
 from ....cameras.levels import may_be_density
 from ....cameras.pens import Drawn
+from ....likeness import UNLIKE
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective
 from ..simplify.drawn import simplest
 from ..simplify.loop import Draft
+from ..simplify.removal import without_doubles
 from ..state import Candidate, State
-from .base import Stage
+from .base import SearchProblem, Stage
 from .construction import Construction, is_construction
-from .image import ImageMoves
+from .image import ImageMoves, Rounding
 from .measure import Restart
 from .plan import Plan
-from .problem import SearchProblem
-from .rounding import Rounding
 
 HOPELESS = 0.7   # likeness below which a picture is assumed to show no code, so that no other round begins
 
@@ -82,7 +82,7 @@ class DrawnMoves(ImageMoves):
 
     def _without_doubles(self, found: Candidate) -> Candidate:
         """The code without maps that only make lines thicker, if at least two others stay."""
-        fewer = self.problem.without_doubles(found)
+        fewer = without_doubles(found, self.params, len(self.problem.image), self.problem.seed)
         if len(fewer.maps) == len(found.maps):
             return found
         return self._seen_anew(replace(found, maps=fewer.maps, weights=fewer.weights))
@@ -105,7 +105,7 @@ class DrawnMoves(ImageMoves):
         objective = self.problem.objective(len(self.problem.image), candidate.code, self.problem.seed,
                                            camera=candidate.camera)
         shown = objective.judge(candidate.maps, candidate.weights)
-        return HOPELESS <= objective.likeness(shown.image) < self.params.stages.unlike
+        return HOPELESS <= objective.likeness(shown.image) < UNLIKE
 
 
 class DrawnRounding(Rounding):
@@ -120,7 +120,7 @@ class DrawnRounding(Rounding):
 
     def _is_far(self, found: Candidate) -> bool:
         shown = self.objective.judge(found.maps, found.weights)
-        return self.objective.likeness(shown.image) < self.params.stages.unlike
+        return self.objective.likeness(shown.image) < UNLIKE
 
 
 class DrawnPlan(Plan):

@@ -9,10 +9,8 @@ from ....cameras.estimate import showing
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..growth.growing import Grower
-from ..simplify.likeness import likeness_of
 from ..state import Candidate, Grown, State
-from .base import Stage
-from .problem import SearchProblem
+from .base import SearchProblem, Stage
 
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found
@@ -88,7 +86,7 @@ class Growth(Stage):
         objective = problem.objective(len(problem.image), chosen.code, seed, camera=camera)
         shown = objective.judge(chosen.maps, chosen.weights)
         drawn = Candidate(chosen.maps, chosen.weights, shown.error, shown.error, camera)
-        return drawn, chosen.likeness if problem.levels.is_exact else likeness_of(shown, objective)
+        return drawn, chosen.likeness if problem.levels.is_exact else objective.likeness_of(shown)
 
     def _draws_better(self, found: Candidate, grown: Grown) -> bool:
         """Whether what the search found draws a binary image well, and with less error than the grown maps do. The
@@ -107,7 +105,7 @@ class Growth(Stage):
             return self.grower.likeness(found)
         objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"),
                                       camera=found.camera)
-        return likeness_of(objective.judge(found.maps, found.weights), objective)
+        return objective.likeness_of(objective.judge(found.maps, found.weights))
 
     def _explains_rendering(self, found: Candidate) -> bool:
         """Whether what the search found renders a density or a binary image roughly. Its likeness is then no reason to

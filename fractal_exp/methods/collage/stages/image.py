@@ -1,4 +1,4 @@
-"""The stages that search by renderings. Each continues from what the stage before it found."""
+"""The stages that work by renderings: moves, and the last polishes. Each continues from what the stage before found."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ from ....cameras.kinds import with_camera
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ...base import time_is_up
-from ..image.frame import FAR, FIRM_ABOVE, FIRM_ONLY
 from ..image.gauss_newton import firmly_framed, fitted_into_frame
+from ..image.objective import FAR, FIRM_ABOVE, FIRM_ONLY, ImageObjective
 from ..moves.search import ImageSearch
-from ..simplify.loop import Price
-from ..simplify.removal import pruned_in_frame
+from ..simplify.loop import Draft, Price, pruned_in_frame
+from ..simplify.rounding import begun, rounded
 from ..state import Candidate, State
 from .base import Stage
 
 APPROACH_ENDS = 0.75   # share of a round's part of the time
 HOPELESS_ENDS = 0.75   # share of the time limit at which moves end if the code is hopeless: this leaves time for growth
 FULL_ENDS = 0.98       # share of the time limit at which the polish at full size ends
+ROUNDING_ENDS = 0.99   # share of the time limit from which codes are not rounded
 FULL_POLISH = 4        # Gauss-Newton steps at full size: the code is nearly right
 CROSSED_MOVES = 6      # moves after populations, instead of `moves.count`
-LATER_ROUNDS = 2.0     # noise ratio above which a third or fourth round begins; for a second, see `second_round`
+SECOND_ROUND = 1.2     # noise ratio above which a second round begins: a nearly right code needs none
+LATER_ROUNDS = 2.0     # the same for a third or fourth round
+NEAR_ERROR = 0.5       # error up to which codes are rounded whatever the noise ratio: noise is low in large images
 RECENT = 2 / 3         # share of the expected moves: the search goes on if the error was halved within so many
 
 
@@ -146,7 +149,7 @@ class ImageMoves(Stage):
 
     def _is_wrong(self, candidate: Candidate) -> bool:
         """Whether a code is worth another round."""
-        worth = LATER_ROUNDS if self.round else self.params.stages.second_round
+        worth = LATER_ROUNDS if self.round else SECOND_ROUND
         if self.search.noise_ratio(candidate) <= worth:
             return False
         goes_on = self.problem.has_independent_rounds and not self._grows_soon
@@ -177,6 +180,42 @@ class FullSize(Stage):
         found = firmly_framed(objective, start, self.problem.deadline)
         weights = None if found.weights is None else found.probabilities
         return Candidate(found.maps, weights, found.error, found.error, best.camera)
+
+    def close(self, state: State) -> State:
+        return replace(state, best=state.current, before=None)
+
+
+class Rounding(Stage):
+    """Round a nearly right code to simple numbers and make it fill the frame exactly."""
+
+    name, ends_at = "rounding", ROUNDING_ENDS
+
+    def open(self, state: State) -> State:
+        self.objective = self._objective_for(state.found)
+        return state.begun(lambda: self._unless_far(state.found))
+
+    def _objective_for(self, found: Candidate) -> ImageObjective:
+        large = self.problem.full_side > self.params.stages.largest_side
+        renderings = 1 if large else self.params.image.last_renderings
+        return self.problem.objective(self.problem.full_side, found.code, derive(self.problem.seed, "last digits"),
+                                      renderings, found.camera)
+
+    def _unless_far(self, found: Candidate) -> Candidate:
+        if self._is_far(found):
+            return found
+        last = self._rounded(Draft(self.objective, self.objective.judge(found.maps, found.weights)))
+        shown = last.shown
+        weights = None if shown.weights is None else shown.probabilities
+        return Candidate(shown.maps, weights, shown.error, shown.error, last.objective.levels.camera)
+
+    def _rounded(self, start: Draft) -> Draft:
+        return rounded(begun(start.objective, start.shown), self.problem.deadline)
+
+    def _is_far(self, found: Candidate) -> bool:
+        """Whether the code is too far off for simple numbers to mean anything."""
+        hasty = self.objective.hasty()
+        shown = hasty.judge(found.maps, found.weights)
+        return shown.error > max(FAR * hasty.noise(found.code), NEAR_ERROR)
 
     def close(self, state: State) -> State:
         return replace(state, best=state.current, before=None)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....cameras.kinds import with_camera
+from ....ifs import affine
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
-from .. import maps as affine
-from ..measure.saturation import saturation_corrected
+from ..bins import saturation_corrected
 from ..measure.search import WRONG_NUMBER, MeasureSearch, Regime
 from ..state import Candidate, State
 from .base import Stage

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import chain
 
-from .base import Stage
-from .image import Approach, FullSize, ImageMoves
+from .base import SearchProblem, Stage
+from .image import Approach, FullSize, ImageMoves, Rounding
 from .measure import Detail, FromMixture, Restart
-from .problem import SearchProblem
-from .rounding import Rounding
 
 
 class Plan:

@@ -15,9 +15,9 @@ import torch
 from torch import Tensor
 
 from ....cameras.strokes import TWIGS_PX, parts_of
+from ....ifs import affine
 from ....ops.collage.reference import contract
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from .. import maps as affine
 from ..image.gauss_newton import DAMPING, DAMPING_DOWN, DAMPING_UP, LEAST_DAMPING, TRIES
 from ..image.objective import ImageObjective, Rendered
 from .trunk import flat_maps_onto, lit_shape, middle_of, positions

@@ -11,10 +11,9 @@ import torch
 from torch import Tensor
 
 from ....cameras.strokes import extent, flat_maps, onto_segment
-from ....ifs import attractor
+from ....ifs import affine, attractor
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
-from .. import maps as affine
 from ..bins import lit_pixels
 from ..image.objective import ImageObjective, Rendered
 

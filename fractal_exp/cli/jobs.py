@@ -16,10 +16,10 @@ from pathlib import Path
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from ..runtime import threads
+from ..runtime import parent, threads
 from ..runtime.files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
-from . import configuration, parent
+from . import configuration
 from .runs import Runs
 
 FINISHED, FAILED = "finished", "failed"

@@ -1,11 +1,11 @@
-"""A worker ends with the process that began the sweep, whoever started the worker."""
+"""A worker ends with the process that it works for, whoever started the worker."""
 
 import subprocess
 import sys
 
 WORKER = """
 import sys, time
-from fractal_exp.cli import parent
+from fractal_exp.runtime import parent
 
 parent.POLL_SECONDS = 0.01
 parent.follow(int(sys.argv[1]))

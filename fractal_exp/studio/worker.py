@@ -60,13 +60,14 @@ class Worker:
 
     def do(self, task: Task) -> None:
         """Begin a task; the words come by and by. Raises `RuntimeError` if it is at another one."""
+        packed = pickle.dumps(task)
         with self._lock:
             if self._busy or self._closed:
                 raise RuntimeError("the worker is at a task, or closed")
             self._busy = True
             self._count += 1
             with contextlib.suppress(OSError):  # the thread that hears tells that the process is gone
-                self._pipe.send_bytes(pickle.dumps(task))
+                self._pipe.send_bytes(packed)
 
     def stop(self) -> None:
         """Ask the task to end with what it has. One that does not is ended by force after a while."""
@@ -154,6 +155,8 @@ def main(pipe: Connection) -> None:
     """What the process does."""
     interruption = _Interruption()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "SIGHUP"):  # of a closed terminal: the studio ends by it, and this process with the studio
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     from ..runtime import threads
 
     threads.use()

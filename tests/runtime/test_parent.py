@@ -1,7 +1,14 @@
 """A worker ends with the process that it works for, whoever started the worker."""
 
+import os
+import signal
 import subprocess
 import sys
+import time
+
+import pytest
+
+from fractal_exp.runtime import parent
 
 WORKER = """
 import sys, time
@@ -29,3 +36,33 @@ def test_a_worker_whose_sweep_is_gone_already_ends():
         sweep.kill()
     done = subprocess.run([sys.executable, "-c", WORKER, str(sweep.pid)], capture_output=True, text=True, timeout=50)
     assert done.returncode == 143 and done.stdout == ""
+
+
+SPINNING = """
+import multiprocessing, os, time
+from fractal_exp.runtime import parent
+
+def spin():
+    parent.follow_starter()
+    print(os.getpid(), flush=True)
+    while True:  # the busiest of tasks: it looks at nothing
+        pass
+
+if __name__ == "__main__":
+    multiprocessing.get_context("spawn").Process(target=spin, daemon=True).start()
+    time.sleep(600)
+"""
+
+
+def test_a_busy_process_ends_with_the_one_that_started_it_however_that_ends(tmp_path):
+    (tmp_path / "spinning.py").write_text(SPINNING)
+    with subprocess.Popen([sys.executable, tmp_path / "spinning.py"], stdout=subprocess.PIPE, text=True) as starter:
+        pid = int(starter.stdout.readline())
+        assert parent.is_alive(pid)
+        starter.kill()
+    end = time.monotonic() + 5
+    while parent.is_alive(pid):
+        if time.monotonic() > end:
+            os.kill(pid, signal.SIGKILL)
+            pytest.fail("it lives on")
+        time.sleep(0.05)

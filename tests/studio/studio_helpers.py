@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 TOKEN = "the-token-of-the-test"
+START = "the-start-of-the-test"
 PATIENCE = 90  # seconds
 SIDE = 64      # pixels of a picture
 
@@ -23,7 +24,7 @@ class Studio:
 
     port: int
     output: Path
-    kept: list[Path] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
 
     @property
     def host(self) -> str:
@@ -85,6 +86,10 @@ class Tab:
     def refused(self, act: str, **more: Any) -> str:
         """Why the studio does not do something."""
         self.do(act, **more)
+        return self.why()
+
+    def why(self) -> str:
+        """The next refusal."""
         while (word := json.loads(self.socket.recv(timeout=PATIENCE)))["told"] != "refused":
             pass
         return word["why"]
@@ -99,7 +104,7 @@ def served(output: Path) -> Iterator[Studio]:
 
     listening = bound(0)
     studio = Studio(listening.getsockname()[1], output)
-    app = application(output, token=TOKEN, port=studio.port, kept=studio.kept.append)
+    app = application(output, token=TOKEN, port=studio.port, start=START, left=studio.left.append)
     server = uvicorn.Server(uvicorn.Config(app, ws="websockets-sansio", ws_max_size=LONGEST_WORD, log_level="error",
                                            lifespan="on", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=server.run, args=([listening],), daemon=True)

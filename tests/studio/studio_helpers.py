@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fractal_exp.studio.worker import Ready
+
 TOKEN = "the-token-of-the-test"
 START = "the-start-of-the-test"
 PATIENCE = 90  # seconds
@@ -25,6 +27,7 @@ class Studio:
     port: int
     output: Path
     left: list[str] = field(default_factory=list)
+    end: Callable[[], None] = lambda: None
 
     @property
     def host(self) -> str:
@@ -112,6 +115,44 @@ def served(output: Path) -> Iterator[Studio]:
     while not server.started:
         assert thread.is_alive()
         time.sleep(0.02)
+
+    def end() -> None:
+        server.should_exit = True
+        thread.join(PATIENCE)
+
+    studio.end = end
     yield studio
-    server.should_exit = True
-    thread.join(PATIENCE)
+    end()
+
+
+class InThread:
+    """A worker without a process of its own, for tests of what a session makes of tasks."""
+
+    def __init__(self, listen: Callable[[Any], object]) -> None:
+        self.listen, self.thread = listen, None
+        listen(Ready())
+
+    def do(self, task: Any) -> None:
+        self.thread = threading.Thread(target=lambda: self.listen(task.run(self.listen)), daemon=True)
+        self.thread.start()
+
+    def stop(self) -> None:
+        pass
+
+    def close(self) -> None:
+        if self.thread:
+            self.thread.join(PATIENCE)
+
+
+def free(state: dict[str, Any]) -> bool:
+    return state["task"] == ""
+
+
+def judged(state: dict[str, Any]) -> bool:
+    return free(state) and state["verdict"] is not None
+
+
+def rows(of: list[list[float]]) -> dict[str, Any]:
+    """A code as a page sends it, from rows a b c d e f."""
+    return {"format": "fractal-exp/ifs", "version": 1, "linear": [[row[:2], row[2:4]] for row in of],
+            "offset": [row[4:] for row in of]}

@@ -10,25 +10,11 @@ from pathlib import Path
 
 import pytest
 import torch
-from studio_helpers import SIDE, TOKEN, served
+from studio_helpers import SIDE, TOKEN, free, judged, rows, served
 
 from fractal_exp import IFS, api, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.studio.worker import _compile
-
-
-def free(state) -> bool:
-    return state["task"] == ""
-
-
-def rows(of) -> dict:
-    """A code as a page sends it, from rows a b c d e f."""
-    return {"format": "fractal-exp/ifs", "version": 1, "linear": [[row[:2], row[2:4]] for row in of],
-            "offset": [row[4:] for row in of]}
-
-
-def judged(state) -> bool:
-    return free(state) and state["verdict"] is not None
 
 
 def plain(code: IFS) -> dict:
@@ -109,7 +95,8 @@ JAMS = [
     json.dumps({"do": "edit", "code": {**rows([[.5, 0, 0, .5, 0, 0]]), "meta": {"note": math.nan}}}),
     json.dumps({"do": "edit", "code": rows([[math.nan, 0, 0, .5, 0, 0]])}),
     json.dumps({"do": "edit", "code": rows(8000 * [[.5, 0, 0, .5, 0, 0]])}),
-    json.dumps({"do": "edit", "code": rows([[1e300, 0, 0, .5, 0, 0]])}), '{"do": "choose", "index": 1' + 5000 * "0" + "}",
+    json.dumps({"do": "edit", "code": rows([[1e300, 0, 0, .5, 0, 0]])}),
+    '{"do": "choose", "index": 1' + 5000 * "0" + "}",
 ]
 
 
@@ -132,7 +119,8 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
         other.do("find", settings={"maps": 3, "seconds": 60})
         first = tab.until(lambda state: state["task"] == "find" and state["code"])
         assert 0 < first["likeness"] <= 1
-        assert "stop it first" in other.refused("save") and "stop it first" in other.refused("edit", code=rows([[.5, 0, 0, .5, 0, 0]]))
+        assert "stop it first" in other.refused("save")
+        assert "stop it first" in other.refused("edit", code=rows([[.5, 0, 0, .5, 0, 0]]))
     tab.do("stop")  # the page that began it is gone
     stopped = tab.until(lambda state: free(state) and not state["stopping"])
     assert stopped["can_go_on"] and stopped["code"]

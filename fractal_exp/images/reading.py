@@ -286,14 +286,16 @@ def read_small(path: str | Path, side: int, backdrop: float = 0.0) -> np.ndarray
     `side` pixels. It is shrunk as it is read: beside what Pillow decodes, the memory is for some rows. backdrop: as for
     `read_colour`. Raises `InputError` as that does."""
     pixels = _open(path, Notes(), "the image", shrink=True)
-    block = max(1, max(pixels.height, pixels.width) // side)
+    block = max(1, max(pixels.height, pixels.width) // side)  # pixels a side, of which one is made
     starts = np.arange(0, pixels.width, block)
     counts = np.diff(np.append(starts, pixels.width))[:, None]
     rows = [np.add.reduceat(_coloured(pixels.rows(first, min(first + block, pixels.height)), backdrop).mean(0), starts)
             for first in range(0, pixels.height, block)]
     image = Image.fromarray(np.rint(np.stack(rows) / counts).astype(np.uint8))
-    image.thumbnail((side, side))
-    return np.asarray(image)
+    sides = pixels.width, pixels.height
+    shown = [max(1, round(each * min(1, side / max(sides)))) for each in sides]
+    # The last block of a row, or of a column, may be less than a whole one.
+    return np.asarray(image.resize(shown, Image.Resampling.BICUBIC, box=(0, 0, *(each / block for each in sides))))
 
 
 def _coloured(band: np.ndarray, backdrop: float) -> np.ndarray:

@@ -118,9 +118,15 @@ def cropping(studio, open_page):
     page = open_page((1280, 860), **COARSE).page
     page.goto(studio[0])
     page.wait_for_selector("#file:enabled")
+
+    def accept(dialog):  # where a test before has left a code, which would go
+        dialog.accept()
+
+    page.on("dialog", accept)
     page.set_input_files("#file", {"name": "pair.png", "mimeType": "image/png", "buffer": pair_of_shapes()})
     until(page, "#picture-name", "pair.png")
     page.wait_for_selector("#reading:enabled")
+    page.remove_listener("dialog", accept)
     return page
 
 
@@ -191,10 +197,12 @@ def test_a_code_of_another_picture_asks_first_and_what_may_help_is_a_button(crop
     code = codes.known("sierpinski_triangle").to_json()
     code["meta"] = {"picture": {"name": "fern.png", "sha256": "0" * 64}}
     answers = iter(["dismiss", "accept"])
-    page.on("dialog", lambda dialog: (asked.append(dialog.message), getattr(dialog, next(answers))()))
-    page.evaluate("document.querySelector('#in').showModal()")
-    assert page.is_hidden("#scores"), "there is no code, so no editor yet"
-    page.click("#in-close")
+
+    def answer(dialog):
+        asked.append(dialog.message)
+        getattr(dialog, next(answers))()
+
+    page.on("dialog", answer)
     page.fill("#seconds", "1")
     page.click("#do-find")
     until(page, "#verdict", "(?s)^(approximation|not self-similar|recovered)")
@@ -207,6 +215,7 @@ def test_a_code_of_another_picture_asks_first_and_what_may_help_is_a_button(crop
         page.click("#in-read")
         until(page, "#map-count", f"^{maps}$")
         assert len(asked) == seen and "fern.png" in asked[0]
+    page.remove_listener("dialog", answer)
     page.wait_for_selector("#do-save:enabled")
     assert "=" not in page.inner_text("#remedy") and re.search(r"\bmay\b|Search|Read|^$", page.inner_text("#do-mend"))
 

@@ -292,10 +292,10 @@ def read_small(path: str | Path, side: int, backdrop: float = 0.0) -> np.ndarray
     rows = [np.add.reduceat(_coloured(pixels.rows(first, min(first + block, pixels.height)), backdrop).mean(0), starts)
             for first in range(0, pixels.height, block)]
     image = Image.fromarray(np.rint(np.stack(rows) / counts).astype(np.uint8))
-    sides = pixels.width, pixels.height
-    shown = [max(1, round(each * min(1, side / max(sides)))) for each in sides]
-    # The last block of a row, or of a column, may be less than a whole one.
-    return np.asarray(image.resize(shown, Image.Resampling.BICUBIC, box=(0, 0, *(each / block for each in sides))))
+    scale = min(1.0, side / max(pixels.width, pixels.height))
+    shown = [max(1, round(scale * each)) for each in (pixels.width, pixels.height)]
+    box = 0, 0, pixels.width / block, pixels.height / block  # the last block of a row may be less than a whole one
+    return np.asarray(image.resize(shown, Image.Resampling.BICUBIC, box=box))
 
 
 def _coloured(band: np.ndarray, backdrop: float) -> np.ndarray:

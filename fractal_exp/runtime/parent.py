@@ -1,13 +1,19 @@
-"""A worker ends with the process that it works for, however that ended: nothing tells it of a SIGKILL."""
+"""A worker ends with the process that it works for, however that ended: nothing tells it of a SIGKILL.
+
+    python -P parent.py PID COMMAND …     runs a command of others, and ends it with process PID
+"""
 
 from __future__ import annotations
 
 import functools
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 POLL_SECONDS = 1.0
 ORPHANED = 143      # the exit status of a process that SIGTERM ended
@@ -49,9 +55,30 @@ def follow_starter() -> None:
         _end_after(starter.join)
 
 
+def following(command: Sequence[str]) -> list[str]:
+    """A command of others that ends with this process, with all that it starts. It is to be started in a session of its
+    own, and needs psutil."""
+    return [sys.executable, "-P", __file__, str(os.getpid()), *command]
+
+
 def _end_after(wait: Callable[[], object]) -> None:
     def watch() -> None:
         wait()
         os._exit(ORPHANED)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _run(pid: int, command: Sequence[str]) -> int:
+    with subprocess.Popen(command) as running:
+        while is_alive(pid):
+            try:
+                return running.wait(POLL_SECONDS)
+            except subprocess.TimeoutExpired:
+                continue
+        os.killpg(0, signal.SIGKILL)
+        return ORPHANED
+
+
+if __name__ == "__main__":
+    sys.exit(_run(int(sys.argv[1]), sys.argv[2:]))

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError, did_you_mean
+from ..runtime.parent import following
 from .addresses import database_path, shown
 from .building import artifacts, hide_default
 from .client import ENVIRONMENT, connect
@@ -82,7 +83,7 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
             client.set_experiment_tag(experiment.experiment_id, name, value)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     print("dashboard: starting", flush=True)
-    server = subprocess.Popen(command, env={**ENVIRONMENT, **os.environ}, stdout=subprocess.DEVNULL,
+    server = subprocess.Popen(following(command), env={**ENVIRONMENT, **os.environ}, stdout=subprocess.DEVNULL,
                               stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         _wait_for(server, f"http://127.0.0.1:{port}")

@@ -28,7 +28,7 @@ from fractal_exp.ifs import attractor
 
 pytestmark = pytest.mark.slow
 
-SIDE, SEED, KILLS, PATIENCE = 64, 21, 12, 120
+SIDE, SEED, KILLS = 64, 21, 8
 SMALL = f"""
 from fractal_exp.cli import studio
 from fractal_exp.studio import reading

@@ -23,6 +23,15 @@ time.sleep(60)
 SLEEP = [sys.executable, "-c", "import time; time.sleep(120)"]
 
 
+def ends(pid):
+    end = time.monotonic() + 5
+    while parent.is_alive(pid):
+        if time.monotonic() > end:
+            os.kill(pid, signal.SIGKILL)
+            pytest.fail("it lives on")
+        time.sleep(0.05)
+
+
 def test_a_worker_that_another_process_started_lives_as_long_as_the_sweep():
     with subprocess.Popen(SLEEP) as sweep, subprocess.Popen([sys.executable, "-c", WORKER, str(sweep.pid)], text=True,
                                                             stdout=subprocess.PIPE) as worker:
@@ -60,9 +69,26 @@ def test_a_busy_process_ends_with_the_one_that_started_it_however_that_ends(tmp_
         pid = int(starter.stdout.readline())
         assert parent.is_alive(pid)
         starter.kill()
-    end = time.monotonic() + 5
-    while parent.is_alive(pid):
-        if time.monotonic() > end:
-            os.kill(pid, signal.SIGKILL)
-            pytest.fail("it lives on")
-        time.sleep(0.05)
+    ends(pid)
+
+
+STARTING = f"""
+import subprocess, time
+from fractal_exp.runtime.parent import following
+
+sleep = "import os, time; print(os.getpid(), flush=True); time.sleep(600)"
+subprocess.Popen(following([{sys.executable!r}, "-c", sleep]), start_new_session=True)
+time.sleep(600)
+"""
+
+
+def test_a_command_of_others_ends_with_the_process_that_started_it():
+    with subprocess.Popen([sys.executable, "-c", STARTING], stdout=subprocess.PIPE, text=True) as starter:
+        pid = int(starter.stdout.readline())
+        starter.kill()
+    ends(pid)
+
+
+def test_a_command_of_others_ends_with_its_own_status():
+    command = parent.following([sys.executable, "-c", "import sys; sys.exit(7)"])
+    assert subprocess.run(command, start_new_session=True, timeout=60).returncode == 7

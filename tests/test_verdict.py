@@ -40,7 +40,7 @@ def test_the_true_code_is_as_like_as_another_rendering_of_it(kind):
 def test_a_verdict_has_a_kind_words_and_a_remedy():
     verdict = Verdict.of(likeness(0.553), 23, read())
     assert verdict == Verdict("approximation", "approximation with 23 maps; F1 .55 within a pixel; more maps would "
-                              "help", "more maps: maps=46, with more time for each")
+                              "help", "more maps: maps=46, with more time for each", {"maps": 46})
     assert str(verdict) == f"{verdict.words} ({verdict.remedy})"
     none = Verdict.of(likeness(0.2), 3, read())
     assert none.words == "not recovered; F1 .20 within a pixel" and none.remedy
@@ -65,6 +65,7 @@ def test_the_remedy_is_what_is_most_likely_to_help(facts, expected):
 def test_where_the_shape_is_right_the_levels_may_be_wrong(levels, expected):
     verdict = Verdict.of(likeness(0.97), 4, read(levels=levels))
     assert verdict.remedy == expected and "another meaning of grey levels would help" in verdict.words
+    assert expected.startswith(f"levels={verdict.change['levels']} ")
 
 
 @pytest.mark.parametrize("scale, expected", [(0.4, "resolution=160: the picture was shrunk 2.5 times"),

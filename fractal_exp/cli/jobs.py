@@ -17,7 +17,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.utils import get_method
 from omegaconf import DictConfig
 
-from ..runtime import threads
+from ..runtime import parent, threads
 from ..runtime.files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
 from . import configuration
@@ -25,8 +25,6 @@ from .runs import NoRuns
 
 FINISHED, FAILED = "finished", "failed"
 LONGEST_NAME = 120
-POLL_SECONDS = 1.0  # between two looks at the process that began the sweep
-ORPHANED = 143      # the exit status of a process that SIGTERM ended
 
 
 @dataclass(frozen=True)

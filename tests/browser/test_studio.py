@@ -205,7 +205,7 @@ def test_a_code_of_another_picture_asks_first_and_what_may_help_is_a_button(crop
     page.on("dialog", answer)
     page.fill("#seconds", "1")
     page.click("#do-find")
-    until(page, "#verdict", "(?s)^(approximation|not self-similar|recovered)")
+    until(page, "#verdict", "(?s)^(approximation|not recovered|recovered)")
     page.wait_for_selector("#do-edit:enabled")
     page.click("#do-edit")
     count = page.inner_text("#map-count")

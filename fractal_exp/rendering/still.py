@@ -19,7 +19,7 @@ from ..ifs import attractor
 from ..ifs.code import IFS, View
 from ..ops import cuda_launch, histogram
 from ..ops.histogram import AddressTree, Window
-from ..ops.histogram.boxes import box_mean
+from ..ops.histogram.boxes import lit_share
 from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
 from ..runtime.checks import check_count, check_memory, shown
 
@@ -290,7 +290,7 @@ def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, .
     if mode == COUNTED:
         return canvas.sum(0), drawn
     pixels = np.empty((side, side), np.float32)
-    box_mean(canvas[0], factor, pixels)
+    lit_share(canvas, factor, pixels)
     if sums is None:
         return pixels, drawn
     whole = sums.sum(0)

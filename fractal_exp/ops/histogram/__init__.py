@@ -97,9 +97,9 @@ class AddressTree:
 
         `canvas` is what `planes` gives: a bit for each part of a pixel in the modes LIT and COLOURED, a count for
         COUNTED, in a plane for each of numba's threads, and unused for DRY. `sums`, for COLOURED and a tree with
-        colours, is (threads,S/f,S/f,4) uint64 for pixels of f² parts: the points of a pixel, and the sums of their red, green
-        and blue times COLOUR_UNIT. The points depend only on `seed`, not on the threads, the mode or the colours. If words
-        and points would exceed `budget`, the work stops unfinished, with only a part of the points.
+        colours, is (threads,S/f,S/f,4) uint64 for pixels of f² parts: the points of a pixel, and the sums of their red,
+        green and blue times COLOUR_UNIT. The points depend only on `seed`, not on the threads, the mode or the colours.
+        If words and points would exceed `budget`, the work stops unfinished, with only a part of the points.
         """
         if canvas is None:
             canvas = np.empty((1, 1, 1), np.uint64)

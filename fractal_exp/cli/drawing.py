@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
-from ..rendering.colour import BLACK, ground_of, on_ground
+from ..rendering.colour import ground_of, on_ground, own_ground
 from ..rendering.film import check_film, forecast, frames, write_film
 from ..rendering.film_formats import NAMES, format_of, is_film
 from ..rendering.morph import morph_path
@@ -65,7 +65,7 @@ def _choose_colours(codes: Sequence[IFS], options: argparse.Namespace) -> None:
                          + ("" if coloured else ", or find the code with fractal-invert --colour"))
     if options.background is not None and options.transparent:
         raise InputError("--background changes nothing with --transparent; leave one of them out")
-    options.ground = BLACK if options.background is None else ground_of(options.background)
+    options.ground = own_ground(codes[0]) if options.background is None else ground_of(options.background)
 
 
 def _refuse_unused(options: argparse.Namespace) -> None:

@@ -22,7 +22,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..runtime.checks import check_count, check_memory
-from .colour import BLACK, on_ground
+from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
 from .still import RenderInfo, render_with_info, tone_map, white_level
 
@@ -35,9 +35,9 @@ RARE = 16  # frames to a clip, at least: a short film is not foretold by drawing
 
 def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int = 720,
            points_in_view: int | None = None, supersample: int = 8, mode: str = "occupancy",
-           ground: tuple[float, float, float] = BLACK) -> Iterator[Tensor]:
-    """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground`, one after another, with the arguments
-    and errors of `render`.
+           ground: tuple[float, float, float] | None = None) -> Iterator[Tensor]:
+    """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground` (default: the first code's own), one
+    after another, with the arguments and errors of `render`.
 
     code: one for all views, or as many as there are views. Density is tone mapped with a white level that follows the
     scene slowly, so that the film does not flicker. A frame's points are used several times over, for speed; its pixels
@@ -61,7 +61,7 @@ def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int 
                 white = now if white is None else white**MEMORY * now ** (1 - MEMORY)
                 image = tone_map(image, white)
             elif mode == "colour":
-                image = on_ground(image, ground)
+                image = on_ground(image, own_ground(codes[0]) if ground is None else ground)
             yield image
     return drawn()
 

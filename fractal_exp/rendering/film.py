@@ -24,10 +24,9 @@ from ..ifs.code import IFS, View
 from ..runtime.checks import check_count, check_memory
 from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
-from .still import RenderInfo, render_with_info, tone_map, white_level
+from .still import REUSE, RenderInfo, render_with_info, tone_map, white_level
 
 MEMORY = 0.9  # weight of the last frame's white level in a density film
-REUSE = 8     # words under which a film's points are used, see `AddressTree`
 AHEAD = 2     # frames in work at a time: what Python does for one takes no time from the kernels of the other
 CLIPS, CLIP = 3, 4  # parts of a film that are drawn to foretell the rest, and frames of each
 RARE = 16  # frames to a clip, at least: a short film is not foretold by drawing it twice

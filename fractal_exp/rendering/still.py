@@ -33,6 +33,9 @@ COLOUR_TILE = 1024           # maximum pixels per side that are drawn at once in
 CHANNELS = {"colour": (4,)}  # of a pixel, for modes whose pixels have several
 MODES = {"occupancy": LIT, "density": COUNTED, "colour": COLOURED}
 
+REUSE = 8                    # words under which a point of a film or a large picture is used, see `AddressTree`
+MANY = 2 * POINTS_AT_1024    # points from which on a picture is large
+
 PILOT_POINTS = 65_536        # points that weigh a view, to 0.4%
 WORD = 4                     # work of visiting a word, in points thrown
 SEARCH_WORK = 30_000_000     # points thrown before a view counts as empty: about a tenth of a second
@@ -134,12 +137,12 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
     """`render` in square tiles, row by row from the top, with memory that does not grow with the resolution.
 
     Tiles overhang the right and the lower edge. Arguments and errors are those of `render`. Each tile has its own
-    points, all at the same density, so no seams show.
+    points, all at the same density, so no seams show. From a hundred million points on, each is used several times.
     """
     check_device(device, mode)
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
-    plan = _plan(code, view, resolution, wanted, supersample, seed, mode)
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, REUSE if wanted >= MANY else 1)
     if plan.reason is not None:
         log.warning(plan.reason)
     return _tiles(plan, view, resolution, wanted, supersample, seed, mode, device)

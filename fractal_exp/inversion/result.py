@@ -22,7 +22,7 @@ from ..likeness import Likeness, default_camera, redrawn
 from ..methods.base import CurvePoint
 from ..methods.history import StageRecord
 from ..rendering import sheets
-from ..rendering.colour import on_ground
+from ..rendering.colour import on_ground, own_ground
 from ..rendering.still import render_with_info
 from ..runtime.files import make_folder
 from ..verdict import Verdict
@@ -71,14 +71,15 @@ class Inversion:
                supersample: int = 8, seed: int = 0, mode: str = "occupancy", path: str | Path | None = None) -> Tensor:
         """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
 
-        path: a PNG to write, or None. A drawing in colour is written on white if the picture was dark on light, else on
-        black. Raises `InputError` if it cannot be written.
+        path: a PNG to write, or None. A drawing in colour is written on the picture's ground. Raises `InputError` if it
+        cannot be written.
         """
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
                                     supersample=supersample, seed=seed, mode=mode)
         if path is not None:
-            level = float(self.target.inverted)
-            write_image(path, on_ground(image, (level, level, level)) if mode == "colour" else image)
+            level = float(self.target.inverted)  # for the codes of older versions, which do not tell their ground
+            ground = own_ground(self.code, (level, level, level))
+            write_image(path, on_ground(image, ground) if mode == "colour" else image)
         return image
 
     def redrawn(self, *, seed: int = 0) -> Tensor:

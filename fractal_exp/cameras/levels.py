@@ -12,8 +12,8 @@ from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
 from ..ifs.code import IFS
 from ..ops import cuda_launch
-from .camera import LENGTHS, Camera
-from .params import KNOWN, CameraParams
+from .camera import KNOWN, LENGTHS, Camera
+from .params import CameraParams
 
 ANSCOMBE = 3 / 8   # added to a count before its square root, so that the variance is the same everywhere (1948)
 THRESHOLD = 0.25   # share of lit subpixels above which a pixel of a binary image is white

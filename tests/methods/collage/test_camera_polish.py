@@ -165,8 +165,8 @@ def test_a_known_value_excludes_the_kinds_that_do_not_have_it(known, kinds):
 
 
 def test_a_pen_and_a_gain_are_not_known_at_once():
-    with pytest.raises(InputError, match=r"camera\.pen_px must be null if gain or gamma is given"):
-        PARAMS.updated(camera={"pen_px": 1.0, "gain": 0.3})
+    with pytest.raises(InputError, match=r"camera\.gain and camera\.pen_px must not be given together.*got 0\.3, 1\.0"):
+        levels_of(torch.zeros(SIDE, SIDE), DRAWN, PARAMS.updated(camera={"pen_px": 1.0, "gain": 0.3}).camera)
 
 
 def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(monkeypatch):

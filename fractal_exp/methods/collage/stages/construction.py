@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from ....cameras.blur import blurred
+from ....cameras.camera import KNOWN, LENGTHS
 from ....cameras.kinds import with_camera
 from ....cameras.pens import Drawn
 from ....cameras.strokes import flat_maps
@@ -145,7 +146,7 @@ class Construction(Stage):
         """The picture at no more than `COARSE_SIDE` pixels per side."""
         problem, camera, side = self.problem, self.params.camera, len(self.problem.image)
         size = min(side, COARSE_SIDE)
-        known = {name: value * size / side for name in ("pen_px", "blur_px") if (value := getattr(camera, name))}
+        known = {KNOWN[name]: value * size / side for name, value in camera.all_known.items() if name in LENGTHS}
         return ImageObjective(problem.levels.shrunk(problem.image, size), problem.levels,
                               self.params.updated(camera=known), problem.seed)
 

@@ -10,9 +10,11 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
-from ..runtime.checks import check_dense
+from ..runtime.checks import check_dense, shown
 
 LARGEST = torch.finfo(torch.float32).max
+MOST_MAPS = 10_000             # of a code that comes as plain data or in a file; nobody drew one with more
+MOST_ITEMS = 10 * MOST_MAPS    # of nested lists: a map has seven numbers at most, in three lists
 
 
 def floats(name: str, value: Any) -> Tensor:
@@ -46,14 +48,18 @@ def only_keys(data: Mapping[str, Any], allowed: set[str], what: str = "a code") 
 
 
 def only_numbers(name: str, value: Any) -> Any:
-    """Plain nested lists, checked to hold nothing but numbers that float32 can hold: no text, no true or false."""
-    rest = [value]
+    """Plain nested lists, checked to hold nothing but numbers that float32 can hold: no text, no true or false. Raises
+    `InputError` on anything else, and on more than a code of 10 000 maps has."""
+    rest, items = [value], 0
     while rest:
         item = rest.pop()
         if isinstance(item, list | tuple):
+            items += len(item)
+            if items > MOST_ITEMS:
+                raise InputError(f"{name} must hold at most {MOST_ITEMS} lists and numbers, those of {MOST_MAPS} maps")
             rest.extend(item)
         elif isinstance(item, bool) or not isinstance(item, int | float):
             raise InputError(f"{name} must hold numbers only, got {reprlib.repr(item)}")
         elif not abs(item) <= LARGEST:
-            raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {reprlib.repr(item)}")
+            raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {shown(item)}")
     return value

@@ -185,8 +185,8 @@ def parse_json(data: bytes, name: str) -> Any:
 def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in data if keys.count(key) > 1)
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # `add` gives None
         raise InputError(f"gives the key {reprlib.repr(twice)} twice, and nobody knows which is meant; drop one")
     return data
 

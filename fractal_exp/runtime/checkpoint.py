@@ -7,6 +7,7 @@ import itertools
 import json
 import os
 import re
+import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,8 @@ from typing import Any
 from torch import Tensor
 
 from ..errors import InputError
-from .files import check_file, write_atomically
+from .checks import shown
+from .files import check_file, checked, parse_json, write_atomically
 
 FORMAT = "fractal-exp/checkpoint/2"
 EARLIER = b"fractal-exp/checkpoint/1"
@@ -142,9 +144,13 @@ def _checked_notes(data: bytes) -> dict[str, Any]:
 
 
 def compare(old: Any, new: Any, path: str = "") -> list[str]:
-    """Where two pieces of plain data differ, as 'key: old -> new'."""
+    """Where two pieces of plain data differ, each in one short line: 'key: old there, new now'."""
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         keys = sorted(set(old) | set(new))
         return [line for key in keys for line in
-                compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{key}" if path else key)]
-    return [] if old == new else [f"{path}: {old!r} there, {new!r} now"]
+                compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{_word(key)}" if path else _word(key))]
+    return [] if old == new else [f"{path}: {shown(old)} there, {shown(new)} now"]
+
+
+def _word(key: str) -> str:
+    return key if key.isprintable() and len(key) < 40 else reprlib.repr(key)

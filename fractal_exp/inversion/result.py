@@ -187,8 +187,8 @@ class Inversion:
                              "picture again")
         image = read_target(target, side, frame="keep", invert=False).image
         source = Path(facts.source) if facts.source else image
-        read = ReadImage(image, facts.inverted, facts.placement.size, facts.placement.crop_box, facts.scale, facts.notes,
-                         facts.warnings, source=source,
+        read = ReadImage(image, facts.inverted, facts.placement.size, facts.placement.crop_box, facts.scale,
+                         facts.notes, facts.warnings, source=source,
                          levels=decided(facts.meaning, image))
         camera = parse_camera(facts.camera, side) if facts.camera else default_camera(read)
         curve = tuple(CurvePoint(each.maps, each.likeness, each.bytes, IFS.from_json(each.code))

@@ -201,16 +201,16 @@ def _whole_number(digits: str) -> int:
 T = TypeVar("T")
 
 
-def checked(data: Any, schema: type[T], name: str, remedy: str) -> T:
+def checked(data: Any, schema: type[T], name: str, remedy: str, *, finite: bool = True) -> T:
     """Plain data that a program wrote, as the type (pydantic's or a dataclass) that says what may be in it.
 
-    Raises `InputError` on anything else, also on numbers that are not finite: one line with the name, the place, what
-    is wrong with it, and the remedy.
+    Raises `InputError` on anything else, also on numbers that are not finite, unless they need not be `finite`: one
+    line with the name, the place, what is wrong with it, and the remedy.
     """
     from pydantic import TypeAdapter, ValidationError  # a command answers --help without it
 
     try:
-        return TypeAdapter(schema).validate_json(json.dumps(data, allow_nan=False), strict=True)
+        return TypeAdapter(schema).validate_json(json.dumps(data, allow_nan=not finite), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"]) or "all of it"

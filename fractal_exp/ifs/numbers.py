@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..runtime.checks import check_dense, shown
 
 LARGEST = torch.finfo(torch.float32).max
+TOO_LARGE = 2.0**128 - 2.0**103  # what is smaller rounds to a float32; so in json.mjs
 MOST_MAPS = 10_000             # of a code that comes as plain data or in a file; nobody drew one with more
 MOST_ITEMS = 10 * MOST_MAPS    # of nested lists: a map has seven numbers at most, in three lists
 
@@ -21,7 +22,10 @@ def floats(name: str, value: Any) -> Tensor:
     """A copy of the value as a float32 tensor without a gradient. Raises `InputError`, which calls it `name`, unless it
     is a regular array of finite real numbers."""
     try:
-        given = torch.as_tensor(value)
+        try:
+            given = torch.as_tensor(value)
+        except (ValueError, RuntimeError):  # whole numbers of more than 64 bits
+            given = torch.as_tensor(value, dtype=torch.float64)
     except (TypeError, ValueError, RuntimeError, OverflowError) as error:
         raise InputError(f"{name} must be a regular array of numbers: {error}") from error
     check_dense(name, given)
@@ -31,6 +35,11 @@ def floats(name: str, value: Any) -> Tensor:
     if not bool(torch.isfinite(tensor).all()):
         raise InputError(f"{name} must be finite, got NaN or infinity")
     return tensor.clone()
+
+
+def same(one: Tensor | None, other: Tensor | None) -> bool:
+    """Whether two tensors have equal values, wherever they lie, or both are None."""
+    return one is other if one is None or other is None else torch.equal(one.cpu(), other.cpu())
 
 
 def exact(tensor: Tensor) -> list[Any]:
@@ -60,6 +69,6 @@ def only_numbers(name: str, value: Any) -> Any:
             rest.extend(item)
         elif isinstance(item, bool) or not isinstance(item, int | float):
             raise InputError(f"{name} must hold numbers only, got {reprlib.repr(item)}")
-        elif not abs(item) <= LARGEST:
+        elif not abs(item) < TOO_LARGE:
             raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {shown(item)}")
     return value

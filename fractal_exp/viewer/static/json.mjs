@@ -4,7 +4,7 @@ import { Refused, checkCount, plainCode } from "./code.mjs";
 import { brief, plain } from "./reading.mjs";
 
 const FORMAT = "fractal-exp/ifs", VERSION = 1;
-const LARGEST = 3.4028234663852886e38; // of float32
+const LARGEST = 3.4028234663852886e38; // of float32, to which all numbers are rounded
 const OWN = ["format", "version", "linear", "offset", "probabilities", "colours", "meta"];
 const LISTS = ["ifs_m", "ifs_t", "ifs_p"];
 
@@ -114,7 +114,7 @@ function numbers(name, value) {
       for (const each of item) rest.push(each);
     } else if (typeof item !== "number") {
       throw new Refused(`${name} must hold numbers only, got ${brief(item)}`);
-    } else if (!(Math.abs(item) <= LARGEST)) {
+    } else if (!Number.isFinite(Math.fround(item))) {
       throw new Refused(`${name} must hold finite numbers up to ${LARGEST} (float32), got ${item}`);
     }
   }

@@ -22,7 +22,7 @@ from ..ifs.code import IFS
 from ..runtime.files import LARGEST_JSON, parse_json, read_file
 from ..suite import SUITE_COUNT, SUITE_SEED, random_suite
 from ..tracking.addresses import database_path, store_uri
-from .code_names import read_code
+from .code_names import file_and_name, read_code
 from .folders import CODE, CONFIG, ENLARGED, FINISHED, PICTURE, TRUTH
 
 LARGEST_SIDE = 8192       # pixels, of a picture that a fit left
@@ -51,7 +51,8 @@ class Submission:
 
 
 def gather(sources: Sequence[str], truth: str | None, output: str | Path) -> list[Submission]:
-    """All codes that `sources` name: JSON files, folders of them, folders of fits, run:ID in the store of `output`.
+    """All codes that `sources` name: files, FILE:NAME for one of several codes, folders of JSON files, folders of fits,
+    run:ID in the store of `output`.
 
     truth: a code (`read_code`) for all of them, a classic with its probabilities by area, as targets are drawn unless
     told otherwise; a folder with a JSON of the same name for each; suite or suite:all:SEED for the fractal of the
@@ -90,7 +91,9 @@ def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[
         return
     path = Path(source).absolute()
     if not path.is_dir():
-        yield Submission(path.stem, IFS.load(path), _aim(path.stem, truth))
+        path, entry = file_and_name(source)
+        name = path.stem if entry is None else entry.removeprefix("#")
+        yield Submission(name, IFS.load(path, entry), _aim(name, truth))
         return
     finished = _fits(path, FINISHED)
     coded = [fit for fit in finished if not _found_no_code(fit)]

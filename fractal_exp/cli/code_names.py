@@ -23,7 +23,7 @@ def _code(text: str) -> IFS:
     if text.startswith("suite:"):
         index, seed = suite_address(text)
         return random_suite(index + 1, seed)[index]
-    path, name = _file_and_name(text)
+    path, name = file_and_name(text)
     if path.is_dir() and (path / "code.json").is_file():
         path = path / "code.json"
     if _may_be_file(path):
@@ -34,7 +34,7 @@ def _code(text: str) -> IFS:
     raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
 
 
-def _file_and_name(text: str) -> tuple[Path, str | None]:
+def file_and_name(text: str) -> tuple[Path, str | None]:
     """FILE:NAME as its parts; a file that is there, or a suffix, decides which colon it is."""
     if not os.path.exists(text):
         for colon in (i for i, letter in enumerate(text) if letter == ":"):

@@ -35,12 +35,13 @@ function plainColours({ rgb, blends }, count) {
     throw new Refused(`the code has ${count} maps, colours of ${rgb.length} and ${blends.length} blends; give each map `
       + "one, or leave colours out");
   }
-  for (const [name, numbers] of [["rgb", rgb.flat()], ["blends", blends]]) {
-    if (numbers.every((number) => number >= 0 && number <= 1)) continue;
+  const rounded = { rgb: rgb.map((colour) => colour.map(Math.fround)), blends: blends.map(Math.fround) };
+  for (const [name, numbers] of Object.entries(rounded)) {
+    if (numbers.flat().every((number) => number >= 0 && number <= 1)) continue;
     throw new Refused(`${name} must lie in [0, 1]`);
   }
-  if (!blends.some((blend) => blend > 0)) throw new Refused("at least one blend must be above 0");
-  return { rgb: rgb.map((colour) => colour.map(Math.fround)), blends: blends.map(Math.fround) };
+  if (!rounded.blends.some((blend) => blend > 0)) throw new Refused("at least one blend must be above 0");
+  return rounded;
 }
 
 /** Throws Refused unless a page shows a code of so many maps. */

@@ -14,7 +14,8 @@ export class Refused extends Error {}
  */
 export function plainCode(rows, probabilities = null, meta = {}, colours = null) {
   checkCount(rows.length);
-  const rounded = rows.map((row) => row.map(Math.fround));
+  // Adding 0 makes 0 of -0, which a file writes as 0.
+  const rounded = rows.map((row) => row.map((number) => Math.fround(number) + 0));
   const chances = probabilities && probabilities.map(Math.fround);
   rounded.forEach((row, i) => {
     if (row.every(Number.isFinite)) return;

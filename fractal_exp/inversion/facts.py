@@ -78,9 +78,9 @@ class Facts(BaseModel, frozen=True):
     @field_validator("verdict", mode="before")
     @classmethod
     def _has_a_kind_of_today(cls, verdict: Any) -> Any:
-        renamed = {"not self-similar": "not recovered"}
-        return {**verdict, "kind": renamed.get(verdict.get("kind"), verdict.get("kind"))} if isinstance(
-            verdict, Mapping) else verdict
+        if isinstance(verdict, Mapping) and verdict.get("kind") == "not self-similar":
+            return {**verdict, "kind": "not recovered"}
+        return verdict
 
     @property
     def meaning(self) -> str:

@@ -68,6 +68,7 @@ $(DOCS_READY): $(READY) pyproject.toml
 
 docs: $(DOCS_READY) ## Build the documentation in build/site; once installed, this needs no network
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+	@echo "Open build/site/index.html; for its search too: $(BIN)/python -m http.server -d build/site"
 
 bench: $(READY) ## Time operators, an iteration and the renderer against their twins
 	@$(BIN)/python -m benchmarks.ops

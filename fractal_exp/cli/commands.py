@@ -75,6 +75,7 @@ def told(error: Exception) -> str | None:
 
 
 def complain(program: str, message: object) -> NoReturn:
-    """Print an error as one line and end with status 2."""
-    print(f"{program}: error: {message}", file=sys.stderr)
+    """Print an error as one line, whatever names are in it, and end with status 2."""
+    line = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in str(message))
+    print(f"{program}: error: {line}", file=sys.stderr)
     raise SystemExit(2) from None

@@ -80,6 +80,7 @@ def test_supersampling_is_the_mean_of_a_finer_image(backend):
     torch.testing.assert_close(coarse, avg_pool2d(fine[None], 3)[0], atol=1e-6, rtol=0)
 
 
+@pytest.mark.filterwarnings("ignore:points has NaN")
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_infinite_points_are_not_drawn_and_get_no_gradient(backend):
     inf, nan = math.inf, math.nan

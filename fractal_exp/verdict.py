@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import torch
@@ -36,11 +36,13 @@ class Verdict:
     "approximation" if the code draws something like it; "not recovered" if the code is hardly like it, or no more than
     a filled box. Whether the picture is self-similar, no search can say. words: the same in one line, with figures; of
     colours too, where they are clearly off. remedy: what is most likely to help; empty if nothing is needed.
+    change: the same as an argument of `invert` and its value, where it is one.
     """
 
     kind: Kind
     words: str
     remedy: str = ""
+    change: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, likeness: Likeness, maps: int, target: ReadImage, *, stopped: str = "",
@@ -56,18 +58,29 @@ class Verdict:
         if likeness.f1_1px >= ALIKE and maps <= FEW_MAPS and not unclear:
             return cls("recovered", f"recovered: the shape is explained to within a pixel by {maps} maps")
         figures = f"F1 {_short(likeness.f1_1px)} within a pixel"
-        short, remedy = next(_remedies(likeness, maps, target, stopped, options or {}))
+        short, remedy, change = next(_remedies(likeness, maps, target, stopped, options or {}))
         if _is_alike(likeness, target.image, NOT_ALIKE_UNCLEAR if unclear else NOT_ALIKE):
             number = f"{maps} map{'s' * (maps > 1)}"
-            return cls("approximation", f"approximation with {number}; {figures}; {short} would help", remedy)
+            return cls("approximation", f"approximation with {number}; {figures}; {short} would help", remedy, change)
         why = f" ({unclear})" if unclear else ""
-        return cls("not recovered", f"not recovered{why}; {figures}", remedy)
+        return cls("not recovered", f"not recovered{why}; {figures}", remedy, change)
 
     def with_colours(self, apart: float | None) -> Verdict:
         """The verdict on a code that has colours too, whose mean CIEDE2000 difference from the picture's is `apart`."""
         if apart is None or apart < OTHER_COLOURS:
             return self
         return replace(self, words=f"{self.words}; its colours are not the picture's, {apart:.2g} apart (CIEDE2000)")
+
+    def against_truth(self, exact: bool, equivalent: bool) -> Verdict:
+        """The verdict on a code whose truth is known: recovered if it is the true code, or another one of the same
+        attractor, whatever the picture says; else at best an approximation."""
+        if exact or equivalent:
+            found = "the true code" if exact else "another code of the true attractor"
+            return Verdict("recovered", f"recovered: {found}")
+        if self.kind != "recovered":
+            return self
+        likeness = self.words.partition(": ")[2]
+        return replace(self, kind="approximation", words=f"approximation: {likeness}, but the code is not the true one")
 
     def __str__(self) -> str:
         return f"{self.words} ({self.remedy})" if self.remedy else self.words
@@ -92,28 +105,31 @@ def _box(image: Tensor) -> Tensor:
 
 
 def _remedies(likeness: Likeness, maps: int, target: ReadImage, stopped: str, options: Mapping[str, Any]
-              ) -> Iterator[tuple[str, str]]:
-    """What may help, the likeliest first: each in a few words, and what to do."""
+              ) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """What may help, the likeliest first: each in a few words, what to do, and the argument that does it."""
     if target.unclear:
-        yield "a clear shape", "cut one shape out of the picture, on a background of one colour"
+        yield "a clear shape", "cut one shape out of the picture, on a background of one colour", {}
     if target.doubtful:
-        other = str(not target.inverted).lower()
-        yield "the other polarity", f"invert={other}, if the shape is what was taken for the background"
+        other = not target.inverted
+        yield ("the other polarity", f"invert={str(other).lower()}, if the shape is what was taken for the background",
+               {"invert": other})
     if TIME_LIMIT in stopped and options.get("seconds"):
-        yield "more time", f"more time: seconds={MORE_TIME * float(options['seconds']):g}"
+        seconds = MORE_TIME * float(options["seconds"])
+        yield "more time", f"more time: seconds={seconds:g}", {"seconds": seconds}
     if target.scale > SMALL:
-        yield "a larger picture", f"a larger picture: the shape was enlarged {target.scale:.2g} times"
+        yield "a larger picture", f"a larger picture: the shape was enlarged {target.scale:.2g} times", {}
     if likeness.f1_1px >= UNLIKE:
         if target.levels != DRAWN:  # else all that a drawing may mean was tried
             other = OTHER_LEVELS.get(target.levels, "coverage")
-            yield "another meaning of grey levels", f"levels={other} instead of {target.levels}"
+            yield "another meaning of grey levels", f"levels={other} instead of {target.levels}", {"levels": other}
         side = target.image.shape[-1]
         if target.scale < SHRUNK and side < LARGEST_SIDE:
             finer = min(round(side / target.scale), LARGEST_SIDE)
-            yield "a finer image", f"resolution={finer}: the picture was shrunk {1 / target.scale:.2g} times"
+            yield ("a finer image", f"resolution={finer}: the picture was shrunk {1 / target.scale:.2g} times",
+                   {"resolution": finer})
     name = "at_most" if options.get("at_most") else "maps"
-    more = f"{name}={MORE_MAPS * int(options.get(name) or maps)}"
-    yield "more maps", f"more maps: {more}, with more time for each"
+    more = MORE_MAPS * int(options.get(name) or maps)
+    yield "more maps", f"more maps: {name}={more}, with more time for each", {name: more}
 
 
 def _short(share: float) -> str:

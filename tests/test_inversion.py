@@ -164,7 +164,7 @@ def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, na
                                  "noise_ratio": found.likeness.noise_ratio, "f1_1px": found.likeness.f1_1px,
                                  "colour": None}
     assert facts["verdict"] == {"kind": found.verdict.kind, "words": found.verdict.words,
-                                "remedy": found.verdict.remedy}
+                                "remedy": found.verdict.remedy, "change": found.verdict.change}
     assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}
     assert facts["source"] == str(path) and facts["stopped"] == "all stages done" and "a note" in facts["notes"]
     assert [stage["name"] for stage in facts["stages"]] == ["look", "polish"] and facts["options"]["seconds"] == 9

@@ -40,7 +40,7 @@ def test_the_true_code_is_as_like_as_another_rendering_of_it(kind):
 def test_a_verdict_has_a_kind_words_and_a_remedy():
     verdict = Verdict.of(likeness(0.553), 23, read())
     assert verdict == Verdict("approximation", "approximation with 23 maps; F1 .55 within a pixel; more maps would "
-                              "help", "more maps: maps=46, with more time for each")
+                              "help", "more maps: maps=46, with more time for each", {"maps": 46})
     assert str(verdict) == f"{verdict.words} ({verdict.remedy})"
     none = Verdict.of(likeness(0.2), 3, read())
     assert none.words == "not recovered; F1 .20 within a pixel" and none.remedy
@@ -65,6 +65,7 @@ def test_the_remedy_is_what_is_most_likely_to_help(facts, expected):
 def test_where_the_shape_is_right_the_levels_may_be_wrong(levels, expected):
     verdict = Verdict.of(likeness(0.97), 4, read(levels=levels))
     assert verdict.remedy == expected and "another meaning of grey levels would help" in verdict.words
+    assert expected.startswith(f"levels={verdict.change['levels']} ")
 
 
 @pytest.mark.parametrize("scale, expected", [(0.4, "resolution=160: the picture was shrunk 2.5 times"),
@@ -73,6 +74,14 @@ def test_where_all_meanings_of_grey_levels_were_tried_a_finer_image_may_help(sca
     drawn = SHAPE.clone()
     drawn[drawn > 0] = torch.linspace(0.3, 1, int((drawn > 0).sum()))
     assert Verdict.of(likeness(0.97), 4, read(drawn, scale=scale)).remedy == expected
+
+
+def test_a_known_truth_decides_whatever_the_picture_says():
+    far, near = Verdict.of(likeness(0.2), 3, read()), Verdict.of(likeness(1), 3, read())
+    assert far.against_truth(True, False) == Verdict("recovered", "recovered: the true code")
+    assert far.against_truth(False, True).words == "recovered: another code of the true attractor"
+    assert far.against_truth(False, False) == far and far.kind == "not recovered"
+    assert near.kind == "recovered" and near.against_truth(False, False).kind == "approximation"
 
 
 def test_a_code_no_better_than_a_box_is_none():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import torch
 from torch import Tensor
 from torch.nn.functional import max_pool2d
@@ -86,6 +88,10 @@ def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
     shapes differ, or images are not finite or leave [0,1].
     """
     _check(images, truth)
+    if inner_crop(images).shape[-1] < SSIM_WINDOW:
+        least = next(side for side in itertools.count(SSIM_WINDOW) if side - 2 * (side // CROP) >= SSIM_WINDOW)
+        raise InputError(f"images are compared on their inner three quarters, which must have {SSIM_WINDOW} px a side "
+                         f"for SSIM; that takes a resolution of at least {least}, got {images.shape[-1]}")
     for name, batch in (("image", images), ("truth", truth)):
         if not bool(torch.isfinite(batch).all()):
             raise InputError(f"the {name} to compare holds NaN or infinity")

@@ -126,7 +126,7 @@ class IFS:
         if bool((largest >= 1).any()):
             i = int((largest >= 1).nonzero()[0])
             raise InputError(
-                f"every map must be contractive (singular values below 1), but map {i} has singular value "
+                f"every map must be contractive (singular values below 1), but map {i + 1} has singular value "
                 f"{float(largest[i]):.6g}; shrink its matrix or drop the map"
             )
         return self

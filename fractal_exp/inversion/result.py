@@ -116,8 +116,8 @@ class Inversion:
     def facts(self) -> dict[str, Any]:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
-        f1_1px, colour}, verdict {kind, words, remedy}, camera, stopped, seconds, stages [{name, seconds, score, error,
-        maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
+        f1_1px, colour}, verdict {kind, words, remedy, change}, camera, stopped, seconds, stages [{name, seconds, score,
+        error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),

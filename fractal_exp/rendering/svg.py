@@ -73,7 +73,7 @@ def _parallelogram(index: int, corners: np.ndarray, code: IFS, half: float) -> s
     colour = "#" + bytes(ramp(np.array(place(index, len(code))))).hex()
     chance = float(code.sampling_probabilities()[index])
     first, second = corners[0], corners[1]
-    return (f'<g stroke="{colour}" fill="{colour}"><title>map {index}: probability {chance:.4g}</title>'
+    return (f'<g stroke="{colour}" fill="{colour}"><title>map {index + 1}: probability {chance:.4g}</title>'
             f'<polygon points="{_points(corners)}" fill-opacity="0.15"/>'
             f'<polyline points="{_points(np.stack([first, second]))}" stroke-width="{half / 80:.6g}"/>'
             f'<circle cx="{first[0]:.9g}" cy="{0.0 - first[1]:.9g}" r="{half / 60:.6g}"/></g>')

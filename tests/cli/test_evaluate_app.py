@@ -13,6 +13,7 @@ from fractal_exp.cli import evaluate as app
 from fractal_exp.cli.candidates import gather
 from fractal_exp.evaluation import evaluate
 from fractal_exp.ifs import attractor
+from fractal_exp.ifs.formats import save
 from fractal_exp.suite import random_suite
 
 SMALL = ["--resolution", "64", "--points", "200000"]
@@ -86,6 +87,14 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     assert torch.equal(candidate.aim.truth.linear, fern.linear)
     with pytest.raises(InputError, match="cannot read run"):
         gather(["run:0123"], None, folder / "outputs")
+
+
+def test_one_code_of_a_file_with_several_is_judged(folder):
+    save([codes.known("fern"), codes.known("tree")], folder / "two.ifs")
+    found = gather(["two.ifs:#2", "two.ifs:#1"], "tree", folder)
+    assert [each.name for each in found] == ["two-2", "two-1"]
+    torch.testing.assert_close(found[0].code.linear, codes.known("tree").linear, rtol=1e-5, atol=1e-5)
+    assert len(found[1].code) == len(codes.known("fern"))
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

@@ -148,7 +148,8 @@ def test_summaries_average_over_views_and_bootstrap_over_fractals():
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"align": "left"}, "bbox, none"), ({"views": "all"}, "attractor, released, uniform"),
     ({"views": "paper"}, "now called views=uniform"), ({"resolution": 0}, "resolution"),
-    ({"resolution": 8}, "SSIM needs images"), ({"perceptual": "vision"}, "no perceptual distance 'vision'"),
+    ({"resolution": 8}, "takes a resolution of at least 13, got 8"),
+    ({"perceptual": "vision"}, "no perceptual distance 'vision'"),
 ])
 def test_what_cannot_be_evaluated(arguments, message):
     with pytest.raises(InputError, match=message):

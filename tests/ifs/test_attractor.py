@@ -85,7 +85,7 @@ def test_normalize_centres_and_scales_the_visible_box():
 def test_a_code_that_does_not_contract_has_no_attractor_to_bound():
     code = IFS([[[1.0, 0], [0, 0.5]]], [[0, 0]])
     for function in (bounding_disc, support_function, visible_box, normalize):
-        with pytest.raises(InputError, match="map 0 has singular value 1"):
+        with pytest.raises(InputError, match="map 1 has singular value 1"):
             function(code)
 
 

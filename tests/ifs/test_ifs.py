@@ -63,7 +63,7 @@ def test_sampling_probabilities_follow_the_determinants_unless_given():
 
 def test_a_map_that_does_not_contract_is_named():
     code = IFS([HALF, [[0.9, 0.9], [0, 0.9]]], [[0, 0], [0, 0]])
-    with pytest.raises(InputError, match="map 1 has singular value 1.456"):
+    with pytest.raises(InputError, match="map 2 has singular value 1.456"):
         code.check_contractive()
     assert triangle().check_contractive() is not None
 
@@ -105,7 +105,7 @@ OWN = {"format": "fractal-exp/ifs", "version": 1, "linear": [HALF], "offset": [[
 @pytest.mark.parametrize(("data", "message"), [
     ({**OWN, "linear": [HALF, HALF]}, "offset must have shape"),
     ({**OWN, "linear": [[0.5, 0.5]]}, "linear must have shape"),
-    ({**OWN, "linear": [[[1.5, 0], [0, 0.5]]]}, "map 0 has singular value 1.5"),
+    ({**OWN, "linear": [[[1.5, 0], [0, 0.5]]]}, "map 1 has singular value 1.5"),
     ({**OWN, "extra": 1}, r"unknown keys \['extra'\]"),
     ({**OWN, "version": 2}, "version 1, got 'fractal-exp/ifs' version 2"),
     ({"format": "fractal-exp/ifs", "version": 1, "linear": [HALF]}, "has no offset"),

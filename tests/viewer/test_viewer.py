@@ -89,7 +89,7 @@ MANY = IFS(torch.zeros(1_000_000, 2, 2), torch.zeros(1_000_000, 2))
 
 
 @pytest.mark.parametrize(("code", "name", "message"), [
-    (WILD, "wild.html", "map 0 has singular value 1.01"),
+    (WILD, "wild.html", "map 1 has singular value 1.01"),
     (MANY, "many.html", "at most 1000 maps, got 1000000"),
     (codes.known("fern"), "fern.png", "a page is written as HTML, got 'fern.png'; end the name in .html"),
     (codes.known("fern"), "nowhere/fern.html", "choose a folder that exists"),

@@ -51,7 +51,7 @@ def test_a_code_goes_to_the_page_and_back_to_the_last_bit(code):
 
 @pytest.mark.parametrize(("code", "message"), [
     (FERN.to_json(), "a widget shows an IFS, got dict; IFS.load reads one from a file, and IFS.from_json"),
-    (WILD, "map 0 has singular value 1.01"),
+    (WILD, "map 1 has singular value 1.01"),
     (IFS(torch.zeros(1001, 2, 2), torch.zeros(1001, 2)), "at most 1000 maps, got 1001"),
     (IFS(*HALF, meta={"source": torch.zeros(1)}), "nothing but JSON"),
     (IFS(*HALF, meta={"error": float("nan")}), "nothing but JSON"),

@@ -71,6 +71,17 @@ class Verdict:
             return self
         return replace(self, words=f"{self.words}; its colours are not the picture's, {apart:.2g} apart (CIEDE2000)")
 
+    def against_truth(self, exact: bool, equivalent: bool) -> Verdict:
+        """The verdict on a code whose truth is known: recovered if it is the true code, or another one of the same
+        attractor, whatever the picture says; else at best an approximation."""
+        if exact or equivalent:
+            found = "the true code" if exact else "another code of the true attractor"
+            return Verdict("recovered", f"recovered: {found}")
+        if self.kind != "recovered":
+            return self
+        likeness = self.words.partition(": ")[2]
+        return replace(self, kind="approximation", words=f"approximation: {likeness}, but the code is not the true one")
+
     def __str__(self) -> str:
         return f"{self.words} ({self.remedy})" if self.remedy else self.words
 

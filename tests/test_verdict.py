@@ -76,6 +76,14 @@ def test_where_all_meanings_of_grey_levels_were_tried_a_finer_image_may_help(sca
     assert Verdict.of(likeness(0.97), 4, read(drawn, scale=scale)).remedy == expected
 
 
+def test_a_known_truth_decides_whatever_the_picture_says():
+    far, near = Verdict.of(likeness(0.2), 3, read()), Verdict.of(likeness(1), 3, read())
+    assert far.against_truth(True, False) == Verdict("recovered", "recovered: the true code")
+    assert far.against_truth(False, True).words == "recovered: another code of the true attractor"
+    assert far.against_truth(False, False) == far and far.kind == "not recovered"
+    assert near.kind == "recovered" and near.against_truth(False, False).kind == "approximation"
+
+
 def test_a_code_no_better_than_a_box_is_none():
     filled = torch.zeros(64, 64)
     filled[16:48, 16:48] = 1

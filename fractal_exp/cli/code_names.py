@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
+
+from PIL import Image
 
 from .. import codes
 from ..errors import InputError, did_you_mean
 from ..ifs import attractor, formats
 from ..ifs.code import IFS
+from ..images.bands import FORMATS
 from ..suite import SUITE_SEED, random_suite
 from .commands import CODE_HELP
 
@@ -27,11 +31,30 @@ def _code(text: str) -> IFS:
     if path.is_dir() and (path / "code.json").is_file():
         path = path / "code.json"
     if _may_be_file(path):
-        return IFS.load(path, name)
+        return load_code(path, name)
     if text in codes.names():
         return codes.known(text)
     near = did_you_mean(text, codes.names())
     raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
+
+
+def load_code(path: Path, name: str | None = None) -> IFS:
+    """`IFS.load`, whose `InputError` on a picture names the command that finds its code."""
+    try:
+        return IFS.load(path, name)
+    except InputError:
+        if _is_picture(path):
+            raise InputError(f"{path} is a picture, and a code is asked for; fractal-invert {shlex.quote(str(path))} "
+                             "finds one") from None
+        raise
+
+
+def _is_picture(path: Path) -> bool:
+    try:
+        with Image.open(path, formats=FORMATS):
+            return True
+    except Exception:  # Pillow's own kinds, by what is wrong
+        return False
 
 
 def file_and_name(text: str) -> tuple[Path, str | None]:

@@ -18,13 +18,14 @@ from ..errors import InputError
 from . import configuration, interruption, words
 from .commands import complain, told
 
+FOR_PICTURE = ("method=collage",)  # what picture=FILE implies for a fit
 failed: list[str] | None = None  # jobs of -m, to be told at its end; None in a launcher's worker, which has no end
 scored: list[tuple[str, Mapping[str, float]]] = []  # the others: their own words and scores
 
 
 def main() -> None:
     """The command line: one fit; with -m several, one after another."""
-    raise SystemExit(run("fractal-train", "train", _fit, sys.argv[1:], ["method=collage"]))
+    raise SystemExit(run("fractal-train", "train", _fit, sys.argv[1:], FOR_PICTURE))
 
 
 def _fit(config: DictConfig) -> Any:

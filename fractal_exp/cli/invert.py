@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..methods import METHODS
+from ..methods import METHODS, check_options
 from ..runtime import threads
 from ..runtime.files import make_folder
 from . import interruption
 from .commands import command, command_parser
 
 if TYPE_CHECKING:
+    from ..images.reading import ReadImage
+    from ..inversion import Inversion
     from ..methods.base import Progress
 
 LEVELS = ("auto", "density", "linear", "dots", "tonemapped", "coverage", "binary")
@@ -24,6 +28,7 @@ POLARITIES = {"auto": "auto", "true": True, "false": False}
 FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "levels", "seed",
                                          "seconds", "colour")}
 FLAGS["clean"] = "--as-it-is"
+CHANGED = FLAGS | {"maps": "--maps"}  # flags of what a remedy may change
 
 STOPPING = "fractal-invert: stopping; the best code so far is being written, if there is one"
 
@@ -72,6 +77,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
                         help="parameters of the method, such as search.moves=100 of collage search")
+    parser.set_defaults(words=sys.argv[1:] if arguments is None else arguments)
     command("fractal-invert", invert_picture, parser, arguments)
 
 
@@ -97,13 +103,14 @@ def invert_picture(options: argparse.Namespace) -> None:
     found = invert(picture, method=options.method, colour=options.colour, seed=options.seed, seconds=options.seconds,
                    progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
     make_folder(folder)
-    _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings)
+    _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings
+                and (found.verdict.remedy or warning) not in warning)  # the verdict is told below
     written = write(found, folder)
     if OVERLAY not in written:
         print(f"  no overlay: the picture has more than {LARGEST_OVERLAY} px a side")
     print(f"  verdict    {found.verdict.words}")
-    if found.verdict.remedy:
-        print(f"  may help   {found.verdict.remedy}")
+    if remedy := may_help(found, options, picture, settings):
+        print(f"  may help   {remedy}")
     for note in found.notes:
         if note not in (*picture.notes, *found.warnings):
             print(f"  note       {note}")
@@ -113,6 +120,39 @@ def invert_picture(options: argparse.Namespace) -> None:
     if found.stopped == INTERRUPTED:
         print("fractal-invert: interrupted; the best code so far was written", file=sys.stderr)
         raise SystemExit(130)
+
+
+def may_help(found: Inversion, options: argparse.Namespace, picture: ReadImage, settings: Mapping[str, Any]) -> str:
+    """What may help, as the command line with one thing changed; in words where it is nothing to type, and empty where
+    the method does not take it. What was found stays: the command writes to a folder that is not there yet, unless it
+    was told to overwrite. settings: of the method, as they were given."""
+    if not found.verdict.change:
+        return found.verdict.remedy
+    [(key, value)] = found.verdict.change.items()
+    if key not in FLAGS and not _is_taken(options, picture, {**settings, key: value}):
+        return ""
+    text = f"{value:g}" if isinstance(value, float) else str(value).lower()
+    told = {CHANGED[key]: text} if key in CHANGED else {}
+    if not options.force:
+        folder = options.output or f"{Path(options.picture).stem}-fractal"
+        told["--output"] = next(name for i in itertools.count(2) if not Path(name := f"{folder}-{i}").exists())
+    words = iter(options.words)
+    kept = [word for word in words if not (word in told and next(words) is not None) and word.split("=")[0] not in told]
+    changed = [word for pair in told.items() for word in pair] + ([] if key in CHANGED else ["--set", f"{key}={text}"])
+    return shlex.join(["fractal-invert", *kept, *changed])
+
+
+def _is_taken(options: argparse.Namespace, picture: ReadImage, settings: Mapping[str, Any]) -> bool:
+    """Whether the method can work on the picture with these settings: trained weights know one number of maps."""
+    from ..api import OWN, load
+
+    build, general = load(options.method), {"seed": options.seed, "seconds": options.seconds}
+    try:
+        check_options(build, options.method, {**settings, **general}, OWN)
+        build(resolution=picture.image.shape[-1], **general, **settings).check(picture)
+    except InputError:
+        return False
+    return True
 
 
 def parse_settings(words: list[str]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from .. import tracking
 from ..errors import InputError
 from ..ops import backends
-from ..tracking.addresses import shown
+from ..tracking.addresses import dashboard_line, shown
 from ..tracking.store import PARENT
 from .configuration import VARIED, method_name, own_words
 from .folders import FitFolder
@@ -113,8 +113,7 @@ class MlflowRuns(NoRuns):
     def where(self, settings: Mapping[str, Any]) -> str | None:
         if server := os.environ.get("MLFLOW_TRACKING_URI"):
             return shown(server)
-        return "make dashboard" if Path(settings["output"]) == Path("outputs").absolute() else (
-            f"python -m fractal_exp.tracking dashboard {settings['output']}")
+        return dashboard_line(settings["output"])
 
 
 def _job_tags(sweep: Mapping[str, Any], folder: Path) -> dict[str, str]:

@@ -28,7 +28,7 @@ from ..studies import report
 from ..studies.writing import write
 from ..targets import Picture
 from ..tracking import NoTracker, Tracker, comparison_address, mark_killed_runs, prepare_store
-from ..tracking.addresses import shown, store_uri
+from ..tracking.addresses import dashboard_line, shown, store_uri
 from . import configuration
 from .commands import complain
 from .jobs import FAILED, Outcome, describe_scores, job_name
@@ -131,10 +131,8 @@ class RunningSweep:
             self.run.artifact(f"report/{path.name}", path)
         self.run.table("summary.json", report.summary(sweep))
         print(f"\n{(self.folder / 'report.md').read_text()}")
-        if output == Path("outputs").absolute():
-            print("dashboard: make dashboard, then")
-        elif not os.environ.get("MLFLOW_TRACKING_URI"):
-            print(f"dashboard: python -m fractal_exp.tracking dashboard '{output}', then")
+        if not os.environ.get("MLFLOW_TRACKING_URI"):
+            print(f"dashboard: {dashboard_line(output)}, then")
         print(f"  {comparison_address(uri, study, sweep.run_id)}\ntables and figure: {self.folder}/report.*")
 
 

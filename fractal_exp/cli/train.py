@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
+import shlex
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -11,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from ..errors import InputError
@@ -28,13 +31,16 @@ from ..runtime import threads
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.extras import need
 from ..runtime.files import write_atomically
-from ..studies.judging import Judgement, check_options, judge, judge_course
+from ..studies.judging import Judgement, check_options, finds_truth, judge, judge_course
 from ..targets import Target
 from ..tracking import Tracker
+from ..verdict import Verdict
 from . import configuration, interruption
+from .composed import FOR_PICTURE
 from .folders import CODE, ENLARGED, FitFolder
 from .progress import Reporter
 from .runs import NoRuns
+from .words import plainest
 
 # The target and the method hold what `picture` and `seconds` say. Colours are a part of a fit that has them.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "colour", "output", "study", "name", "resume", "tracking", "threads",
@@ -61,6 +67,7 @@ def fit(config: DictConfig) -> dict[str, float]:
 
 
 def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
+    given = copy.deepcopy(config)
     config = configuration.resolve(config)
     check_options(config.evaluation)
     threads.use(config.threads)
@@ -118,7 +125,7 @@ def _fit(config: DictConfig, held: ExitStack) -> dict[str, float]:
             run.artifact("course.json", folder.keep_course(points, work.seconds, f1))
     # Only now: a fit that is killed while its last numbers are on their way must not count as finished.
     folder.finish(identity | {"evaluation": settings["evaluation"]}, judgement.scores)
-    _conclude(judgement, work.stopped, inversion, found, folder, runs.where(settings))
+    _conclude(judgement, work.stopped, inversion, found, folder, runs.where(settings), given)
     return judgement.scores
 
 
@@ -134,17 +141,56 @@ def _identity(settings: dict[str, Any], target: Target, painted: Painted | None,
 
 
 def _conclude(judgement: Judgement, stopped: str, inversion: Inversion | None, found: Path | None, folder: FitFolder,
-              where: str | None) -> None:
+              where: str | None, given: DictConfig) -> None:
     """Print the scores, and where everything lies."""
     print(f"  {judgement.describe()}")
     print(f"  stopped    {stopped}")
     if inversion is not None:
-        print(f"  verdict    {inversion.verdict}")
+        print(f"  verdict    {inversion.verdict.words}")
+        if remedy := may_help(inversion.verdict, given):
+            print(f"  may help   {remedy}")
     if found is not None:
         print(f"  {found.stem:10} {found}")
     print(f"  pictures   {folder.views}")
     if where:
         print(f"  dashboard  {where}")
+
+
+def may_help(verdict: Verdict, given: DictConfig) -> str:
+    """What may help, as the command line with one setting changed; in words where it is nothing to set. Empty where no
+    command made the fit, or where the fit has no such setting or would refuse the value.
+
+    given: the configuration before it was resolved.
+    """
+    if not verdict.change:
+        return verdict.remedy
+    if not HydraConfig.initialized() or given.sweep:
+        return ""
+    [(key, value)] = verdict.change.items()
+    words = plainest(HydraConfig.get().overrides.task, FOR_PICTURE)
+    keys = [word.split("=", 1)[0].lstrip("+") for word in words]
+    parts = {"": given, "target.": given.target, **({"init.": given.init} if given.init else {
+        "method.": given.method, "model.": given.model if "model" in given.method else {}})}
+    found = [prefix + key for prefix, part in parts.items() if key in part]
+    setting = next((name for name in found if name in keys), found[0] if found else "")
+    if not setting or not _is_taken(given, setting, value):
+        return ""
+    kept = [word for word, key in zip(words, keys, strict=True) if key not in (setting, "name", "resume")]
+    text = f"{value:g}" if isinstance(value, float) else str(value).lower()
+    return shlex.join(["fractal-train", *kept, f"{setting}={text}"])
+
+
+def _is_taken(given: DictConfig, setting: str, value: Any) -> bool:
+    """Whether a fit with another value of a setting would begin: trained weights know one number of maps."""
+    changed = copy.deepcopy(given)
+    OmegaConf.update(changed, setting, value)
+    try:
+        changed = configuration.resolve(changed)
+        target = configuration.build(changed.target).load(changed.resolution)
+        configuration.build(changed.method).check(target.read)
+    except InputError:
+        return False
+    return True
 
 
 def _keep_found(folder: FitFolder, run: Tracker, reconstruction: Reconstruction) -> Path | None:
@@ -167,7 +213,8 @@ def _keep_inversion(folder: FitFolder, run: Tracker, work: Work, target: Target,
         return None
     options = {key: value for key, value in settings["method"].items() if not key.startswith("_")}
     inversion = conclude(work, target.read, name=configuration.method_name(settings["method"]), options=options,
-                         seed=settings["seed"])
+                         seed=settings["seed"], truth=None if target.truth is None else
+                         finds_truth(work.found.code, target.truth, settings["evaluation"]))
     if painted is not None:
         inversion = coloured(inversion, painted, settings["seed"])
         if inversion.code.colours is None:

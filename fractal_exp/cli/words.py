@@ -47,6 +47,12 @@ def completed(words: Sequence[str], for_picture: Sequence[str] = ()) -> list[str
     return [*(_quoted(word) for word in words if word != "target=image"), "target=image", *implied]
 
 
+def plainest(words: Sequence[str], for_picture: Sequence[str] = ()) -> list[str]:
+    """The words without those that `completed` adds by itself."""
+    plain = [word for word in words if word not in ("target=image", *for_picture)]
+    return plain if sorted(completed(plain, for_picture)) == sorted(words) else list(words)
+
+
 def _quoted(word: str) -> str:
     """A picture whose name Hydra would read as several, or not at all, in quotes if there is such a file."""
     match = PICTURE.fullmatch(word)

@@ -63,16 +63,19 @@ def reconstruct(target: ReadImage, method: Method, *, seed: int = 0, on_step: On
                 stopped or stop_reason(found, getattr(method, "seconds", None), took), took, method.camera)
 
 
-def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, Any] | None = None, seed: int = 0
-             ) -> Inversion:
+def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, Any] | None = None, seed: int = 0,
+             truth: tuple[bool, bool] | None = None) -> Inversion:
     """The result of a method's work on a target. name: of the method; options: that were given, for the record and for
-    what may help. Raises TypeError if the method found no code."""
+    what may help; truth: whether the code is the true one, exactly or but for its maps, where that is known. Raises
+    TypeError if the method found no code."""
     found, options = work.found, options or {}
     if not isinstance(found, CodeReconstruction):
         raise TypeError(f"the method {name!r} returned a {type(found).__name__}, which is not a code")
     camera = found.camera or camera_for(found.code, target, params=work.camera, seed=seed)
     likeness = Likeness.of(found.code, target, camera, params=work.camera, seed=seed)
     verdict = Verdict.of(likeness, len(found.code), target, stopped=work.stopped, options=options)
+    if truth is not None:
+        verdict = verdict.against_truth(*truth)
     return Inversion(
         code=found.code, target=target, source=target.image if target.source is None else target.source,
         likeness=likeness, verdict=verdict, camera=camera, history=work.stages, stopped=work.stopped,

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..evaluation import Perceptual, metrics, score
+from ..evaluation.code_error import at_ceiling, code_error
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.summary import without_empty
 from ..evaluation.views import check_kind
@@ -119,6 +120,18 @@ def judge(reconstruction: Reconstruction, target: Target, options: Mapping[str, 
         means = again[again["view"].isin(per_view["view"])][measured].mean().dropna()
         trivial |= {f"trivial/truth_{name}": float(value) for name, value in means.items()}
     return Judgement(per_view, scores, trivial, counts, pictures)
+
+
+def finds_truth(code: IFS, truth: IFS, options: Mapping[str, Any]) -> tuple[bool, bool]:
+    """Whether a code is the true one, and else whether it is another code of the same attractor, by the evaluation
+    `options` of the configuration (see `fractal_exp.evaluation.code_error`). All views are drawn only where it takes
+    them to tell."""
+    error = code_error(code, truth, **{key: options[key] for key in ("resolution", "align", "points_in_view")})
+    if error.exact or not at_ceiling(error.f1, error.ceiling_f1):
+        return error.exact, False
+    result, ceiling = (score(each, truth, **options | {"align": align}).frame
+                       for each, align in ((code, options["align"]), (truth, "bbox")))
+    return False, error.equivalent(result, ceiling)
 
 
 def _in_frame(reconstruction: Reconstruction, truth: IFS, options: Mapping[str, Any]) -> dict[str, float]:

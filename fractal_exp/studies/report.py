@@ -12,6 +12,7 @@ from .. import tracking
 from ..errors import InputError
 from ..evaluation.summary import METRICS, bootstrap_interval
 from ..runtime.files import parse_json, parse_record
+from ..tracking.addresses import dashboard_line, database_path
 from .published import COLUMNS, TABLES
 
 if TYPE_CHECKING:
@@ -63,8 +64,7 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
     if name is not None and len(parents):
         parents = parents[(parents["name"] == name) | (parents["run_id"] == name)]
     if not len(parents):
-        raise InputError(f"the study {study!r} has no sweep{f' {name!r}' if name else ''}; fractal-sweep {study} makes "
-                         "one")
+        raise _no_sweep(uri, study, name)
     parent = parents.iloc[0]
     about, planned = _plan(uri, study, parent["run_id"])
     runs = tracking.runs_frame(uri, study, tracking.nested_below(parent["run_id"]))
@@ -87,6 +87,18 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
     return Sweep(study, parent["name"], parent["run_id"], about["title"], parent["tags.scale"],
                  parent["tags.perceptual"], about["baseline"], about["published"], jobs,
                  views if isinstance(views := parent.get("tags.views"), str) else None)
+
+
+def _no_sweep(uri: str, study: str, name: str | None) -> InputError:
+    """The error that says what has a table instead: the study's sweeps, or else the studies that have some."""
+    own = list(dict.fromkeys(tracking.runs_frame(uri, study, "tags.kind = 'sweep'")["name"]))
+    others = [other for other in tracking.studies(uri) if len(tracking.runs_frame(uri, other, "tags.kind = 'sweep'"))]
+    database = database_path(uri)
+    remedy = (f"it has {', '.join(own)}" if own else
+              f"studies with a sweep here: {', '.join(others)}" if others else "fractal-sweep makes one")
+    looked = f"; {dashboard_line(database.parent)} shows the fits of any study" if database and not own else ""
+    return InputError(f"the study {study!r} has no sweep{f' {name!r}' if name else ''}, and only sweeps have a table; "
+                      f"{remedy}{looked}")
 
 
 def _plan(uri: str, study: str, run_id: str) -> tuple[dict[str, Any], list[str]]:

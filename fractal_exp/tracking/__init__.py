@@ -15,6 +15,7 @@ from .reading import (
     read_series,
     read_table,
     runs_frame,
+    studies,
 )
 from .run import MlflowTracker, deliver, start_run
 from .store import mark_killed_runs, prepare_store, standard_tags
@@ -22,5 +23,5 @@ from .store import mark_killed_runs, prepare_store, standard_tags
 __all__ = [
     "MlflowTracker", "NoArtifact", "NoTracker", "Tracker", "comparison_address", "dashboard_command", "deliver",
     "find_run", "mark_killed_runs", "nested_below", "prepare_store", "read_artifact", "read_series", "read_table",
-    "runs_frame", "standard_tags", "start_run",
+    "runs_frame", "standard_tags", "start_run", "studies",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from pathlib import Path
 
 from ..errors import InputError
@@ -15,6 +16,15 @@ SERVER = re.compile(r"https?://([^/?#@\s]*@)?(\[[^\]\s]+\]|[^:/?#@\s]+)(:\d+)?([
 def store_uri(folder: str | Path) -> str:
     """The store of an output folder, or the server that MLFLOW_TRACKING_URI names."""
     return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{Path(folder).absolute()}/mlflow.db"
+
+
+def dashboard_line(folder: str | Path) -> str:
+    """The command that shows the runs of an output folder: in a clone of this project, make knows it."""
+    folder, makefile = Path(folder).absolute(), Path("Makefile")
+    if folder == Path("outputs").absolute() and makefile.is_file() and "fractal_exp.tracking dashboard" in (
+            makefile.read_text(errors="replace")):
+        return "make dashboard"
+    return f"python -m fractal_exp.tracking dashboard {shlex.quote(str(folder))}"
 
 
 def database_path(uri: str) -> Path | None:

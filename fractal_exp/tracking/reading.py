@@ -46,6 +46,11 @@ def runs_frame(uri: str, experiment: str, where: str = "") -> pd.DataFrame:
     return frame
 
 
+def studies(uri: str) -> list[str]:
+    """The names of all studies of a store, in order."""
+    return sorted(each.name for each in pages(connect(uri).search_experiments) if each.name != "Default")
+
+
 def find_run(uri: str, experiment: str, tags: Mapping[str, str]) -> str | None:
     """The newest run of a study that has all these tags, or None."""
     client = connect(uri)
@@ -63,7 +68,7 @@ def nested_below(run_id: str) -> str:
 
 
 def comparison_address(uri: str, experiment: str, parent_run_id: str) -> str:
-    """Where the dashboard compares the runs below a parent: on the server, or on one that `make dashboard` starts."""
+    """Where the dashboard compares the runs below a parent: on the server, or on one that `dashboard_line` names."""
     found = connect(uri).get_experiment_by_name(experiment)
     if found is None:
         raise InputError(f"the store {shown(uri)} has no study {experiment!r}")

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from fractal_exp.cli import interruption
 from fractal_exp.cli import invert as app
 from fractal_exp.ifs import attractor
 from fractal_exp.methods.base import CodeReconstruction, Method, Progress
+from fractal_exp.verdict import Verdict
 
 TRIANGLE = attractor.normalize(codes.known("sierpinski_triangle"))
 
@@ -117,6 +119,25 @@ def test_options_reach_the_method_and_the_reader(folder, method, capsys):
     assert "168×158 px" in out and "only the part of 166×150 px at (2, 0) is read, as asked" in out
     facts = json.loads((folder / "gasket-fractal" / "inversion.json").read_text())["meta"]["inversion"]
     assert facts["options"]["search"]["moves"] == 10
+
+
+@pytest.mark.parametrize("words, change, line", [
+    (["gasket.png"], {"resolution": 387}, "gasket.png --resolution 387 --output gasket-fractal-2"),
+    (["gasket.png", "--seconds=9", "--force"], {"seconds": 36.0}, "gasket.png --force --seconds 36"),
+    (["--maps", "3", "gasket.png", "--output", "a b"], {"maps": 6}, "gasket.png --maps 6 --output 'a b-2'"),
+    (["gasket.png"], {"invert": True}, "gasket.png --invert true --output gasket-fractal-2"),
+    (["gasket.png"], {"rounds": 3}, "gasket.png --output gasket-fractal-2 --set rounds=3"),
+    (["gasket.png"], {"at_most": 6}, None)])
+def test_what_may_help_is_a_command_to_type(folder, method, capsys, monkeypatch, words, change, line):
+    method()
+    monkeypatch.setattr("fractal_exp.inversion.road.Verdict.of", lambda *given, **options: Verdict(
+        "not recovered", "not recovered; F1 .20 within a pixel", "key=value: as one calls a function", change))
+    app.main(words)
+    out = capsys.readouterr().out
+    assert "key=value" not in out and ("may help" in out) == (line is not None)
+    if line is not None:
+        assert f"  may help   fractal-invert {line}\n" in out
+        app.main(shlex.split(line))
 
 
 @pytest.mark.parametrize("words, message", [

@@ -104,6 +104,14 @@ def test_what_a_user_can_mend_is_one_line(tmp_path, monkeypatch, capsys, argumen
     assert not list(tmp_path.iterdir())
 
 
+def test_a_picture_in_place_of_a_code_points_to_the_command_that_finds_its_code(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Image.new("L", (40, 40)).save("my birch.png")
+    with pytest.raises(SystemExit):
+        render_app.main(["my birch.png", "x.png"])
+    assert "is a picture, and a code is asked for; fractal-invert 'my birch.png' finds one" in capsys.readouterr().err
+
+
 def test_a_suite_in_files(tmp_path):
     suite_app.main([str(tmp_path / "suite"), "--count", "3", "--resolution", "32", "--seed", "5"])
     folder = tmp_path / "suite"

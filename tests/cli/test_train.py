@@ -52,7 +52,8 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     found = Inversion.load(folder)
     assert found.stopped == "all 6 iterations done" and [stage.name for stage in found.history] == ["fit"]
     assert "stopped    all 6 iterations done" in printed
-    assert found.verdict.kind != "recovered" and f"verdict    {found.verdict}" in printed
+    assert found.verdict.kind != "recovered" and f"verdict    {found.verdict.words}\n" in printed
+    assert "may help" not in printed, "no command made this fit that could be typed again"
     assert "no perceptual term in this objective" in printed and "inverted" in printed and str(folder) in printed
 
     uri = f"sqlite:///{tmp_path / 'mlflow.db'}"

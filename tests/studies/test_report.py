@@ -139,7 +139,7 @@ def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, c
 
 @pytest.mark.parametrize(("words", "message"), [
     (["nothing"], "has no study 'nothing'"),
-    (["study", "--sweep", "smoke-3"], "the study 'study' has no sweep 'smoke-3'; fractal-sweep study makes one"),
+    (["study", "--sweep", "smoke-3"], "the study 'study' has no sweep 'smoke-3', and only sweeps have a table"),
     (["study", "--output", "/nowhere"], "no runs are kept in /nowhere; name the output folder"),
 ])
 def test_what_is_not_there_is_said(output, words, message, capsys, monkeypatch):
@@ -147,6 +147,17 @@ def test_what_is_not_there_is_said(output, words, message, capsys, monkeypatch):
     with pytest.raises(SystemExit) as end:
         main(["--output", str(output), *words])
     assert end.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_a_study_of_fits_points_to_the_studies_with_a_table_and_to_the_dashboard(output, capsys, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    with tracking.start_run(tracking.prepare_store(output), "fits", "fit", folder=output / "fits"):
+        pass
+    with pytest.raises(SystemExit):
+        main(["--output", str(output), "fits"])
+    error = capsys.readouterr().err
+    assert "studies with a sweep here: study" in error and "fractal-sweep fits" not in error
+    assert f"python -m fractal_exp.tracking dashboard {output} shows the fits" in error
 
 
 def test_an_unknown_store_is_refused(tmp_path):

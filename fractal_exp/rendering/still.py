@@ -248,7 +248,7 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
     while True:
         attempt += 1
         tally = tree.scatter(window, thrown, seed=(seed, 1, attempt), budget=allowed / 8 if near > 0 else math.inf)
-        if not tally.finished:  # this view is not like that one
+        if near > 0 and not tally.finished:  # this view is not like that one
             return _weigh(tree, window, points, seed, effort, 0.0)
         work = tally.thrown + WORD * tally.visited + 1
         # Words are shared, so work grows less than proportionally to the points: what follows is a bound.

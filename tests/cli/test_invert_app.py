@@ -41,7 +41,8 @@ def method(monkeypatch):
     def use(told=(TRIANGLE,), answer=TRIANGLE):
         def build(*, resolution: int, seed: int, seconds: float | None = None, maps: int | None = None,
                   search: dict | None = None, rounds: int | None = None):
-            given.update(resolution=resolution, seed=seed, seconds=seconds, maps=maps, search=search, rounds=rounds)
+            if not given:  # what may help is tried on the method too
+                given.update(resolution=resolution, seed=seed, seconds=seconds, maps=maps, search=search, rounds=rounds)
             return Knows(told, answer)
         monkeypatch.setattr("fractal_exp.api.load", lambda name: build)
         return given

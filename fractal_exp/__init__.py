@@ -44,6 +44,10 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(_LATER[name], __name__), name)
 
 
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
+
+
 def complete_codes() -> None:
     """Give codes the methods for their files, pictures and pages, whose folders stand on codes. `ifs` asks for it when
     it is loaded."""

@@ -35,8 +35,8 @@ class Verdict:
     kind: "recovered" if the picture is explained to its noise, or its shape to within a pixel by few maps;
     "approximation" if the code draws something like it; "not recovered" if the code is hardly like it, or no more than
     a filled box. Whether the picture is self-similar, no search can say. words: the same in one line, with figures; of
-    colours too, where they are clearly off. remedy: what is most likely to help; empty if nothing is needed.
-    change: the same as an argument of `invert` and its value, where it is one.
+    colours too, where they are clearly off. remedy: what is most likely to help; empty if nothing is needed. change:
+    the same as an argument of `invert` and its value, where it is one.
     """
 
     kind: Kind

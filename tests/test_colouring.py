@@ -15,7 +15,7 @@ from fractal_exp.images import read_target
 from fractal_exp.images.painted import Painted
 from fractal_exp.inversion import Inversion
 from fractal_exp.methods.base import CodeReconstruction, Method
-from fractal_exp.rendering.colour import on_ground
+from fractal_exp.rendering.colour import on_ground, own_ground
 
 FERN = attractor.normalize(codes.known("fern"))
 TRUE = Colours([[0.36, 0.25, 0.15], [0.1, 0.62, 0.3], [0.85, 0.8, 0.1], [0.9, 0.25, 0.3]], [0.9, 0.15, 0.5, 0.7])
@@ -70,7 +70,9 @@ def test_colours_are_found_on_any_ground(drawn, ground):
     """The opacity must be guessed, at the edges of thin leaves: no better error can be asked for than the truth's."""
     seen = painted(laid(drawn, ground))
     assert np.abs(seen.ground - ground).max() < 0.01
-    error = colour_error(fitted(FERN, seen), seen)
+    code = fitted(FERN, seen)
+    assert np.abs(np.subtract(own_ground(code), ground)).max() < 0.01
+    error = colour_error(code, seen)
     assert error < colour_error(replace(FERN, colours=TRUE), seen) + 0.2 < 6
 
 

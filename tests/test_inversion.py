@@ -208,10 +208,11 @@ def test_a_folder_of_an_older_version_is_read(known, path, tmp_path):
     data = json.loads(whole.read_text())
     facts = data["meta"]["inversion"]
     del facts["levels"], facts["camera"], facts["curve"][0]["code"]
-    facts["options"]["camera"] = {"pens": 3}
+    facts["options"]["camera"], facts["verdict"]["kind"] = {"pens": 3}, "not self-similar"
     whole.write_text(json.dumps(data))
     old = Inversion.load(tmp_path / "old")
     assert old.target.levels == found.target.levels and old.camera.kind == found.camera.kind and old.curve == ()
+    assert old.verdict.kind == "not recovered"
     assert old.redrawn().shape == found.target.image.shape
 
 
@@ -220,11 +221,13 @@ def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):
     codes.known("fern").save(tmp_path / "inversion.json")
     with pytest.raises(InputError, match="is not an inversion of this version"):
         Inversion.load(tmp_path)
-    data = json.loads((folder / "inversion.json").read_text())
+    whole = (folder / "inversion.json").read_text()
+    data = json.loads(whole)
     del data["meta"]["inversion"]["likeness"]["f1"]
     (folder / "inversion.json").write_text(json.dumps(data))
-    with pytest.raises(InputError, match="inversion.json is damaged"):
+    with pytest.raises(InputError, match="inversion.json is damaged: 'likeness.f1': Field required; invert"):
         Inversion.load(folder)
+    (folder / "inversion.json").write_text(whole)
     (folder / "target.png").unlink()
     with pytest.raises(InputError, match="target.png"):
         Inversion.load(folder)

@@ -2,46 +2,43 @@
 
 from __future__ import annotations
 
+import math
+
 from torch import Tensor
 
 from ..ifs.code import IFS
 from ..runtime.seeds import derive
 from .camera import Camera
 from .comparison import Comparison
-from .kinds import kind_of, with_camera
+from .kinds import kind_of, of_others, with_camera
 from .levels import Levels
 
-DOTTED = 0.75      # dots, or a tone curve, need an angle of error below this factor times that of simpler kinds
-CURVED_FROM = 2.0  # a tone curve is tried if the angle of dots is at most this factor times the pen's
-TILED = 0.7        # tiles must have an angle below this factor times the pen's: they show the picture itself
+DOTTED = 0.75   # dots, or a tone curve, need an angle of error below this factor times that of simpler kinds
+TILED = 0.7     # tiles must have an angle below this factor times the pen's: they show the picture itself
 
 Tried = tuple[float, Camera]   # an angle of error, and the camera that has it
 
 
 def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | None:
-    """The camera with which the rendering of a code comes closest to the image (R,R); None if the levels are exact or
-    `CameraParams.estimate` is off.
+    """The camera with which the rendering of a code comes closest to the image (R,R); None if the levels are exact,
+    `CameraParams.estimate` is off, or no camera can draw the code.
 
-    All values are tried, of the kinds that the picture may have (`Levels.kinds`). Tiles are chosen only if they explain
-    the image much better than a pen that draws the attractor, dots only if they explain it much better than both, and a
-    tone curve only if it explains it much better than pens, tiles and dots. If the search already measures the image
-    through a tone curve, the camera that explains it best is chosen."""
+    All values are tried, of the kinds that the picture may have (`Levels.kinds`), one kind after the other. Tiles are
+    chosen only if they explain the image much better than a pen that draws the attractor, and each other kind only if
+    it explains it much better than those before: dots than pens and tiles, a tone curve than all of them. If the search
+    already measures the image through a tone curve, the camera that explains it best is chosen."""
     if levels.is_exact or not levels.params.estimate:
         return None
-
-    def best(name: str) -> Tried:
+    angles, below = dict[str, float](), 1.0 if levels.is_curved else DOTTED
+    likely: Tried | None = None
+    for name in levels.kinds:
         kind = kind_of(name)(levels.params, image, kinds=levels.kinds)
-        return _likely(kind, nearest(image, kind, code, seed))
-
-    if len(levels.kinds) == 1 or levels.kind == "tonemapped":
-        return min(map(best, levels.kinds), key=angle_of)[1]
-    dots = best("dots")
-    pen = best("coverage") if "coverage" in levels.kinds else (float("inf"), Camera("coverage"))
-    likely = dots if dots[0] < DOTTED * pen[0] else pen
-    if dots[0] <= CURVED_FROM * pen[0]:
-        curve = best("tonemapped")
-        likely = curve if curve[0] < DOTTED * likely[0] else likely
-    return likely[1]
+        if levels.is_curved or kind.is_worth_trying(angles):
+            found = _likely(kind, nearest(image, kind, code, seed))
+            angles[name] = found[0] if found else math.inf
+            if found and (likely is None or found[0] < below * likely[0]):
+                likely = found
+    return likely and likely[1]
 
 
 def angle_of(tried: Tried) -> float:
@@ -82,13 +79,16 @@ def nearest(image: Tensor, levels: Levels, code: IFS, seed: int) -> list[Tried]:
     return sorted(found.values(), key=angle_of)
 
 
-def _likely(levels: Levels, tried: list[Tried]) -> Tried:
+def _likely(levels: Levels, tried: list[Tried]) -> Tried | None:
     """The best camera that draws the attractor, unless tiles come much closer. Tiles show the picture itself, so they
-    suit a wrong code too."""
+    suit a wrong code too. None if no camera was tried."""
+    if not tried:
+        return None
     whole = [each for each in tried if with_camera(levels, each[1]).shows_attractor]
     return tried[0] if not whole or tried[0][0] < TILED * whole[0][0] else whole[0]
 
 
 def angle_as_density(image: Tensor, levels: Levels, code: IFS, seed: int) -> float:
     """The least angle of error between the image (R,R) and the density of a code, with or without a tone curve."""
-    return min(nearest(image, kind_of(name)(levels.params, image), code, seed)[0][0] for name in ("dots", "tonemapped"))
+    kinds = [kind_of(name)(levels.params, image) for name in of_others() if kind_of(name).is_density]
+    return min((angle for kind in kinds for angle, _ in nearest(image, kind, code, seed)[:1]), default=math.inf)

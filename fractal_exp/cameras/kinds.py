@@ -2,49 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 
 from torch import Tensor
 
 from ..errors import InputError
 from ..images.levels import DRAWN
-from .camera import Camera
+from .camera import KNOWN, Camera
 from .levels import Levels
-from .params import KNOWN, CameraParams
+from .params import CameraParams
 
-KINDS = {"density": "levels.Density", "linear": "linear.Linear", "dots": "pens.Dots", "tonemapped": "pens.ToneMapped",
-         "coverage": "pens.Drawn", "strokes": "strokes.Strokes", "binary": "levels.Binary"}   # where each is, by name
-OF_OTHERS = "coverage", "dots", "tonemapped"   # kinds that a picture may have that others drew; strokes are coverage
+# The module and the class of each kind, by name, in the order in which they are tried: those that explain less first.
+KINDS = {"density": ".levels.Density", "linear": ".linear.Linear", "binary": ".levels.Binary",
+         "coverage": ".pens.Drawn", "strokes": ".strokes.Strokes", "dots": ".pens.Dots",
+         "tonemapped": ".pens.ToneMapped"}
 
 
 def kind_of(name: str) -> type[Levels]:
     """The levels of this kind. Its module is loaded at the first use: most images need only one."""
     module, _, own = KINDS[name].rpartition(".")
-    return getattr(import_module(f".{module}", __package__), own)
+    return getattr(import_module(module, __package__), own)
+
+
+def of_others() -> list[str]:
+    """The kinds that a picture may have that others drew: all whose camera is estimated, except those that are tried
+    beside another."""
+    return [name for name in KINDS if not kind_of(name).is_exact and kind_of(name).beside is None]
+
+
+def beside(name: str) -> list[str]:
+    """The kinds that are tried beside another."""
+    return [other for other in KINDS if kind_of(other).beside == name]
 
 
 def levels_of(image: Tensor, meaning: str, params: CameraParams) -> Levels:
     """The levels of an image (R,R) whose grey levels have a meaning (see `images.levels`). Raises `InputError` if
     no camera that it may have has a value that the user knows."""
-    for name, given in KNOWN.items():
-        if params.known(name) is not None and not any(name in kind_of(kind).values for kind in _possible(meaning)):
-            raise InputError(f"camera.{given} must be null if levels is {meaning}, got {params.known(name)}")
+    known = params.all_known
+    for name, value in known.items():
+        if not any(name in kind_of(kind).values for kind in _possible(meaning)):
+            raise InputError(f"camera.{KNOWN[name]} must be null if levels is {meaning}, got {value}")
     if meaning != DRAWN:
         return kind_of(meaning)(params, image)
     if params.blur_px is not None and not params.estimate:
         raise InputError("camera.blur_px must be null if camera.estimate is false and levels is not linear, got "
                          f"{params.blur_px}")
-    return kind_of("coverage")(params, image, kinds=kinds_of(params))
+    kinds = tuple(kind for kind in of_others() if set(known) <= set(kind_of(kind).values))
+    if not kinds:
+        told = " and ".join(f"camera.{KNOWN[name]}" for name in known)
+        raise InputError(f"{told} must not be given together, because no kind of camera has all of them; got "
+                         + ", ".join(map(str, known.values())))
+    return kind_of("coverage")(params, image, kinds=kinds)
 
 
-def _possible(meaning: str) -> tuple[str, ...]:
-    return OF_OTHERS if meaning == DRAWN else (meaning,)
-
-
-def kinds_of(params: CameraParams) -> tuple[str, ...]:
-    """The kinds of a picture that others drew that have all the values which the user knows."""
-    known = {name for name in KNOWN if params.known(name) is not None}
-    return tuple(kind for kind in OF_OTHERS if known <= set(kind_of(kind).values))
+def _possible(meaning: str) -> Iterable[str]:
+    return of_others() if meaning == DRAWN else (meaning,)
 
 
 def with_camera(levels: Levels, camera: Camera | None) -> Levels:

@@ -12,8 +12,8 @@ from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
 from ..ifs.code import IFS
 from ..ops import cuda_launch
-from .camera import LENGTHS, Camera
-from .params import KNOWN, CameraParams
+from .camera import KNOWN, LENGTHS, Camera
+from .params import CameraParams
 
 ANSCOMBE = 3 / 8   # added to a count before its square root, so that the variance is the same everywhere (1948)
 THRESHOLD = 0.25   # share of lit subpixels above which a pixel of a binary image is white
@@ -32,7 +32,9 @@ class Levels(ABC):
     shows the whole attractor. is_exact: whether an image differs from a rendering of its true code only by chance; if
     not, `camera` holds the estimated values (none before the estimate). image: the picture (R,R). values: the names of
     those that a camera of this kind has, first those without a unit. kinds: of the cameras that the picture may have,
-    where nobody said which; params: what the user knows of it."""
+    where nobody said which; params: what the user knows of it. beside: the kind beside which this one is tried, as
+    strokes beside coverage, if it is not tried for its own sake. is_curved: whether grey levels pass a tone curve. A
+    search reads masses through such a curve from its start, or not at all."""
 
     kind: ClassVar[str]
 
@@ -41,6 +43,8 @@ class Levels(ABC):
     is_linear = False
     is_exact = True
     is_whole = True
+    is_curved = False
+    beside: ClassVar[str | None] = None
     values: ClassVar[tuple[str, ...]] = ()
     supersample: int
 
@@ -101,6 +105,11 @@ class Levels(ABC):
     @property
     def shows_attractor(self) -> bool:
         """Whether the image shows the attractor itself, rather than a step of its construction."""
+        return True
+
+    @classmethod
+    def is_worth_trying(cls, angles: Mapping[str, float]) -> bool:
+        """Whether an image may be of this kind if others that were tried before have these angles of error, by name."""
         return True
 
     def drawn(self, camera: Camera) -> tuple[float | None, ...]:

@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from ..images.levels import TARGET_SUPERSAMPLE
 from ..runtime.params import NAME, Amount, ParamError, Params, Positive
+from .camera import KNOWN
 
 Factor = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-KNOWN = {"gain": "gain", "gamma": "gamma", "pen": "pen_px", "blur": "blur_px"}   # values of a camera, by name here
 
 
 class CameraParams(Params):
@@ -42,13 +42,15 @@ class CameraParams(Params):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        for name in ("pen_px", "gain", "gamma"):
-            if not self.estimate and getattr(self, name) is not None:
-                raise ParamError(name, f"{NAME} must be null if estimate is false, got {getattr(self, name)}")
-        if self.pen_px is not None and (self.gain is not None or self.gamma is not None):
-            raise ParamError("pen_px", f"{NAME} must be null if gain or gamma is given, which are of dots, not of "
-                                       f"lines and areas; got {self.pen_px}")
+        for name, value in self.all_known.items():
+            if not self.estimate and name != "blur":  # which a linear image has
+                raise ParamError(KNOWN[name], f"{NAME} must be null if estimate is false, got {value}")
         return self
+
+    @property
+    def all_known(self) -> dict[str, float]:
+        """All that the user knows of a camera, by the names of `Camera`; lengths are in pixels."""
+        return {name: value for name in KNOWN if (value := self.known(name)) is not None}
 
     def known(self, value: str) -> float | None:
         """What the user knows of a value of `Camera`, in pixels if it is a length; None: nothing."""

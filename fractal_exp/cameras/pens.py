@@ -6,7 +6,7 @@ The unknown values of their camera are estimated with a nearly right code, by tr
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +27,7 @@ TILES_PX = 32.0, 22.0, 16.0, 11.0, 8.0, 5.6, 4.0
 GAINS = tuple(0.01 * 2**(k / 2) for k in range(18))
 GAMMAS = 1.5, 2.2, 3.0, 4.0, 6.0
 CURVED_BLURS_PX = 0.0, 0.35, 0.7   # under a tone curve
+CURVED_FROM = 2.0         # a tone curve is tried if the angle of dots is at most this factor times the pen's
 USUAL_GAMMA = 2.2         # with which an image is searched before the estimate, as of sRGB
 HISTOGRAM_LEVELS = 4096   # by which the histograms of image and rendering are compared
 PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
@@ -109,7 +110,7 @@ class Dots(Density):
         if not camera.is_known:
             return super().render(code, resolution, seed, independent=independent)
         sigma = (camera.blur or 0.0) * resolution * DOT_SUPERSAMPLE / 2
-        return self._toned(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
+        return self.toned(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
         """Pairs of a camera and the rendering (R,R) of the code with it."""
@@ -118,7 +119,7 @@ class Dots(Density):
         for sigma in given(params.blur_px, self.blurs_px):
             spread = blurred(density, sigma * DOT_SUPERSAMPLE)
             for gain in given(params.gain, GAINS):
-                yield Camera(self.kind, gain=gain, blur=sigma * pixel), self._toned(spread, gain)
+                yield Camera(self.kind, gain=gain, blur=sigma * pixel), self.toned(spread, gain)
 
     @property
     def blurs_px(self) -> Sequence[float]:
@@ -129,7 +130,8 @@ class Dots(Density):
         return self.occupied(code, resolution * DOT_SUPERSAMPLE, 1, self.points(resolution), seed, independent,
                              "density")
 
-    def _toned(self, density: Tensor, gain: float) -> Tensor:
+    def toned(self, density: Tensor, gain: float) -> Tensor:
+        """Grey levels (R,R) of a density (2R,2R)."""
         return avg_pool2d((1 - (-gain * density).exp())[None], DOT_SUPERSAMPLE)[0]
 
 
@@ -138,7 +140,13 @@ class ToneMapped(Dots):
     I = (1 - exp(-gain · density))^(1 / gamma), which with both numbers free is close to a logarithm too."""
 
     kind = "tonemapped"
+    is_curved = True
     values = "gain", "gamma", "blur"
+
+    @classmethod
+    def is_worth_trying(cls, angles: Mapping[str, float]) -> bool:
+        """Where dots do not explain an image much worse than pens and tiles."""
+        return angles.get(Dots.kind, 0.0) <= CURVED_FROM * angles.get(Drawn.kind, math.inf)
 
     @property
     def gamma(self) -> float:

@@ -34,6 +34,7 @@ class Strokes(Drawn):
     drawing."""
 
     kind = "strokes"
+    beside = Drawn.kind
     is_whole = False
     values = "depth", "thinning", "pen", "blur"
 

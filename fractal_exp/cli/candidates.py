@@ -22,7 +22,7 @@ from ..ifs.code import IFS
 from ..runtime.files import LARGEST_JSON, parse_json, read_file
 from ..suite import SUITE_COUNT, SUITE_SEED, random_suite
 from ..tracking.addresses import database_path, store_uri
-from .code_names import file_and_name, load_code, read_code
+from .code_names import file_and_name, read_code
 from .folders import CODE, CONFIG, ENLARGED, FINISHED, PICTURE, TRUTH
 
 LARGEST_SIDE = 8192       # pixels, of a picture that a fit left
@@ -51,8 +51,8 @@ class Submission:
 
 
 def gather(sources: Sequence[str], truth: str | None, output: str | Path) -> list[Submission]:
-    """All codes that `sources` name: files, FILE:NAME or FILE:#2 in one with several, folders of JSON files, folders of
-    fits, run:ID in the store of `output`.
+    """All codes that `sources` name: files, FILE:NAME for one of several codes, folders of JSON files, folders of fits,
+    run:ID in the store of `output`.
 
     truth: a code (`read_code`) for all of them, a classic with its probabilities by area, as targets are drawn unless
     told otherwise; a folder with a JSON of the same name for each; suite or suite:all:SEED for the fractal of the
@@ -89,11 +89,11 @@ def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[
         run_id = source.removeprefix("run:")
         yield _fit(run_id, f"run {run_id}", _run_reader(run_id, output), truth)
         return
-    path, entry = file_and_name(source)
-    path = path.absolute()
+    path = Path(source).absolute()
     if not path.is_dir():
-        name = re.sub(r"[^\w.-]+", "-", path.stem if entry is None else f"{path.stem}:{entry}")
-        yield Submission(name, load_code(path, entry), _aim(name, truth))
+        path, entry = file_and_name(source)
+        name = path.stem if entry is None else entry.removeprefix("#")
+        yield Submission(name, IFS.load(path, entry), _aim(name, truth))
         return
     finished = _fits(path, FINISHED)
     coded = [fit for fit in finished if not _found_no_code(fit)]

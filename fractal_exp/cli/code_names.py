@@ -31,14 +31,14 @@ def _code(text: str) -> IFS:
     if path.is_dir() and (path / "code.json").is_file():
         path = path / "code.json"
     if _may_be_file(path):
-        return load_code(path, name)
+        return _loaded(path, name)
     if text in codes.names():
         return codes.known(text)
     near = did_you_mean(text, codes.names())
     raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
 
 
-def load_code(path: Path, name: str | None = None) -> IFS:
+def _loaded(path: Path, name: str | None) -> IFS:
     """`IFS.load`, whose `InputError` on a picture names the command that finds its code."""
     try:
         return IFS.load(path, name)

@@ -43,7 +43,7 @@ class _Parser(argparse.ArgumentParser):
 def command_parser(program: str, description: str) -> argparse.ArgumentParser:
     """An argument parser that knows -1.5e-6 for a number, which Python's own takes for an option until 3.14."""
     parser = _Parser(program, description=description, formatter_class=Raw)
-    parser._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
+    parser._negative_number_matcher = re.compile(r"-(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?$", re.IGNORECASE)
     return parser
 
 

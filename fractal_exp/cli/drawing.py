@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+import shutil
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -15,7 +17,7 @@ from tqdm import tqdm
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
-from ..rendering.colour import BLACK, ground_of, on_ground
+from ..rendering.colour import ground_of, on_ground, own_ground
 from ..rendering.film import check_film, forecast, frames, write_film
 from ..rendering.film_formats import NAMES, format_of, is_film
 from ..rendering.morph import morph_path
@@ -26,6 +28,7 @@ from ..runtime import threads
 from .code_names import read_code
 from .commands import LARGEST
 
+Item = TypeVar("Item")
 STILLS = {"bits": 8, "transparent": False}
 COLOUR = "colour"
 FILMS = {"seconds": None, "fps": None}
@@ -62,7 +65,7 @@ def _choose_colours(codes: Sequence[IFS], options: argparse.Namespace) -> None:
                          + ("" if coloured else ", or find the code with fractal-invert --colour"))
     if options.background is not None and options.transparent:
         raise InputError("--background changes nothing with --transparent; leave one of them out")
-    options.ground = BLACK if options.background is None else ground_of(options.background)
+    options.ground = own_ground(codes[0]) if options.background is None else ground_of(options.background)
 
 
 def _refuse_unused(options: argparse.Namespace) -> None:
@@ -117,7 +120,7 @@ def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Ite
     across = math.ceil(size / side)
     band = np.empty((side, across * side, *CHANNELS.get(options.mode, ())), np.float32)
     tiles = render_tiles(code, view, resolution=size, **drawing)
-    for tile in tqdm(tiles, "drawing", across * across, unit="tile", disable=across == 1):
+    for tile in _with_progress(tiles, across * across, "tile") if across > 1 else tiles:
         band[:, tile.column:tile.column + side] = tile.pixels
         if tile.column + side >= size:
             rows = band[:size - tile.row, :size]
@@ -151,7 +154,13 @@ def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:
                       supersample=options.supersample, mode=options.mode, ground=options.ground)
 
     print(forecast(path, drawn, count, fps=fps), flush=True)
-    return write_film(path, tqdm(drawn(slice(None)), "drawing", count, unit="frame"), fps=fps)
+    return write_film(path, _with_progress(drawn(slice(None)), count, "frame"), fps=fps)
+
+
+def _with_progress(items: Iterable[Item], count: int, unit: str) -> Iterable[Item]:
+    """Items, counted on the terminal; one that does not know its size is taken to have 80 columns and 24 lines."""
+    columns, lines = shutil.get_terminal_size()
+    return tqdm(items, "drawing", count, unit=unit, ncols=columns, nrows=lines)
 
 
 def _zoom(code: IFS, count: int, options: argparse.Namespace) -> tuple[Sequence[IFS], Sequence[View]]:

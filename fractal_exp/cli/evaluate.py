@@ -12,11 +12,11 @@ DISTANCES = ("lpips_alex", "lpips_squeeze", "lpips_vgg", "fractal")
 
 DESCRIPTION = """Judge recovered codes on the seven views of each fractal: the whole, and closer by up to eight times.
 
-CODES are files (FILE:NAME or FILE:#2 in one with several codes), folders of JSON files, folders of fits as
-fractal-train leaves them, or run:ID. Fits know their truth;
-for other codes name it: --truth suite takes the fractal whose number ends the file's name (007.json), a folder the
-file of the same name in it, and a code (fern, leaf.json, suite:7) stands for all. A classic's name means that classic
-with map probabilities |det| + 0.01, as target=known draws it unless told otherwise.
+CODES are files (FILE:NAME for one of several codes), folders of JSON files, folders of fits as fractal-train leaves
+them, or run:ID. Fits know their truth; for other codes name it: --truth suite takes the fractal whose number ends the
+file's name (007.json), a folder the file of the same name in it, and a code (fern, leaf.json, suite:7) stands for all.
+A classic's name means that classic with map probabilities |det| + 0.01, as target=known draws it unless told
+otherwise.
 
 Written to --out: per_view (.csv and .parquet, a row a view), summary and codes (.csv), report.txt, and for each code a
 strip target | result | difference. Beside the results stand their ceiling, which is the truth drawn with other

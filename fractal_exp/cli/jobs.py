@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import json
-import os
 import re
 import sys
-import threading
 import time
 import traceback
 from collections.abc import Collection, Iterator, Sequence
@@ -20,17 +17,14 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.utils import get_method
 from omegaconf import DictConfig
 
-from ..runtime import threads
+from ..runtime import parent, threads
 from ..runtime.files import alone_in, check_scores, read_record, write_atomically
 from ..tracking.addresses import shown
-from ..tracking.store import is_alive
 from . import configuration
 from .runs import NoRuns
 
 FINISHED, FAILED = "finished", "failed"
 LONGEST_NAME = 120
-POLL_SECONDS = 1.0  # between two looks at the process that began the sweep
-ORPHANED = 143      # the exit status of a process that SIGTERM ended
 
 
 @dataclass(frozen=True)
@@ -82,7 +76,7 @@ def run_job(config: DictConfig) -> str:
 
     A failure is an outcome too: it is noted, tracked and does not stop the other jobs.
     """
-    follow(config.sweep.parent)
+    parent.follow(config.sweep.parent)
     name = job_name(HydraConfig.get().overrides.task, config.sweep.varies)
     config.output = str(Path(config.output).expanduser().absolute())
     folder = Path(config.output) / config.study / config.sweep.folder / name
@@ -105,23 +99,6 @@ def run_job(config: DictConfig) -> str:
             _track_failure(config, row, sample, folder, error)
         outcome.write(folder)
     return outcome.status
-
-
-@functools.cache
-def follow(pid: int | None) -> None:
-    """End this process, whatever it does, within seconds after process `pid` of this machine is gone; None: live on.
-
-    A worker ends with the process that began the sweep: joblib's own would finish what they are at. A fit may be cut
-    off at any moment and goes on from its checkpoint, so nothing is tidied up: what hangs could not be. Does nothing in
-    the process `pid` itself, where a launcher runs jobs in place.
-    """
-    def watch(pid: int) -> None:
-        while is_alive(pid):
-            time.sleep(POLL_SECONDS)
-        os._exit(ORPHANED)
-
-    if pid not in (None, os.getpid()):
-        threading.Thread(target=watch, args=(pid,), daemon=True).start()
 
 
 def _label(config: DictConfig, key: str, otherwise: str) -> str:

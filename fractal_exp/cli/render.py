@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--mode", choices=MODES, help="what a pixel shows (default: colour for a code with colours, "
                                                          "else occupancy)")
     parser.add_argument("--background", metavar="COLOUR", help="behind a drawing in colour: a name or #rrggbb "
-                                                               "(default: black)")
+                                                               "(default: the one it was found on, or black)")
     parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")
     parser.add_argument("--seed", type=int, help="of the points of a still, and of a film's target (default 0)")
     still = parser.add_argument_group("stills")

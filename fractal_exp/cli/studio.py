@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 import webbrowser
 from pathlib import Path
@@ -14,7 +15,7 @@ from .commands import command, command_parser
 DESCRIPTION = """Offer the studio: a page into which a picture is dropped, and which shows how its code is found.
 
 The page is offered to this machine alone (127.0.0.1), at an address that holds a random token. Nothing is written but
-into --output. Ctrl-C ends the studio; a code that was not saved is then written.
+into --output. Ctrl-C ends the studio; what was not saved is kept there, and offered at the next start.
 
 examples
   fractal-studio
@@ -36,10 +37,14 @@ def offer(options: argparse.Namespace) -> None:
 
     threads.use(1)  # the search has a process of its own
 
-    def opened(address: str) -> None:
+    def opened(address: str, start: str) -> None:
         print(f"  studio     {address}\n  written to {folder}\n  Ctrl-C ends it", flush=True)
         if not options.no_browser:
-            webbrowser.open(address)
+            webbrowser.open(start)  # other users of the machine see a browser's arguments, and never the token
+
+    def left(words: str) -> None:
+        with contextlib.suppress(OSError):  # the terminal was closed
+            print(f"  {words}", file=sys.stderr)
 
     folder = make_folder(Path(options.output))
-    serve(folder, options.port, opened, lambda path: print(f"  kept       {path}", file=sys.stderr))
+    serve(folder, options.port, opened, left)

@@ -58,8 +58,9 @@ def fitted(code: IFS, painted: Painted, seed: int = 0) -> IFS | None:
     """The code with the colours and blends that reproduce those of a picture; its maps and probabilities stay.
 
     code: contractive, in the frame of the picture's canvas, with or without colours of its own, which are not used.
-    Blends are from 0.01 to 1. Returns None if code and picture share fewer than 16 lit pixels. The same seed gives the
-    same colours. Raises `InputError` if the code is not contractive.
+    Blends are from 0.01 to 1. The picture's ground becomes the note "ground" of the code's `meta`, as "#rrggbb".
+    Returns None if code and picture share fewer than 16 lit pixels. The same seed gives the same colours. Raises
+    `InputError` if the code is not contractive.
     """
     sample = _sampled(code, painted, seed)
     if sample is None:
@@ -67,8 +68,9 @@ def fitted(code: IFS, painted: Painted, seed: int = 0) -> IFS | None:
     starts = sorted((_alike(sample, blend) for blend in ALIKE), key=lambda start: start.cost)[:STARTS]
     best = min((_improved(sample, start.x) for start in starts), key=lambda found: found.cost)
     rgb, blends = _parts(best.x)
-    return replace(code, colours=Colours(torch.from_numpy(rgb.clip(0, 1)),
-                                         torch.from_numpy(blends.clip(LEAST_BLEND, 1))))
+    ground = "#" + bytes(np.rint(255 * painted.ground.clip(0, 1)).astype(np.uint8)).hex()
+    return replace(code, meta={**code.meta, "ground": ground},
+                   colours=Colours(torch.from_numpy(rgb.clip(0, 1)), torch.from_numpy(blends.clip(LEAST_BLEND, 1))))
 
 
 def _sampled(code: IFS, painted: Painted, seed: int) -> _Sample | None:

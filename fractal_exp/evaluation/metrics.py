@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
-
 import torch
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
 from ..errors import InputError
+from ..runtime.checks import into_unit
 from ..runtime.extras import need
 
 MSE_FLOOR = 1e-10            # PSNR of equal images: 100 dB
 SSIM_WINDOW = 11             # of sigma 1.5
+SMALLEST = 13                # pixels a side, of which the window fits into the inner crop
 CROP = 8                     # an eighth of the image is cut off on each side
 
 
@@ -85,19 +85,19 @@ def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
     """All metrics by name, (B,) each, of the inner crops of images (B,R,R) against truth (B,R,R), both in [0,1].
 
     They are NaN for `empty_pairs`: two black pictures agree, but say nothing about a method. Raises `InputError` if the
-    shapes differ, or images are not finite or leave [0,1].
+    shapes differ, images are not finite or leave [0,1], or have less than 13 px a side.
     """
     _check(images, truth)
-    if inner_crop(images).shape[-1] < SSIM_WINDOW:
-        least = next(side for side in itertools.count(SSIM_WINDOW) if side - 2 * (side // CROP) >= SSIM_WINDOW)
-        raise InputError(f"images are compared on their inner three quarters, which must have {SSIM_WINDOW} px a side "
-                         f"for SSIM; that takes a resolution of at least {least}, got {images.shape[-1]}")
+    if images.shape[-1] < SMALLEST:
+        raise InputError(f"SSIM needs images of at least {SMALLEST} px a side, got {tuple(images.shape[-2:])}; "
+                         "raise the resolution")
     for name, batch in (("image", images), ("truth", truth)):
         if not bool(torch.isfinite(batch).all()):
             raise InputError(f"the {name} to compare holds NaN or infinity")
         low, high = float(batch.min()), float(batch.max())
         if low < 0 or high > 1:
-            raise InputError(f"the {name} to compare must lie in [0, 1], got [{low:.4g}, {high:.4g}]")
+            raise InputError(f"the {name} to compare must lie in [0, 1], got [{low:.4g}, {high:.4g}]; "
+                             f"{into_unit(low, high)}")
     empty = empty_pairs(images, truth)
     images, truth = inner_crop(images), inner_crop(truth)
     return {name: metric(images, truth).masked_fill(empty, torch.nan) for name, metric in METRICS.items()}

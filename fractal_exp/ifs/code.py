@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,11 +12,13 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from ..runtime.checks import check_number
 from .colours import Colours
-from .numbers import exact, floats
+from .numbers import exact, floats, same
 
 FORMAT = "fractal-exp/ifs"
 VERSION = 1
+CONTRACTED = 0.999  # largest singular value that `IFS.contracted` leaves; nearer to 1, an attractor is hard to draw
 PROBABILITY_FLOOR = 0.01  # so that flat maps are drawn too: p_i is proportional to |det M_i| + floor
 
 
@@ -54,6 +56,9 @@ class View:
 class IFS:
     """An iterated function system of N affine maps f_i(x) = `linear`[i] x + `offset`[i].
 
+    `len(code)` is N, and `for linear, offset in code` goes through the maps, (2,2) and (2,) each. Codes are equal if
+    all of their values are, wherever their tensors lie, and equal codes have one hash. Messages count maps from 1.
+
     - linear (N,2,2) and offset (N,2): finite, kept as float32 tensors.
     - probabilities (N,): of the chaos game, at least 0, with sum 1. None makes p_i proportional to |det M_i| + 0.01.
     - meta: free notes that JSON can hold, such as a name and a source.
@@ -89,6 +94,20 @@ class IFS:
         """The number of maps N."""
         return self.linear.shape[0]
 
+    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
+        """The maps, each its matrix (2,2) and its offset (2,)."""
+        return zip(self.linear, self.offset, strict=True)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, IFS):
+            return NotImplemented
+        return (same(self.linear, other.linear) and same(self.offset, other.offset)
+                and same(self.probabilities, other.probabilities) and self.colours == other.colours
+                and dict(self.meta) == dict(other.meta))
+
+    def __hash__(self) -> int:
+        return hash((tuple(self.linear.flatten().tolist()), tuple(self.offset.flatten().tolist())))
+
     def __repr__(self) -> str:
         name = f"{self.meta['name']!r}, " if isinstance(self.meta.get("name"), str) else ""
         return f"IFS({name}{len(self)} map{'s' * (len(self) > 1)})"
@@ -122,7 +141,8 @@ class IFS:
 
     def check_contractive(self) -> IFS:
         """Return self, or raise `InputError` naming the first map whose larger singular value is not below 1."""
-        largest = self.singular_values()[:, 0]
+        a, b, c, d = self.linear.double().flatten(1).unbind(-1)
+        largest = (torch.hypot(a + d, b - c) + torch.hypot(a - d, b + c)) / 2  # so in code.mjs, to the last map
         if bool((largest >= 1).any()):
             i = int((largest >= 1).nonzero()[0])
             raise InputError(
@@ -130,6 +150,17 @@ class IFS:
                 f"{float(largest[i]):.6g}; shrink its matrix or drop the map"
             )
         return self
+
+    def contracted(self, most: float = CONTRACTED) -> IFS:
+        """The code with the nearest matrices (in the Frobenius norm) whose singular values are at most `most`.
+
+        `most` is above 0 and at most 0.999. Larger singular values are lowered to it. Offsets, and matrices that
+        contract enough, stay bit for bit. Raises `InputError` if `most` is out of range.
+        """
+        check_number("most", most, f"a number above 0 and at most {CONTRACTED}", 1e-6, CONTRACTED)
+        u, singular, vt = torch.linalg.svd(self.linear.double())
+        nearest = (u * singular.clamp(max=most)[:, None, :]) @ vt
+        return replace(self, linear=torch.where((singular[:, :1, None] > most), nearest.float(), self.linear))
 
     def similar(self, scale: float, shift: tuple[float, float]) -> IFS:
         """The code whose attractor is scale · A + shift: matrices stay, offsets change by conjugation.

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
-from .numbers import exact, floats, only_keys, only_numbers
+from .numbers import exact, floats, only_keys, only_numbers, same
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,12 @@ class Colours:
             raise InputError("at least one blend must be above 0: with blends of 0 alone, no map gives a colour")
         object.__setattr__(self, "rgb", rgb)
         object.__setattr__(self, "blends", blends)
+
+    def __eq__(self, other: object) -> bool:
+        return same(self.rgb, other.rgb) and same(self.blends, other.blends) if isinstance(other, Colours) else False
+
+    def __hash__(self) -> int:
+        return hash((tuple(self.rgb.flatten().tolist()), tuple(self.blends.tolist())))
 
     def __len__(self) -> int:
         """The number of maps N."""

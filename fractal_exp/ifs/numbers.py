@@ -10,16 +10,22 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
-from ..runtime.checks import check_dense
+from ..runtime.checks import check_dense, shown
 
 LARGEST = torch.finfo(torch.float32).max
+TOO_LARGE = 2.0**128 - 2.0**103  # what is smaller rounds to a float32; so in json.mjs
+MOST_MAPS = 10_000             # of a code that comes as plain data or in a file; nobody drew one with more
+MOST_ITEMS = 10 * MOST_MAPS    # of nested lists: a map has seven numbers at most, in three lists
 
 
 def floats(name: str, value: Any) -> Tensor:
     """A copy of the value as a float32 tensor without a gradient. Raises `InputError`, which calls it `name`, unless it
     is a regular array of finite real numbers."""
     try:
-        given = torch.as_tensor(value)
+        try:
+            given = torch.as_tensor(value)
+        except (ValueError, RuntimeError):  # whole numbers of more than 64 bits
+            given = torch.as_tensor(value, dtype=torch.float64)
     except (TypeError, ValueError, RuntimeError, OverflowError) as error:
         raise InputError(f"{name} must be a regular array of numbers: {error}") from error
     check_dense(name, given)
@@ -29,6 +35,11 @@ def floats(name: str, value: Any) -> Tensor:
     if not bool(torch.isfinite(tensor).all()):
         raise InputError(f"{name} must be finite, got NaN or infinity")
     return tensor.clone()
+
+
+def same(one: Tensor | None, other: Tensor | None) -> bool:
+    """Whether two tensors have equal values, wherever they lie, or both are None."""
+    return one is other if one is None or other is None else torch.equal(one.cpu(), other.cpu())
 
 
 def exact(tensor: Tensor) -> list[Any]:
@@ -46,14 +57,18 @@ def only_keys(data: Mapping[str, Any], allowed: set[str], what: str = "a code") 
 
 
 def only_numbers(name: str, value: Any) -> Any:
-    """Plain nested lists, checked to hold nothing but numbers that float32 can hold: no text, no true or false."""
-    rest = [value]
+    """Plain nested lists, checked to hold nothing but numbers that float32 can hold: no text, no true or false. Raises
+    `InputError` on anything else, and on more than a code of 10 000 maps has."""
+    rest, items = [value], 0
     while rest:
         item = rest.pop()
         if isinstance(item, list | tuple):
+            items += len(item)
+            if items > MOST_ITEMS:
+                raise InputError(f"{name} must hold at most {MOST_ITEMS} lists and numbers, those of {MOST_MAPS} maps")
             rest.extend(item)
         elif isinstance(item, bool) or not isinstance(item, int | float):
             raise InputError(f"{name} must hold numbers only, got {reprlib.repr(item)}")
-        elif not abs(item) <= LARGEST:
-            raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {reprlib.repr(item)}")
+        elif not abs(item) < TOO_LARGE:
+            raise InputError(f"{name} must hold finite numbers up to {LARGEST:.4g} (float32), got {shown(item)}")
     return value

@@ -14,6 +14,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from ..errors import InputError
 from ..runtime.files import check_file
+from . import whole
 from .checks import check_within
 from .refusals import known_as
 
@@ -153,12 +154,13 @@ class Overview:
 
 
 def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str], np.ndarray], *,
-                 shrink: bool = False, crop: Crop | None = None) -> Bands:
+                 shrink: bool = False, crop: Crop | None = None, most: int = LARGEST_PIXELS) -> Bands:
     """The upright picture of a file, as bands of uint8, uint16 or float32, each passed through `check(band, name)`.
 
     shrink: shrink a picture of at least 8192 × 2048 px while it is read, a JPEG already while it is decoded, unless it
-    is cropped. crop: the part that is read; `shrink` goes by its size. Adds to `notes` what a user should know. Raises
-    `InputError` if the file cannot be read, has over 20 000² pixels, or does not hold the crop.
+    is cropped. crop: the part that is read; `shrink` goes by its size. most: pixels that are decoded. Adds to `notes`
+    what a user should know. Raises `InputError` if the file cannot be read, has over 20 000² pixels or more than `most`
+    to decode, or does not hold the crop.
     """
     path = path.absolute()
     check_file(path, "the picture")
@@ -168,7 +170,12 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
             part = _factor(before)
             picture.draft(None, (max(1, before[0] // part), max(1, before[1] // part)))
             scale = round(before[0] / picture.size[0])
+        if picture.width * picture.height > most:
+            raise InputError(f"{path} has {picture.width}×{picture.height} pixels, at most {most // 10**6} million are "
+                             "read here; shrink the picture first")
+        whole.check_size(picture, path)
         picture.load()
+        whole.check_rows(picture, path)
         frames = getattr(picture, "n_frames", 1)
         if frames > 1:
             notes.append(f"the file holds {frames} pictures: the first was taken")

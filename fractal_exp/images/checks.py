@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from ..errors import InputError
+from ..runtime.checks import into_unit
 
 MIN_SIDE = 16                            # pixels, for a picture and for a target
 ROUNDING = 1e-5                          # floats may leave [0,1] by this much
@@ -107,8 +108,8 @@ def check_pixels(image: Any, name: str) -> np.ndarray:
             raise InputError(f"{name} must be finite, but {bad} of its values are NaN or infinite; replace them")
         low, high = float(image.min()), float(image.max())
         if low < -ROUNDING or high > 1 + ROUNDING:
-            raise InputError(f"{name} must lie in [0, 1] if it holds floats, got {low:.4g} to {high:.4g}; divide it by "
-                             "its white level, or pass uint8")
+            raise InputError(f"{name} must lie in [0, 1] if it holds floats, got {low:.4g} to {high:.4g}; "
+                             f"{into_unit(low, high)}{'' if low < 0 else ', or pass uint8'}")
     return image
 
 

@@ -14,17 +14,15 @@ Levels = Literal["auto", "density", "linear", "dots", "tonemapped", "coverage", 
 MEANINGS = get_args(Levels)
 TARGET_SUPERSAMPLE = 16   # subpixels along a pixel
 TARGET_ROUNDING = 0.0025  # subpixels; 16 bits round a grey level by up to 0.002, 8 bits by up to 0.5
-DRAWN = "drawn"           # by others: as coverage, dots or a tone curve, which a search finds out
+DRAWN = "drawn"           # by others: a search finds out how
 
 
 @dataclass(frozen=True, eq=False)
 class TargetImage:
     """A target and the meaning of its grey levels.
 
-    image: (R,R) float32 in [0,1], white shape on black. levels: "density" for the share of subpixels that a chaos game
-    hits, "linear" for the number of its points in a pixel up to a factor, "dots" for the ink of as many dots,
-    "tonemapped" for such a number through a tone curve, "coverage" for the covered share of a pixel, "binary" for black
-    and white without a meaning of their own, and "drawn" for a picture that others drew, in one of three ways.
+    image: (R,R) float32 in [0,1], white shape on black. levels: one of `MEANINGS` other than "auto", which
+    docs/cameras.md explains, or "drawn" for a picture that others drew, whose meaning a search finds out.
     """
 
     image: Tensor

@@ -16,7 +16,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..runtime.files import replacing
 from . import tone
-from .bands import Bands, Crop, Overview, Profile, open_picture
+from .bands import LARGEST_PIXELS, Bands, Crop, Overview, Profile, open_picture
 from .checks import MIN_SIDE, Notes, check_crop, check_options, check_pixels, check_resolution, unit
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
 from .levels import Levels, TargetImage, decided
@@ -24,7 +24,7 @@ from .parts import beside_the_shape
 from .placement import Placement
 from .sampling import is_target, resample, window
 
-__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_target", "write_image"]
+__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_small", "read_target", "write_image"]
 
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
 SEEN = 1 / 512                           # level up to which nothing counts as lit if there is no noise
@@ -77,6 +77,7 @@ def read_target(
     clean: bool = True,
     crop: Sequence[int] | None = None,
     levels: Levels = "auto",
+    most_pixels: int = LARGEST_PIXELS,
 ) -> ReadImage:
     """Read a picture as a target (resolution, resolution), white on black.
 
@@ -103,6 +104,7 @@ def read_target(
     crop: (left, top, right, bottom), the part of the upright picture that is read as if it were all, in pixels from the
     upper left corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
     levels: what the grey levels mean, see `TargetImage`; "auto" decides by their look.
+    most_pixels: of a file, as many as are decoded: fewer than it has for a large JPEG without `crop`.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.
     Pillow holds the file's pixels at 1 to 4 bytes each (for a large JPEG without `crop`, those of a smaller one).
     Beside that, the memory is for some rows, an overview of a million pixels, and the result.
@@ -113,7 +115,7 @@ def read_target(
     part = None if crop is None else check_crop(crop)
     name = f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
     notes = Notes()
-    pixels = _open(source, notes, name, shrink=frame == "fit", crop=part)
+    pixels = _open(source, notes, name, shrink=frame == "fit", crop=part, most=most_pixels)
     width, height, (left, top) = pixels.width, pixels.height, pixels.origin
     if part is not None:
         name = f"the part {part} of {name}"
@@ -276,14 +278,32 @@ def read_colour(source: str | Path | np.ndarray | Tensor, backdrop: float = 0.0)
     picture cannot be read.
     """
     pixels = open_source(source)
+    return np.concatenate([_coloured(band, backdrop) for band in pixels])
 
-    def coloured(band: np.ndarray) -> np.ndarray:
-        levels = np.atleast_3d(unit(band))
-        if pixels.channels == 4:
-            levels = levels[..., :3] * levels[..., 3:] + np.float32(backdrop) * (1 - levels[..., 3:])
-        return np.rint(255 * np.broadcast_to(levels, (*levels.shape[:2], 3))).astype(np.uint8)
 
-    return np.concatenate([coloured(band) for band in pixels])
+def read_small(path: str | Path, side: int, backdrop: float = 0.0) -> np.ndarray:
+    """The upright picture of a file in its own colours, (h,w,3) uint8, shrunk so that its longer side has at most
+    `side` pixels. It is shrunk as it is read: beside what Pillow decodes, the memory is for some rows. backdrop: as for
+    `read_colour`. Raises `InputError` as that does."""
+    pixels = _open(path, Notes(), "the image", shrink=True)
+    block = max(1, max(pixels.height, pixels.width) // side)  # pixels a side, of which one is made
+    starts = np.arange(0, pixels.width, block)
+    counts = np.diff(np.append(starts, pixels.width))[:, None]
+    rows = [np.add.reduceat(_coloured(pixels.rows(first, min(first + block, pixels.height)), backdrop).mean(0), starts)
+            for first in range(0, pixels.height, block)]
+    image = Image.fromarray(np.rint(np.stack(rows) / counts).astype(np.uint8))
+    scale = min(1.0, side / max(pixels.width, pixels.height))
+    shown = [max(1, round(scale * each)) for each in (pixels.width, pixels.height)]
+    box = 0, 0, pixels.width / block, pixels.height / block  # the last block of a row may be less than a whole one
+    return np.asarray(image.resize(shown, Image.Resampling.BICUBIC, box=box))
+
+
+def _coloured(band: np.ndarray, backdrop: float) -> np.ndarray:
+    """Some rows as they look, uint8, on a grey level behind transparent parts."""
+    levels = np.atleast_3d(unit(band))
+    if levels.shape[2] == 4:
+        levels = levels[..., :3] * levels[..., 3:] + np.float32(backdrop) * (1 - levels[..., 3:])
+    return np.rint(255 * np.broadcast_to(levels, (*levels.shape[:2], 3))).astype(np.uint8)
 
 
 def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8, 16] = 8) -> Path:
@@ -313,7 +333,7 @@ def open_source(source: str | Path | np.ndarray | Tensor, crop: Crop | None = No
 
 
 def _open(source: str | Path | np.ndarray | Tensor, notes: Notes, name: str, *, shrink: bool = False,
-          crop: Crop | None = None) -> Bands:
+          crop: Crop | None = None, most: int = LARGEST_PIXELS) -> Bands:
     if isinstance(source, str | Path):
-        return open_picture(Path(source), notes, check_pixels, shrink=shrink, crop=crop)
+        return open_picture(Path(source), notes, check_pixels, shrink=shrink, crop=crop, most=most)
     return Bands.of_array(check_pixels(source, name), crop)

@@ -12,9 +12,9 @@ import numpy as np
 from torch import Tensor
 
 from ..cameras.camera import Camera, parse_camera
-from ..cameras.params import CameraParams
 from ..errors import InputError
 from ..ifs.code import IFS, View
+from ..images.checks import MIN_SIDE
 from ..images.levels import decided
 from ..images.placement import Placement
 from ..images.reading import ReadImage, read_colour, read_target, write_image
@@ -22,15 +22,15 @@ from ..likeness import Likeness, default_camera, redrawn
 from ..methods.base import CurvePoint
 from ..methods.history import StageRecord
 from ..rendering import sheets
-from ..rendering.colour import on_ground
+from ..rendering.colour import on_ground, own_ground
 from ..rendering.still import render_with_info
-from ..runtime.files import make_folder
+from ..runtime.files import checked, make_folder
 from ..verdict import Verdict
+from .facts import VERSION, Facts, known_camera
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-VERSION = 2  # of the facts in inversion.json
 CODE, INVERSION, TARGET = "code.json", "inversion.json", "target.png"  # files in the folder of an inversion
 WARNED = 0.8  # F1 within a pixel below which an approximation comes with a warning
 
@@ -71,25 +71,20 @@ class Inversion:
                supersample: int = 8, seed: int = 0, mode: str = "occupancy", path: str | Path | None = None) -> Tensor:
         """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
 
-        path: a PNG to write, or None. A drawing in colour is written on white if the picture was dark on light, else on
-        black. Raises `InputError` if it cannot be written.
+        path: a PNG to write, or None. A drawing in colour is written on the picture's ground. Raises `InputError` if it
+        cannot be written.
         """
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
                                     supersample=supersample, seed=seed, mode=mode)
         if path is not None:
-            level = float(self.target.inverted)
-            write_image(path, on_ground(image, (level, level, level)) if mode == "colour" else image)
+            level = float(self.target.inverted)  # for the codes of older versions, which do not tell their ground
+            ground = own_ground(self.code, (level, level, level))
+            write_image(path, on_ground(image, ground) if mode == "colour" else image)
         return image
 
     def redrawn(self, *, seed: int = 0) -> Tensor:
         """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as they were found."""
-        return redrawn(self.code, self.target, self.camera, params=self._known, seed=seed)
-
-    @property
-    def _known(self) -> CameraParams:
-        """What the user knew of the camera. Options that an older version had are left out."""
-        given = dict(self.options.get("camera") or {})
-        return CameraParams().updated(**{key: given[key] for key in given.keys() & CameraParams.model_fields.keys()})
+        return redrawn(self.code, self.target, self.camera, params=known_camera(self.options), seed=seed)
 
     def overlay(self, path: str | Path | None = None, *, opacity: float = 0.8) -> Image:
         """The given picture in faded greys with the differences of what the code draws: orange where it lacks light of
@@ -165,32 +160,31 @@ class Inversion:
         if not isinstance(facts, Mapping) or facts.get("version") != VERSION:
             raise InputError(f"{folder / INVERSION} is not an inversion of this version ({VERSION}); IFS.load reads "
                              "its code")
+        name = str(folder / INVERSION)
+        notes = {key: value for key, value in code.meta.items() if key != "inversion"}
         try:
-            return cls._from(facts, replace(code, meta={key: value for key, value in code.meta.items()
-                                                        if key != "inversion"}), folder / TARGET)
-        except (KeyError, TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError(f"{folder / INVERSION} is damaged ({error!r}); invert the picture again") from error
+            return cls._from(checked(facts, Facts, name, "invert the picture again"), replace(code, meta=notes),
+                             folder / TARGET)
+        except InputError as error:
+            raise error if str(error).startswith(name) else InputError(f"{name}: {error}") from None
 
     @classmethod
-    def _from(cls, facts: Mapping[str, Any], code: IFS, target: Path) -> Inversion:
-        side = int(facts["resolution"])
+    def _from(cls, facts: Facts, code: IFS, target: Path) -> Inversion:
+        side = read_target(target, MIN_SIDE, frame="keep", invert=False).source_size[0]
+        if side != facts.resolution:
+            raise InputError(f"the picture {target} has {side} px a side, expected {facts.resolution}; invert the "
+                             "picture again")
         image = read_target(target, side, frame="keep", invert=False).image
-        width, height = facts["placement"]["size"]
-        x0, y0, x1, y1 = facts["placement"]["crop_box"]
-        notes, warnings = (tuple(map(str, facts[key])) for key in ("notes", "warnings"))
-        source = Path(facts["source"]) if facts["source"] else image
-        levels = facts.get("levels") or decided(facts["options"].get("levels", "auto"), image)
-        read = ReadImage(image, bool(facts["inverted"]), (width, height), (x0, y0, x1, y1), float(facts["scale"]),
-                         notes, warnings, source=source, levels=levels)
-        camera = parse_camera(facts["camera"], side) if facts.get("camera") else default_camera(read)
-        curve = tuple(CurvePoint(each["maps"], each["likeness"], each["bytes"], IFS.from_json(each["code"]))
-                      for each in facts.get("curve", ()) if "code" in each)
-        return cls(code=code, target=read, source=source, likeness=Likeness(**facts["likeness"]),
-                   verdict=Verdict(**facts["verdict"]), history=tuple(StageRecord(**each) for each in facts["stages"]),
-                   stopped=facts["stopped"], seconds=float(facts["seconds"]), method=facts["method"],
-                   options=facts["options"], notes=notes, warnings=warnings, camera=camera, curve=curve)
+        source = Path(facts.source) if facts.source else image
+        read = ReadImage(image, facts.inverted, facts.placement.size, facts.placement.crop_box, facts.scale,
+                         facts.notes, facts.warnings, source=source,
+                         levels=decided(facts.meaning, image))
+        camera = parse_camera(facts.camera, side) if facts.camera else default_camera(read)
+        curve = tuple(CurvePoint(each.maps, each.likeness, each.bytes, IFS.from_json(each.code))
+                      for each in facts.curve if each.code is not None)
+        return cls(code=code, target=read, source=source, likeness=facts.likeness, verdict=facts.verdict,
+                   history=facts.stages, stopped=facts.stopped, seconds=facts.seconds, method=facts.method,
+                   options=facts.options, notes=facts.notes, warnings=facts.warnings, camera=camera, curve=curve)
 
     def __str__(self) -> str:
         count = len(self.code)

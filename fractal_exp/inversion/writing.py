@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import InputError
 from ..images.reading import write_image
+from ..viewer.page import MOST_MAPS
 from .result import CODE, INVERSION, TARGET, Inversion
 
 REDRAWN, RENDERING, OVERLAY, PAGE = "redrawn.png", "rendering.png", "overlay.png", "code.html"
@@ -26,11 +26,9 @@ def write(found: Inversion, folder: Path) -> list[str]:
     found.render(resolution=SIDE, mode=mode, path=folder / RENDERING)
     write_image(folder / REDRAWN, found.redrawn())
     names = [CODE, INVERSION, TARGET, REDRAWN, RENDERING]
-    try:
+    if len(found.code) <= MOST_MAPS:
         found.code.save_html(folder / PAGE)
         names.append(PAGE)
-    except InputError:
-        pass  # more maps than a page shows
     if max(found.placement.size) <= LARGEST_OVERLAY:
         found.overlay(folder / OVERLAY)
         names.append(OVERLAY)

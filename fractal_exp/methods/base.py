@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..images.levels import TargetImage
 from ..runtime.checkpoint import Checkpoint
+from ..runtime.checks import into_unit
 from ..runtime.params import Params
 
 SHOWN = {"loss": "↓", "error": "↓", "held_out": "↓", "mean_code": "", "bicubic": "", "other_pictures": "",
@@ -169,7 +170,7 @@ def check_target(target: AnyTarget, resolution: int | None = None) -> Tensor:
         raise InputError("the target image holds NaN or infinity")
     low, high = float(target.min()), float(target.max())
     if low < 0 or high > 1:
-        raise InputError(f"the target image must lie in [0, 1], got [{low:.4g}, {high:.4g}]; divide it by its maximum")
+        raise InputError(f"the target image must lie in [0, 1], got [{low:.4g}, {high:.4g}]; {into_unit(low, high)}")
     if low == high:
         raise InputError(f"the target image is constant ({low:.4g}): there is no shape on it")
     return target

@@ -141,17 +141,7 @@ class Stepwise(Method):
         saved = checkpoint.load() if checkpoint else None
         if saved is None:
             return start, 0
-        differ = [f"{name}: {_shape(saved.tensors.get(name))} there, {_shape(start.get(name))} now"
-                  for name in sorted({*start, *saved.tensors}) if _shape(start.get(name)) !=
-                  _shape(saved.tensors.get(name))]
-        if differ:
-            raise InputError(f"the checkpoint is of another search ({'; '.join(differ)}); use the settings that it was "
-                             "made with, or start afresh with resume=false")
-        return {name: saved.tensors[name].to(value.device) for name, value in start.items()}, saved.iteration
-
-
-def _shape(tensor: Tensor | None) -> str:
-    return "absent" if tensor is None else "×".join(map(str, tensor.shape)) or "a number"
+        return saved.like(start), saved.iteration
 
 
 def resized(image: Tensor, side: int | None) -> Tensor:

@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import InputError
+from ..runtime.checks import into_unit
 from ..runtime.extras import need
 from ..runtime.weights import Weights
 from . import fractal_features
@@ -257,7 +258,7 @@ def perceptual_distance(a: Tensor, b: Tensor, kind: str = "fractal") -> Tensor:
             raise InputError(f"{name} holds NaN or infinity; a distance needs finite images in [0,1]")
         low, high = (float(value) for value in values.aminmax())
         if low < -RANGE_SLACK or high > 1 + RANGE_SLACK:
-            raise InputError(f"{name} must lie in [0,1], got [{low:.4g}, {high:.4g}]; divide it by its maximum")
+            raise InputError(f"{name} must lie in [0,1], got [{low:.4g}, {high:.4g}]; {into_unit(low, high)}")
     if a.shape[-2:] != b.shape[-2:] or a.device != b.device or a.dtype != b.dtype:
         raise InputError(f"a and b must agree in size, device and dtype, got {tuple(a.shape)} {a.dtype} on {a.device} "
                          f"and {tuple(b.shape)} {b.dtype} on {b.device}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from torch import Tensor, tensor
 
 from ..errors import InputError
+from ..ifs.code import IFS
 from ..runtime.checks import shown
 
 BLACK = (0.0, 0.0, 0.0)
@@ -22,6 +23,15 @@ def ground_of(text: str) -> tuple[float, float, float]:
     except ValueError as error:
         raise InputError(f"a colour is a name such as white or a number such as #fff8e7, got {text!r}") from error
     return red / 255, green / 255, blue / 255
+
+
+def own_ground(code: IFS, default: tuple[float, float, float] = BLACK) -> tuple[float, float, float]:
+    """The ground that a code's colours were found on: the colour "ground" in its `meta`, or `default` without one."""
+    named = code.meta.get("ground")
+    try:
+        return ground_of(named) if isinstance(named, str) else default
+    except InputError:  # a note of the user's own
+        return default
 
 
 def on_ground(image: Tensor, ground: tuple[float, float, float] = BLACK) -> Tensor:

@@ -7,11 +7,14 @@ import os
 import shutil
 import statistics
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numba
 import numpy as np
 import torch
 from torch import Tensor
@@ -19,42 +22,63 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..runtime.checks import check_count, check_memory
-from .colour import BLACK, on_ground
+from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
-from .still import render_with_info, tone_map, white_level
+from .still import REUSE, RenderInfo, render_with_info, tone_map, white_level
 
 MEMORY = 0.9  # weight of the last frame's white level in a density film
+AHEAD = 2     # frames in work at a time: what Python does for one takes no time from the kernels of the other
 CLIPS, CLIP = 3, 4  # parts of a film that are drawn to foretell the rest, and frames of each
 RARE = 16  # frames to a clip, at least: a short film is not foretold by drawing it twice
 
 
 def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int = 720,
            points_in_view: int | None = None, supersample: int = 8, mode: str = "occupancy",
-           ground: tuple[float, float, float] = BLACK) -> Iterator[Tensor]:
-    """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground`, one after another, with the arguments
-    and errors of `render`.
+           ground: tuple[float, float, float] | None = None) -> Iterator[Tensor]:
+    """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground` (default: the first code's own), one
+    after another, with the arguments and errors of `render`.
 
     code: one for all views, or as many as there are views. Density is tone mapped with a white level that follows the
-    scene slowly, so that the film does not flicker. Raises `InputError` at once on other numbers of codes.
+    scene slowly, so that the film does not flicker. A frame's points are used several times over, for speed; its pixels
+    are no noisier. The same arguments give the same frames on any number of threads. Raises `InputError` at once on
+    other numbers of codes.
     """
     codes = [code] * len(views) if isinstance(code, IFS) else list(code)
     if len(codes) != len(views):
         raise InputError(f"a film needs one code for all views or one for each, got {len(codes)} codes and "
                          f"{len(views)} views")
 
+    def draw(number: int, near: float) -> tuple[Tensor, RenderInfo]:
+        return render_with_info(codes[number], views[number], resolution=resolution, points_in_view=points_in_view,
+                                supersample=supersample, seed=number, mode=mode, reuse=REUSE, near=near)
+
     def drawn() -> Iterator[Tensor]:
         white = None
-        for number, (each, view) in enumerate(zip(codes, views, strict=True)):
-            image, _ = render_with_info(each, view, resolution=resolution, points_in_view=points_in_view,
-                                        supersample=supersample, seed=number, mode=mode)
+        for image in _ahead(draw, len(codes)):
             if mode == "density":
                 now = white_level(image)
                 white = now if white is None else white**MEMORY * now ** (1 - MEMORY)
                 image = tone_map(image, white)
             elif mode == "colour":
-                image = on_ground(image, ground)
+                image = on_ground(image, own_ground(codes[0]) if ground is None else ground)
             yield image
     return drawn()
+
+
+def _ahead(draw: Callable[[int, float], tuple[Tensor, RenderInfo]], count: int) -> Iterator[Tensor]:
+    """The images of so many frames in their order, `AHEAD` of them in work. Each is told the mass that was in view so
+    many frames before."""
+    mine = numba.get_num_threads()  # a number that each thread has for itself
+    with ThreadPoolExecutor(AHEAD, initializer=numba.set_num_threads, initargs=(mine,)) as workers:
+        working = deque(workers.submit(draw, number, 0.0) for number in range(min(AHEAD, count)))
+        try:
+            for number in range(count):
+                image, info = working.popleft().result()
+                if number + AHEAD < count:
+                    working.append(workers.submit(draw, number + AHEAD, info.mass))
+                yield image
+        finally:
+            workers.shutdown(cancel_futures=True)
 
 
 def check_film(path: str | Path, resolution: int, fps: int, frames: int | None = None) -> Path:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,8 @@ from .sheets import png
 NUMBER = re.compile(r"%0?(\d*)d")  # where the number of a frame stands in a name, as ffmpeg has it
 KEYS_EVERY = 250                   # frames from one whole picture to the next, at most: x264's own rule; VP9 has 128
 
-MP4 = {"codec": "libx264", "quality": 8, "pixelformat": "yuv420p", "macro_block_size": 2}
-WEBM = {"codec": "libvpx-vp9", "quality": None, "pixelformat": "yuv420p", "macro_block_size": 2,
+MP4 = {"codec": "libx264", "quality": 8, "macro_block_size": 2}
+WEBM = {"codec": "libvpx-vp9", "quality": None, "macro_block_size": 2,
         "output_params": ["-crf", "24", "-b:v", "0", "-deadline", "good", "-cpu-used", "4", "-row-mt", "1"]}
 
 
@@ -47,22 +47,36 @@ class FilmFormat:
 
 
 def _write_video(path: Path, pictures: Iterable[np.ndarray], fps: int, options: Mapping[str, Any]) -> None:
-    need("imageio", "imageio_ffmpeg")
-    _write_whole(path, pictures, {"fps": fps, **options})
+    """Write a film with ffmpeg, in a process of its own. The file appears when the last frame is written."""
+    need("imageio_ffmpeg")
+    import imageio_ffmpeg
+
+    with replacing(path, f".partial{path.suffix}") as partial:
+        film = None
+        try:
+            for picture in pictures:
+                if film is None:
+                    film = imageio_ffmpeg.write_frames(partial, picture.shape[:2], fps=fps, pix_fmt_out="yuv420p",
+                                                       pix_fmt_in="gray" if picture.ndim == 2 else "rgb24", **options)
+                    film.send(None)
+                film.send(picture)
+        except BaseException:
+            # Closed after an error, it would pack all frames that ffmpeg still holds. This ends ffmpeg at once.
+            with contextlib.suppress(KeyboardInterrupt):
+                if film is not None:
+                    film.throw(KeyboardInterrupt())
+            raise
+        if film is not None:
+            film.close()
 
 
 def _write_gif(path: Path, pictures: Iterable[np.ndarray], fps: int, options: Mapping[str, Any]) -> None:
+    """Write a GIF, which appears when the last frame is written."""
     need("imageio")
-    _write_whole(path, pictures, {"duration": 10 * _hundredths(fps), **options})
-
-
-def _write_whole(path: Path, pictures: Iterable[np.ndarray], options: Mapping[str, Any]) -> None:
-    """Write a film of one file, which appears when the last frame is written."""
     import imageio
 
-    # Left by an error, imageio's own context would let its ffmpeg write on, into the file that was removed.
     with (replacing(path, f".partial{path.suffix}") as partial,
-          closing(imageio.get_writer(partial, mode="I", **options)) as film):
+          contextlib.closing(imageio.get_writer(partial, mode="I", duration=10 * _hundredths(fps), **options)) as film):
         writer: Any = film  # its declared type is the common base of readers and writers
         for picture in pictures:
             writer.append_data(picture)

@@ -19,7 +19,7 @@ from ..ifs import attractor
 from ..ifs.code import IFS, View
 from ..ops import cuda_launch, histogram
 from ..ops.histogram import AddressTree, Window
-from ..ops.histogram.boxes import box_mean
+from ..ops.histogram.boxes import lit_share
 from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
 from ..runtime.checks import check_count, check_memory, shown
 
@@ -32,6 +32,9 @@ TILE = 8192                  # maximum supersampled pixels per side that are dra
 COLOUR_TILE = 1024           # maximum pixels per side that are drawn at once in colour
 CHANNELS = {"colour": (4,)}  # of a pixel, for modes whose pixels have several
 MODES = {"occupancy": LIT, "density": COUNTED, "colour": COLOURED}
+
+REUSE = 8                    # words under which a point of a film or a large picture is used, see `AddressTree`
+MANY = 2 * POINTS_AT_1024    # points from which on a picture is large
 
 PILOT_POINTS = 65_536        # points that weigh a view, to 0.4%
 WORD = 4                     # work of visiting a word, in points thrown
@@ -112,14 +115,15 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
 
 def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
                      supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
-                     reuse: int = 1, effort: float = 1.0) -> tuple[Tensor, RenderInfo]:
+                     reuse: int = 1, effort: float = 1.0, near: float = 0.0) -> tuple[Tensor, RenderInfo]:
     """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only). effort: the
-    share, above 0, of the work after which `render` gives up on a view's last points."""
+    share, above 0, of the points that weigh the view, and of the work after which `render` gives up on its last points.
+    near: the mass of a view much like this one, which makes weighing faster, or 0."""
     check_resolution(resolution)
     check_device(device, mode)
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
-    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse, effort)
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse, effort, near)
     image, drawn = np.zeros((resolution, resolution, *CHANNELS.get(mode, ())), np.float32), 0
     for tile in _tiles(plan, view, resolution, wanted, supersample, seed, mode, device):
         target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
@@ -133,12 +137,12 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
     """`render` in square tiles, row by row from the top, with memory that does not grow with the resolution.
 
     Tiles overhang the right and the lower edge. Arguments and errors are those of `render`. Each tile has its own
-    points, all at the same density, so no seams show.
+    points, all at the same density, so no seams show. From a hundred million points on, each is used several times.
     """
     check_device(device, mode)
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
-    plan = _plan(code, view, resolution, wanted, supersample, seed, mode)
+    plan = _plan(code, view, resolution, wanted, supersample, seed, mode, REUSE if wanted >= MANY else 1)
     if plan.reason is not None:
         log.warning(plan.reason)
     return _tiles(plan, view, resolution, wanted, supersample, seed, mode, device)
@@ -186,7 +190,7 @@ def _checked(view: View | None) -> View:
 
 
 def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
-          reuse: int = 1, effort: float = 1.0) -> _Plan:
+          reuse: int = 1, effort: float = 1.0, near: float = 0.0) -> _Plan:
     for name, value in (("resolution", resolution), ("points_in_view", points), ("reuse", reuse)):
         check_count(name, value)
     check_count("supersample", supersample, most=MAX_SUPERSAMPLE)
@@ -197,7 +201,7 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
     tree = _address_tree(code, reuse, with_colours=MODES[mode] == COLOURED)
-    return _weigh(tree, _window(view, resolution), points, seed, effort)
+    return _weigh(tree, _window(view, resolution), points, seed, effort, near)
 
 
 def _address_tree(code: IFS, reuse: int = 1, *, with_colours: bool = False) -> AddressTree:
@@ -231,7 +235,7 @@ def _window(view: View, size: int) -> Window:
     return Window(left, top, size * view.zoom / 2, size)
 
 
-def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: float) -> _Plan:
+def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: float, near: float) -> _Plan:
     """Estimate how much of the invariant measure lies in the window, by dry runs with more and more points."""
     if tree.within(window):
         return _Plan(tree, float(points), 1.0)
@@ -239,16 +243,19 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
     if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK / 32).finished:
         return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is black")
     allowed = effort * (WORK + WORK_PER_POINT * points)
-    thrown, attempt = 4096.0, 0
+    pilot = effort * PILOT_POINTS
+    thrown, attempt = (1.5 * pilot / near if near > 0 else 4096.0), 0
     while True:
         attempt += 1
-        tally = tree.scatter(window, thrown, seed=(seed, 1, attempt))
+        tally = tree.scatter(window, thrown, seed=(seed, 1, attempt), budget=allowed / 8 if near > 0 else math.inf)
+        if not tally.finished:  # this view is not like that one
+            return _weigh(tree, window, points, seed, effort, 0.0)
         work = tally.thrown + WORD * tally.visited + 1
         # Words are shared, so work grows less than proportionally to the points: what follows is a bound.
         work_per_point = work / max(tally.kept, 1)
-        if tally.kept >= PILOT_POINTS and work_per_point * points <= allowed:
+        if tally.kept >= pilot and work_per_point * points <= allowed:
             break
-        wanted = 1.5 * PILOT_POINTS / tally.kept if 0 < tally.kept < PILOT_POINTS else 1000.0
+        wanted = 1.5 * pilot / tally.kept if 0 < tally.kept < pilot else 1000.0
         growth = min(1000.0, wanted, (allowed / 8 if tally.kept else SEARCH_WORK) / work)
         if growth < 1.5 or thrown > 1e250:
             break
@@ -290,7 +297,7 @@ def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, .
     if mode == COUNTED:
         return canvas.sum(0), drawn
     pixels = np.empty((side, side), np.float32)
-    box_mean(canvas[0], factor, pixels)
+    lit_share(canvas, factor, pixels)
     if sums is None:
         return pixels, drawn
     whole = sums.sum(0)

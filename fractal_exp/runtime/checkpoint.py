@@ -7,19 +7,26 @@ import itertools
 import json
 import os
 import re
+import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import torch
 from torch import Tensor
 
 from ..errors import InputError
-from .files import check_file, write_atomically
+from .checks import shown
+from .files import check_file, checked, parse_record, write_atomically
 
 FORMAT = "fractal-exp/checkpoint/2"
 DIGEST = b'"sha256":"%s"'  # stands once in a file: quotes inside the notes are escaped
+MOST = 2**53                # iterations
 BLANK = b"0" * 64          # in the digest's place while it is computed
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -29,6 +36,32 @@ class Snapshot:
     iteration: int
     tensors: Mapping[str, Tensor]
     numbers: Mapping[str, Any] = field(default_factory=dict)
+
+    def like(self, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Its tensors, each on the device of the one in `tensors` that it takes the place of. Raises `InputError`
+        unless names, shapes and types are the same, and on a NaN."""
+        found, names = self.tensors, sorted({*self.tensors, *tensors})
+        wrong = [f"{_word(name)}: {_kind(found.get(name))} there, {_kind(tensors.get(name))} now" for name in names
+                 if _kind(found.get(name)) != _kind(tensors.get(name))]
+        wrong = wrong or [f"{name} has a NaN" for name in names if bool(found[name].isnan().any())]
+        if wrong:
+            raise InputError(f"the checkpoint is of another search ({'; '.join(wrong[:4])}); use the settings that it "
+                             "was made with, or start afresh with resume=false")
+        return {name: found[name].to(value.device) for name, value in tensors.items()}
+
+    def holds(self, prefix: str) -> bool:
+        """Whether the names of any of its tensors begin so."""
+        return any(name.startswith(prefix) for name in self.tensors)
+
+    def checked(self, schema: type[T], *, finite: bool = True) -> T:
+        """Its numbers as the type that says what they may be, see `files.checked`. Raises `InputError`."""
+        return checked(dict(self.numbers), schema, "the checkpoint", "start afresh with resume=false", finite=finite)
+
+
+def moments(parameters: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Tensors like those that Adam keeps of each of these parameters."""
+    return {f"{name}/{key}": torch.zeros(()) if key == "step" else value for name, value in parameters.items()
+            for key in ("step", "exp_avg", "exp_avg_sq")}
 
 
 @dataclass(frozen=True)
@@ -127,20 +160,31 @@ def _checked_notes(data: bytes) -> dict[str, Any]:
         raise InputError("it is no checkpoint of this version, which have a checksum")
     if _digest(data.replace(found[0], DIGEST % BLANK, 1)) != found[1]:
         raise InputError("it is damaged: its bytes do not give its checksum")
-    header = json.loads(data[8:8 + length])["__metadata__"]
+    header = parse_record(data[8:8 + length], "its header", "it is no checkpoint", __metadata__=dict)["__metadata__"]
     if header.get("format") != FORMAT:
-        raise InputError(f"it is of layout {header.get('format')!r}, this version reads {FORMAT!r}")
-    notes = json.loads(header["notes"])
-    if not (type(notes["iteration"]) is int and isinstance(notes["numbers"], dict)
-            and isinstance(notes["identity"], dict)):
-        raise InputError("its notes are not those of a checkpoint")
+        raise InputError(f"it is of layout {shown(header.get('format'))}, this version reads {FORMAT!r}")
+    notes = parse_record(str(header.get("notes")).encode(), "its notes", "they are not those of a checkpoint",
+                         iteration=int, numbers=dict, identity=dict)
+    if type(notes["iteration"]) is bool or not 0 <= notes["iteration"] < MOST:
+        raise InputError(f"its notes tell of {shown(notes['iteration'])} iterations")
     return notes
 
 
 def compare(old: Any, new: Any, path: str = "") -> list[str]:
-    """Where two pieces of plain data differ, as 'key: old -> new'."""
+    """Where two pieces of plain data differ, each in one short line: 'key: old there, new now'."""
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         keys = sorted(set(old) | set(new))
         return [line for key in keys for line in
-                compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{key}" if path else key)]
-    return [] if old == new else [f"{path}: {old!r} there, {new!r} now"]
+                compare(old.get(key, "absent"), new.get(key, "absent"), f"{path}.{_word(key)}" if path else _word(key))]
+    return [] if old == new else [f"{path}: {shown(old)} there, {shown(new)} now"]
+
+
+def _kind(tensor: Tensor | None) -> str:
+    if tensor is None:
+        return "absent"
+    kind = "" if tensor.dtype == torch.float32 else f" of {tensor.dtype}"
+    return f"{'×'.join(map(str, tensor.shape)) or 'a number'}{kind}"
+
+
+def _word(key: str) -> str:
+    return key if key.isprintable() and len(key) < 40 else reprlib.repr(key)

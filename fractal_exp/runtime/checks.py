@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from numbers import Integral, Real
 
 import torch
@@ -65,6 +66,20 @@ def check_seconds(seconds: float | None) -> None:
     if seconds is not None and not good:
         raise InputError(f"seconds must be above 0 (or none for no limit), got {shown(seconds)}; give a number, "
                          "such as 60 for a minute")
+
+
+def warn_of_nan(**tensors: Tensor) -> None:
+    """Warn the caller's caller of tensors that hold NaN. A GPU is not asked, since that would wait for it."""
+    for name, value in tensors.items():
+        if value.device.type == "cpu" and bool(value.isnan().any()):
+            warnings.warn(f"{name} has NaN: what is made of it is NaN or left out, without a gradient", stacklevel=3)
+
+
+def into_unit(low: float, high: float) -> str:
+    """How numbers from `low` to `high`, which leave [0,1], are brought there, in words."""
+    if -1 <= low < 0 and high <= 1:
+        return "of numbers in [-1, 1], take (x + 1) / 2"
+    return "subtract its minimum first" if low < 0 else "divide it by its white level, such as 255"
 
 
 def check_memory(what: str, needed: float, device: torch.device, remedy: str) -> None:

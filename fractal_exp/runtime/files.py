@@ -13,13 +13,14 @@ import secrets
 import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from filelock import FileLock, Timeout
 
 from ..errors import InputError
 
 LARGEST_JSON = 16 * 2**20  # bytes; read, they may take twenty times as much memory
+MOST_DIGITS = 308          # of a whole number, so that it is also a floating-point number
 ABANDONED_AFTER = 3600.0   # seconds without a write: then the process that wrote a partial file is gone
 PARTIAL = re.compile(r"\..+\.[0-9a-f]{12}\.partial(\.\w+)?", re.DOTALL)
 POLL_SECONDS = 0.2         # between two looks at a folder's lock
@@ -178,12 +179,12 @@ def read_file(path: str | Path, what: str, most_bytes: int | None = None) -> byt
 
 
 def parse_json(data: bytes, name: str) -> Any:
-    """The plain data of JSON (UTF-8), at most 16 MiB, that gives no key twice. Raises `InputError`, which begins with
-    the name."""
+    """The plain data of JSON (UTF-8), at most 16 MiB, that gives no key twice and has no whole number beyond the
+    floating-point numbers. Raises `InputError`, which begins with the name."""
     if len(data) > LARGEST_JSON:
         raise InputError(f"{name} has {len(data)} bytes, at most {LARGEST_JSON} are read")
     try:
-        return json.loads(data.decode(), object_pairs_hook=_no_key_twice)
+        return json.loads(data.decode(), object_pairs_hook=_no_key_twice, parse_int=_whole_number)
     except RecursionError:
         raise InputError(f"{name} is no JSON that can be read: its lists are nested too deeply") from None
     except InputError as error:
@@ -195,10 +196,38 @@ def parse_json(data: bytes, name: str) -> Any:
 def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in data if keys.count(key) > 1)
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # `add` gives None
         raise InputError(f"gives the key {reprlib.repr(twice)} twice, and nobody knows which is meant; drop one")
     return data
+
+
+def _whole_number(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise InputError(f"has a number of {len(digits)} digits, at most {MOST_DIGITS} are read; correct it")
+    return int(digits)
+
+
+T = TypeVar("T")
+
+
+def checked(data: Any, schema: type[T], name: str, remedy: str, *, finite: bool = True) -> T:
+    """Plain data that a program wrote, as the type (pydantic's or a dataclass) that says what may be in it.
+
+    Raises `InputError` on anything else, also on numbers that are not finite, unless they need not be `finite`: one
+    line with the name, the place, what is wrong with it, and the remedy.
+    """
+    from pydantic import TypeAdapter, ValidationError  # a command answers --help without it
+
+    try:
+        return TypeAdapter(schema).validate_json(json.dumps(data, allow_nan=not finite), strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "all of it"
+        raise InputError(f"{name} is damaged: {reprlib.repr(place)}: {first['msg'][:200]}; {remedy}") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{name} is damaged: it has a number that is not finite, or is nested too deeply; "
+                         f"{remedy}") from None
 
 
 def read_record(path: str | Path, what: str, remedy: str = "delete it", most_bytes: int = LARGEST_JSON,
@@ -228,6 +257,6 @@ def parse_record(data: bytes, name: str, remedy: str, **kinds: type | tuple[type
 def check_scores(scores: dict[str, Any], path: str | Path) -> dict[str, float]:
     """The scores of a record by name, each a number. Raises `InputError` if its file is damaged."""
     for name, value in scores.items():
-        if type(value) not in (int, float):
+        if type(value) not in (int, float):  # NaN is a score too: of views that are empty
             raise InputError(f"{path} is damaged: the score {reprlib.repr(name)} is {reprlib.repr(value)}; delete it")
     return scores

@@ -2,49 +2,38 @@
 
 from __future__ import annotations
 
-import math
+import hashlib
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from PIL import Image
+from pydantic import Field
 
-from ..errors import InputError, did_you_mean
-from ..images.reading import ReadImage, read_colour, read_target
+from ..errors import InputError
+from ..images.checks import MIN_SIDE
+from ..images.reading import ReadImage, read_small, read_target
 from ..rendering.sheets import png
+from ..runtime.params import Params
+from ..verdict import LARGEST_SIDE
 
 RESOLUTION = 256        # pixels a side that a picture is brought to
+MOST_PIXELS = 100 * 10**6  # of a picture, as many as are decoded: at most 400 MB
 LONGEST_NAME = 80       # characters of a file's name that are kept
 SHOWN_SIDE = 480        # pixels of the longer side of the picture as it was given, shown small
 SUFFIX = re.compile(r"\.(?:png|jpe?g|gif|bmp|tiff?|webp|ppm|pgm|pbm)$", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class Reading:
-    """How a picture is read, see `fractal_exp.images.read_target`, which refuses other values."""
+class Reading(Params):
+    """How a picture is read, see `fractal_exp.images.read_target`; resolution: pixels a side that it is brought to."""
 
     invert: bool | Literal["auto"] = "auto"
-    threshold: float | None = None
+    threshold: Annotated[float, Field(gt=0, lt=1)] | None = None
     clean: bool = True
     frame: Literal["fit", "keep"] = "fit"
-    crop: Sequence[int] | None = None
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Reading:
-        """From plain data that a page sent."""
-        unknown = sorted(set(given) - set(cls.__dataclass_fields__))
-        if unknown:
-            raise InputError(f"a picture is not read with {unknown[0]!r}"
-                             f"{did_you_mean(unknown[0], list(cls.__dataclass_fields__)) or ';'} choose among "
-                             f"{', '.join(cls.__dataclass_fields__)}")
-        made = cls(**given)
-        level = made.threshold
-        if level is not None and not (isinstance(level, int | float) and math.isfinite(level) and 0 < level < 1):
-            raise InputError(f"threshold must lie between 0 and 1, or be left empty, got {level!r}")
-        return made
+    crop: tuple[int, int, int, int] | None = None
+    resolution: Annotated[int, Field(ge=MIN_SIDE, le=LARGEST_SIDE)] = Field(default_factory=lambda: RESOLUTION)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +50,7 @@ class Picture:
     def taken(cls, path: Path, name: str, reading: Reading) -> Picture:
         """The file read as `reading` says. Raises `InputError`, which calls the file by its own name."""
         try:
-            return cls(path, name, reading, read_target(path, RESOLUTION, invert=reading.invert, clean=reading.clean,
-                                                        threshold=reading.threshold, frame=reading.frame,
-                                                        crop=reading.crop))
+            return cls(path, name, reading, read_target(path, **dict(reading), most_pixels=MOST_PIXELS))
         except InputError as error:
             raise InputError(str(error).replace(str(path), name)) from error
 
@@ -71,25 +58,30 @@ class Picture:
         """The same picture, read otherwise."""
         return self.taken(self.path, self.name, reading)
 
+    @cached_property
     def target_png(self) -> bytes:
         """The image that is searched, white on black."""
         return png(self.read.image)
 
+    @cached_property
     def given_png(self) -> bytes:
-        """The picture as it was given, small."""
-        image = Image.fromarray(read_colour(self.path, backdrop=float(self.read.inverted)))
-        image.thumbnail((SHOWN_SIDE, SHOWN_SIDE))
-        return png(np.asarray(image))
+        """The picture as it was given, small; read once. Raises `InputError` if the file is gone."""
+        return png(read_small(self.path, SHOWN_SIDE, backdrop=float(self.read.inverted)))
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the file."""
+        with self.path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
 
     def facts(self) -> dict[str, Any]:
         """What is shown of it: plain data."""
         read, (width, height) = self.read, self.read.source_size
         return {
-            "name": self.name, "width": width, "height": height, "square": list(read.crop_box),
+            "name": self.name, "digest": self.digest, "width": width, "height": height, "square": list(read.crop_box),
             "inverted": read.inverted, "scale": read.scale, "warnings": list(read.warnings),
-            "notes": [note for note in read.notes if note not in read.warnings], "reading": {
-                "invert": self.reading.invert, "threshold": self.reading.threshold, "clean": self.reading.clean,
-                "frame": self.reading.frame, "crop": read.crop and list(read.crop)},
+            "notes": [note for note in read.notes if note not in read.warnings],
+            "reading": self.reading.model_dump(mode="json"),
         }
 
 

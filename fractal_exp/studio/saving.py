@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import re
+import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
-from ..inversion import Inversion
+from ..inversion import Inversion, write
 from ..runtime.extras import need
 from ..runtime.files import explain
+from .reading import Picture
 
 STUDY = "studio"
 
@@ -30,13 +34,26 @@ def new_folder(output: Path, name: str) -> Path:
     raise InputError(f"{output} has a thousand folders called {first}; move some of them away")
 
 
+def save(found: Inversion, picture: Picture, output: Path) -> dict[str, Any]:
+    """Write a code into a new folder in `output`: {folder, names}. The code says on which picture it was found, by name
+    and digest. Raises `InputError` if not all can be written; nothing of it is left then."""
+    folder = new_folder(output, picture.name)
+    meta = {**found.code.meta, "picture": {"name": picture.name, "sha256": picture.digest}}
+    try:
+        names = write(replace(found, code=replace(found.code, meta=meta)), folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return {"folder": str(folder), "names": names}
+
+
 def track(found: Inversion, folder: Path, names: list[str], output: Path, name: str) -> str:
     """Keep what was written into `folder` as a run of the study "studio"; returns where, in words.
 
     The store is in `output`, or the server that MLFLOW_TRACKING_URI names. Raises `InputError` where MLflow is not
     installed or the store cannot be used.
     """
-    need("mlflow", "pandas")
+    need("mlflow", "pandas", "tenacity")
     from .. import tracking
 
     uri = tracking.prepare_store(output)

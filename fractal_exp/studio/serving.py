@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import secrets
+import signal
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -33,20 +34,25 @@ def bound(port: int) -> socket.socket:
     return made
 
 
-def serve(output: Path, port: int, opened: Callable[[str], None], kept: Callable[[Path], None]) -> None:
-    """Offer the studio until Ctrl-C. opened: told the address, with its token; kept: see `server.application`.
+def serve(output: Path, port: int, opened: Callable[[str, str], None], left: Callable[[str], None]) -> None:
+    """Offer the studio until Ctrl-C, SIGTERM, or the end of the terminal. opened: told the address, with its token, and
+    the one with which to start a browser, once; left: see `server.application`.
 
-    Raises `InputError` if a library is missing or the port is in use.
+    Raises `InputError` if a library is missing, the port is in use, or the folder cannot be written.
     """
     need("starlette", "uvicorn", "websockets")
     import uvicorn
 
     from .server import LONGEST_WORD, application
 
-    listening = bound(port)
-    port, token = listening.getsockname()[1], secrets.token_urlsafe(TOKEN_BYTES)
-    app = application(output, token=token, port=port, kept=kept)
-    config = uvicorn.Config(app, ws="websockets-sansio", ws_max_size=LONGEST_WORD, access_log=False,
-                            log_level="warning", lifespan="on", server_header=False, timeout_graceful_shutdown=2)
-    opened(f"http://{HOST}:{port}/{token}/")
-    uvicorn.Server(config).run(sockets=[listening])
+    with bound(port) as listening:
+        port = listening.getsockname()[1]
+        token, start = (secrets.token_urlsafe(TOKEN_BYTES) for _ in range(2))
+        app = application(output, token=token, port=port, start=start, left=left)
+        config = uvicorn.Config(app, ws="websockets-sansio", ws_max_size=LONGEST_WORD, access_log=False,
+                                log_level="warning", lifespan="on", server_header=False, timeout_graceful_shutdown=2)
+        server = uvicorn.Server(config)
+        if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup has it
+            signal.signal(signal.SIGHUP, lambda *_: server.handle_exit(signal.SIGINT, None))
+        opened(f"http://{HOST}:{port}/{token}/", f"http://{HOST}:{port}/{start}")
+        server.run(sockets=[listening])

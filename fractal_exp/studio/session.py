@@ -7,9 +7,12 @@ comes of it is told to whoever listens, as plain data.
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import json
+import logging
 import math
-import shutil
-from collections.abc import Callable, Mapping
+import secrets
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,61 +20,38 @@ from typing import Any
 
 from ..errors import InputError
 from ..ifs.code import IFS
-from ..images.levels import MEANINGS
-from ..inversion import Inversion, write
-from ..methods.base import CurvePoint
+from ..runtime.files import write_atomically
 from . import saving
+from .keeping import Folder, unfinished
+from .messages import Settings
 from .reading import Picture, Reading, file_name, plain_name
+from .standing import SEARCHES, Standing
 from .tasks import Best, Done, Find, Judge, Told
 from .worker import Ready, Word, Worker
 
-MOST_SECONDS = 24 * 3600
-
-WORK, CHECKPOINT = "session", "search.safetensors"   # in the output folder, while the studio runs
+DOING = {"find": "a search is going on; stop it first", "polish": "a search is going on; stop it first",
+         "read": "a picture is being read; wait a moment", "save": "a code is being saved; wait a moment",
+         "judge": "the code is being judged; wait a moment"}
 
 Hear = Callable[[dict[str, Any]], None]
+log = logging.getLogger(__name__)
 
 
-class Session:
-    """One session. output: the only folder that is written into; loop: the one in which all methods are called."""
+class Session(Standing):
+    """One session. folder: in which it keeps what it would need to go on; output: the only other folder that is written
+    into; loop: the one in which all methods are called."""
 
-    def __init__(self, output: Path, loop: asyncio.AbstractEventLoop):
-        self.output, self.loop = output, loop
-        self.work = saving.new_folder(output, WORK)
-        self.ready = self.stopping = self.can_go_on = self.closing = False
-        self.task = ""                        # "find", "polish", "judge", "read", "save", or nothing
-        self.picture: Picture | None = None
-        self.version = {"picture": 0, "code": 0}
-        self.code: IFS | None = None
-        self.scores: Best | None = None
-        self.found: Inversion | None = None   # what is known of `code`, once it was judged
-        self.curve: tuple[CurvePoint, ...] = ()
-        self.seconds = 0.0                    # of the searches of this picture that led to the code
-        self.settings: dict[str, Any] = {}
-        self.limit: float | None = None
-        self.saved: dict[str, str] = {}
-        self.why = ""
+    def __init__(self, folder: Folder, output: Path, loop: asyncio.AbstractEventLoop):
+        self.folder, self.output, self.loop = folder, output, loop
+        super().__init__(list(unfinished(output)))
+        self.closing = False
+        self.waiting: Find | None = None      # until the code has been judged
         self.listeners: set[Hear] = set()
+        self.reading = asyncio.Lock()         # one picture at a time, for its memory
+        self.unkept, self.keeping = False, None
         self.worker = Worker(lambda word: loop.call_soon_threadsafe(self._hear, word))
 
     # What is told.
-
-    def facts(self) -> dict[str, Any]:
-        """Where the session stands, as plain data."""
-        found, scores, code = self.found, self.scores, self.code
-        return {
-            "told": "state", "ready": self.ready, "task": self.task, "stopping": self.stopping, "why": self.why,
-            "picture": self.picture and self.picture.facts(), "version": dict(self.version),
-            "code": None if code is None else {
-                "linear": code.linear.tolist(), "offset": code.offset.tolist(),
-                "probabilities": None if code.probabilities is None else code.probabilities.tolist()},
-            "scores": scores and {"f1": scores.f1, "iou": scores.iou},
-            "likeness": None if found is None else found.likeness.f1_1px,
-            "verdict": None if found is None else {
-                "kind": found.verdict.kind, "words": found.verdict.words, "remedy": found.verdict.remedy},
-            "can_go_on": self.can_go_on, "saved": self.saved,
-            "curve": [{"maps": each.maps, "likeness": each.likeness} for each in self.curve],
-        }
 
     def tell(self, **facts: Any) -> None:
         """Tell all tabs `facts`, or where the session stands."""
@@ -85,132 +65,197 @@ class Session:
         """A new picture, in place of the one before."""
         self._check_free("take another picture")
         name = plain_name(name)
-        path = self.work / f"{self.version['picture'] + 1}-{file_name(name)}"
-        await self._in_a_thread("read", partial(self._taken, data, path, name), self._begin_with)
+        path = self.folder.path / f"{secrets.token_hex(4)}-{file_name(name)}"
+        await self._read(partial(_taken, data, path, name))
 
-    async def read(self, reading: Mapping[str, Any]) -> None:
+    async def read(self, reading: Reading) -> None:
         """The same picture, read otherwise."""
         self._check_free("read the picture anew")
-        picture = self._picture()
-        await self._in_a_thread("read", partial(picture.again, Reading.of(reading)), self._begin_with)
+        await self._read(partial(self._picture().again, reading))
 
-    def find(self, settings: Mapping[str, Any]) -> None:
-        """Search from the beginning. settings: seconds, maps and levels, each may be None or absent."""
-        self._check_free("search")
-        self.settings, self.limit = _checked(settings)
-        self.seconds = 0.0
-        self._search("find", "anew", self.limit)
+    async def resume(self) -> None:
+        """Go on with the newest session that ended without saving its code."""
+        self._check_free("open another session")
+        if self.picture is not None or not self.offers:
+            raise InputError("there is no session to open here; start the studio anew to be offered one")
+        folder = self.offers[0]
+        state, code = folder.state()
+        await self._read(partial(Picture.taken, folder.path / state.picture, state.name, Reading(**state.reading)))
+        self.offers.remove(folder)
+        self.folder.remove()
+        self.folder, self.settings, self.seconds = folder, Settings(**state.settings), state.seconds
+        self.can_go_on, self.polishing = state.goes_on and folder.checkpoint.exists(), state.polishing
+        self.past, self.ahead = ([each.made() for each in codes] for codes in (state.past, state.ahead))
+        if code is not None:
+            self._show(code)
+        self._set_free()
+
+    def discard(self) -> None:
+        """Delete the newest session that ended without saving its code."""
+        if self.offers:
+            self.offers.pop(0).remove()
+        self.tell()
+
+    def find(self, settings: Settings) -> None:
+        """Search from the beginning."""
+        self._check_free("search", "judge")
+        self._picture()
+        self._step()
+        self.settings, self.seconds = settings, 0.0
+        self._show(None)
+        self._search("find", "anew", settings.seconds)
 
     def go_on(self) -> None:
         """Go on with a search that was stopped, for as long as its limit leaves."""
-        self._check_free("search")
+        self._check_free("search", "judge")
         if not self.can_go_on:
             raise InputError("there is no search that was stopped; begin one with Find")
-        self._search("find", "again", None if self.limit is None else max(1.0, self.limit - self.seconds))
+        limit = self.settings.seconds
+        self._search("find", "again", None if limit is None else max(1.0, limit - self.seconds))
 
-    def polish(self, settings: Mapping[str, Any]) -> None:
+    def polish(self, settings: Settings) -> None:
         """Improve the code as it is now."""
-        self._check_free("search")
+        self._check_free("search", "judge")
         if self.code is None:
             raise InputError("there is no code to begin with; find or import one first")
         if len(self.code) < 2:
             raise InputError("a code of one map draws a point; add maps before it is polished")
-        self.settings, self.limit = _checked(settings)
-        self.settings.pop("maps", None)  # the code has its own number
-        self._search("polish", self.code, self.limit)
+        self.settings = settings.updated(maps=None)  # the code has its own number
+        self._step()
+        self._search("polish", self.code, settings.seconds)
+
+    async def mend(self) -> None:
+        """Do what is most likely to help, as the verdict says."""
+        self._check_free("search")
+        change = self._change()
+        if not change:
+            raise InputError("there is nothing that the studio could do by itself")
+        (name, value), = change.items()
+        settings = self.settings
+        if name in Reading.model_fields:
+            await self.read(self._picture().reading.updated(**change))
+        else:
+            settings = settings.updated(**{name: value})
+        self.find(settings)
 
     def stop(self) -> None:
         """End the search with what it has."""
-        if self.task not in ("find", "polish"):
+        if self.task not in SEARCHES:
             raise InputError("no search is going on")
         self.stopping = True
         self.worker.stop()
         self.tell()
 
-    def edit(self, data: Any) -> None:
-        """Take another code, made by hand, and judge it as soon as nothing else is done."""
-        if self.task in ("find", "polish"):
-            raise InputError("a search is going on; stop it before the maps are changed")
+    def edit(self, code: IFS, mark: str = "") -> None:
+        """Take another code, made by hand, and judge it as soon as nothing else is done. mark: by which the page knows
+        that it is its own."""
+        if self.task in (*SEARCHES, "read"):
+            raise InputError(f"cannot change the maps: {DOING[self.task]}")
         self._picture()
-        self._show(IFS.from_json(data).check_contractive())
-        self._judge()
-        self.tell()
+        if not self.mark:
+            self._step()
+        self._show(code)
+        self.mark = mark or "hand"
+        self._set_free(self.task)
 
-    def choose(self, index: Any) -> None:
+    def choose(self, index: int) -> None:
         """Take a code of the curve of maps against likeness."""
-        if not (type(index) is int and 0 <= index < len(self.curve)):
+        if not 0 <= index < len(self.curve):
             raise InputError(f"the curve has {len(self.curve)} codes, there is none of number {index!r}")
-        self._check_free("choose a code")
+        self._check_free("choose a code", "judge")
+        self._step()
         self._show(self.curve[index].code)
-        self._judge()
-        self.tell()
+        self._set_free(self.task)
+
+    def back(self) -> None:
+        """Take the code before the last search, choice or work by hand."""
+        self._go(self.past, self.ahead, "before")
+
+    def forth(self) -> None:
+        """Take back the last step back."""
+        self._go(self.ahead, self.past, "after")
 
     async def save(self) -> None:
-        """Write the code and what is known of it; keep it as a tracked run, too, if that can be."""
+        """Write the code and what is known of it; keep it as a tracked run, too, if that can be. It is told as saved
+        only if it is still the code that is shown."""
         self._check_free("save")
         found, picture = self.found, self._picture()
         if found is None:
             raise InputError("there is no code to save yet; find or import one first")
-        self.task, self.saved = "save", {}
-        self.tell()
-        try:
-            folder = await self._thread(partial(saving.new_folder, self.output, picture.name))
-            names = await self._thread(partial(write, found, folder))
-            self.saved = {"folder": str(folder), "files": ", ".join(names)}
-            self.tell()
+        with self._at("save"):
+            saved: dict[str, Any] = await self._thread(partial(saving.save, found, picture, self.output))
+            if self.found is found:
+                self.saved = saved
+                self.tell()
             try:
-                self.saved["run"] = await self._thread(partial(saving.track, found, folder, names, self.output,
-                                                               picture.name))
+                folder = Path(saved["folder"])
+                saved["run"] = await self._thread(partial(saving.track, found, folder, saved["names"], self.output,
+                                                          picture.name))
             except InputError as error:
-                self.saved["not_tracked"] = str(error)
-        finally:
-            self.task = ""
-            self.tell()
+                saved["not_tracked"] = str(error)
+            except Exception as error:  # of whatever kind: the files are there
+                log.exception("a code was saved, but not tracked")
+                saved["not_tracked"] = f"{type(error).__name__}: {error}"
 
-    def close(self) -> Path | None:
-        """End all work. A code that nobody saved is written; returns its file."""
+    async def close(self) -> str:
+        """End all work. A code that nobody saved stays in the session's folder. Returns what became of it, in words."""
         self.closing = True
-        self.worker.close()
-        kept = None
-        if self.code is not None and not self.saved and self.picture is not None:
-            kept = self.code.save(saving.new_folder(self.output, self.picture.name) / "code.json")
-        shutil.rmtree(self.work, ignore_errors=True)
-        return kept
+        await self._thread(self.worker.close)
+        if self.keeping is not None:
+            await self.keeping
+        for each in self.offers:
+            each.leave()
+        if self.picture is None or self.saved or (self.code is None and not self.can_go_on):
+            self.folder.remove()
+            return ""
+        try:
+            path = await self._thread(partial(self.folder.keep, self._state(), self.code))
+            words = f"kept {path if self.code is not None else path.parent}; the next start offers it"
+        except InputError as error:
+            words = f"{error}; the code that was not saved: {json.dumps(self.code and self.code.to_json())}"
+        self.folder.leave()
+        return words
 
     # What comes of it.
 
-    def _taken(self, data: bytes, path: Path, name: str) -> Picture:
-        path.write_bytes(data)
-        try:
-            return Picture.taken(path, name, Reading())
-        except InputError:
-            path.unlink()
-            raise
-
-    def _begin_with(self, picture: Picture) -> None:
-        if self.picture is not None and self.picture.path != picture.path:
-            self.picture.path.unlink(missing_ok=True)
-        self.picture = picture
-        self.version["picture"] += 1
-        self.code, self.can_go_on, self.seconds, self.curve = None, False, 0.0, ()
-        self._forget()
-        self.version["code"] += 1
+    async def _read(self, work: Callable[[], Picture]) -> None:
+        with self._at("read"):
+            async with self.reading:
+                picture = await self._thread(work)
+            before, self.picture = self.picture, picture
+            if before is not None and before.path == picture.path:
+                self._step()
+            else:
+                self.past, self.ahead = [], []
+                if before is not None:
+                    before.path.unlink(missing_ok=True)
+            self.version["picture"] += 1
+            self.can_go_on, self.seconds, self.curve = False, 0.0, ()
+            self._show(None)
 
     def _search(self, task: str, begin: str | IFS, seconds: float | None) -> None:
-        picture = self._picture()
-        if begin == "anew":
-            self.code = None
-            self.version["code"] += 1
-        self._forget()
+        if begin != "again":
+            self.polishing = task == "polish"
+        options = self.settings.model_dump(exclude={"seconds"}, exclude_none=True)
+        find = Find(self._target(), self.folder.checkpoint, options, seconds, begin, self.polishing, beat=self.code)
+        if self.task == "judge":  # a code that was changed a moment ago
+            self.waiting = find
+        else:
+            self.worker.do(find)
+        self.found, self.judged, self.saved, self.why = None, 0, {}, ""
         self.task, self.stopping, self.can_go_on = task, False, False
-        self.worker.do(Find(picture.read, self.work / CHECKPOINT, self.settings, seconds, begin))
+        self._keep()
         self.tell()
 
-    def _judge(self) -> None:
-        """Judge the code as it is now; a code that is changed meanwhile is judged after it."""
-        if self.task == "" and self.code is not None and not self.closing:
-            self.task = "judge"
-            self.worker.do(Judge(self._picture().read, self.code))
+    def _set_free(self, task: str = "") -> None:
+        """A task has ended: judge a code that was not judged yet. All tabs are told."""
+        self.task = task
+        code = self.code
+        if task == "" and code is not None and self.judged != self.version["code"] and not self.closing:
+            self.task, self.judged = "judge", self.version["code"]
+            self.worker.do(Judge(self._target(), code))
+        self._keep()
+        self.tell()
 
     def _hear(self, word: Word) -> None:
         if isinstance(word, Ready):
@@ -221,84 +266,82 @@ class Session:
             self.tell(told="progress", seconds=word.seconds, left=left, stage=word.stage, fraction=word.fraction,
                       error=word.error)
         elif isinstance(word, Best):
-            if self.task != "judge":
-                self._show(word.code)
-                self.scores = word
-                self.tell()
+            self._show(word.code)
+            self.likeness = word.likeness.f1_1px
+            self._keep()
+            self.tell()
         else:
             self._end(word)
 
     def _end(self, done: Done) -> None:
-        task, self.task, self.stopping = self.task, "", False
-        self.why = done.why or (self.why if task == "judge" else "")
-        found = done.found
-        if task == "judge":
-            if found is not None and self._is_code(found):
-                self.found, self.scores = found, Best(found.code, found.likeness.f1, found.likeness.iou)
-            elif found is not None:
-                self._judge()  # it was changed meanwhile
-        else:
+        find, self.waiting = self.waiting, None
+        if find is not None and not self.stopping and not self.closing:
+            return self.worker.do(find)
+        if find is not None:  # it was stopped before it began
+            done = Done()
+        task, self.stopping, found = self.task, False, done.found
+        self.why = done.why or (self.why if task not in SEARCHES else "")
+        if task in SEARCHES:
             self.can_go_on = done.interrupted
             if found is not None:
                 self.seconds += found.seconds
                 self._show(found.code)
-                self.found = replace(found, seconds=self.seconds)
-                self.scores = Best(found.code, found.likeness.f1, found.likeness.iou)
+                self._know(replace(found, seconds=self.seconds))
                 self.curve = found.curve or self.curve
-            elif self.code is not None:
-                self._judge()
-        self.tell()
+        elif found is not None and self.judged == self.version["code"]:  # else it was changed meanwhile
+            self._know(found)
+        self._set_free("" if task in (*SEARCHES, "judge") else task)
 
-    def _is_code(self, found: Inversion) -> bool:
-        """Whether what was judged is the code as it is now; it came back as a copy."""
-        return self.code is not None and found.code.to_json() == self.code.to_json()
+    def _go(self, from_: list[IFS], to: list[IFS], where: str) -> None:
+        self._check_free("change the code", "judge")
+        if not from_:
+            raise InputError(f"there is no code {where} this one")
+        if self.code is not None:
+            to.append(self.code)
+        self._show(from_.pop())
+        self._set_free(self.task)
 
-    def _show(self, code: IFS) -> None:
-        self.code = code
-        self.version["code"] += 1
-        self._forget()
+    def _check_free(self, to: str, *but: str) -> None:
+        if self.task and self.task not in but:
+            raise InputError(f"cannot {to}: {DOING[self.task]}")
 
-    def _forget(self) -> None:
-        """What was known of the code before."""
-        self.scores = self.found = None
-        self.saved, self.why = {}, ""
+    # What is kept on the disk, so that nothing is lost however the studio ends.
 
-    def _picture(self) -> Picture:
-        if self.picture is None:
-            raise InputError("there is no picture yet; drop one first")
-        return self.picture
+    def _keep(self) -> None:
+        """Write where the session stands, beside all else, and not more often than the disk can."""
+        self.unkept = self.picture is not None
+        if self.keeping is None and self.unkept and not self.closing:
+            self.keeping = self.loop.create_task(self._kept())
 
-    def _check_free(self, to: str) -> None:
-        doing = {"find": "a search is going on; stop it first", "polish": "a search is going on; stop it first",
-                 "read": "a picture is being read; wait a moment", "save": "a code is being saved; wait a moment",
-                 "judge": "the code is being judged; wait a moment"}
-        if self.task:
-            raise InputError(f"cannot {to}: {doing[self.task]}")
+    async def _kept(self) -> None:
+        try:
+            while self.unkept:
+                self.unkept = False
+                await self._thread(partial(self.folder.keep, self._state(), self.code))
+        except InputError as error:
+            self.why = f"{error}; until then the code is lost if the studio ends unexpectedly"
+            self.tell()
+        finally:
+            self.keeping = None
 
-    async def _in_a_thread(self, task: str, work: Callable[[], Picture], then: Callable[[Picture], None]) -> None:
+    @contextlib.contextmanager
+    def _at(self, task: str) -> Iterator[None]:
         self.task = task
         self.tell()
         try:
-            then(await self._thread(work))
+            yield
         finally:
-            self.task = ""
-            self.tell()
+            self._set_free()
 
     async def _thread(self, work: Callable[[], Any]) -> Any:
         return await self.loop.run_in_executor(None, work)
 
 
-def _checked(settings: Mapping[str, Any]) -> tuple[dict[str, Any], float | None]:
-    """The options of a search and its limit of time, from what a page sent."""
-    unknown = sorted(set(settings) - {"seconds", "maps", "levels"})
-    if unknown:
-        raise InputError(f"a search takes seconds, maps and levels, got {unknown[0]!r}")
-    given = {name: value for name, value in settings.items() if value is not None}
-    seconds = given.pop("seconds", None)
-    if seconds is not None and not (isinstance(seconds, int | float) and 1 <= seconds <= MOST_SECONDS):
-        raise InputError(f"the limit of time must be 1 to {MOST_SECONDS} seconds, or be left empty, got {seconds!r}")
-    if "maps" in given and not (type(given["maps"]) is int and 2 <= given["maps"] <= 1000):
-        raise InputError(f"the number of maps must be 2 to 1000, or be left empty, got {given['maps']!r}")
-    if given.setdefault("levels", "auto") not in MEANINGS:
-        raise InputError(f"levels must be one of {', '.join(MEANINGS)}, got {given['levels']!r}")
-    return given, seconds
+def _taken(data: bytes, path: Path, name: str) -> Picture:
+    try:
+        write_atomically(path, data)
+        return Picture.taken(path, name, Reading())
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+

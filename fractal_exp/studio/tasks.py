@@ -12,19 +12,19 @@ from typing import Any
 import torch
 
 from ..api import invert
-from ..evaluation import metrics
 from ..ifs.affine import from_code
 from ..ifs.code import IFS
 from ..images.reading import ReadImage
 from ..inversion import Inversion, Work, conclude
 from ..inversion.road import INTERRUPTED
+from ..likeness import WITHIN_NOISE, Likeness
 from ..methods.base import CodeReconstruction, Progress
 from ..methods.collage import given
-from ..rendering.still import render
 from ..runtime.checkpoint import Checkpoint
 
 TELL_EVERY = 0.2   # seconds between two words of progress,
-SHOW_EVERY = 1.0   # and between two codes within a stage, each of which is rendered
+SHOW_EVERY = 1.0   # and between two codes within a stage, each of which is measured,
+MEASURE_SHARE = 10  # or so many times as many as the measuring took
 BY_HAND = "made by hand"
 
 
@@ -42,11 +42,16 @@ class Told:
 
 @dataclass(frozen=True)
 class Best:
-    """The best code so far, with F1 and IoU of what it draws, of all lit pixels."""
+    """The best code so far, and how like the picture it is: measured as at the end, so that no figure falls there."""
 
     code: IFS
-    f1: float
-    iou: float
+    likeness: Likeness
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """A code that explains the picture to its noise is better than one that does not; else F1 within a pixel says,
+        which is the figure that is shown."""
+        return self.likeness.noise_ratio < WITHIN_NOISE, self.likeness.f1_1px
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,8 @@ Tell = Callable[[Told | Best], None]
 class Find:
     """Search the code of a picture, or go on with a search that was stopped.
 
-    path: of the checkpoint; options: of `invert`; begin: "anew", "again" (from the checkpoint), or a code to improve.
+    path: of the checkpoint; options: of `invert`; begin: "anew", "again" (from the checkpoint), or a code to improve;
+    polishing: whether the search began with a code; beat: a code, and nothing worse is to come of the search.
     """
 
     picture: ReadImage
@@ -74,21 +80,32 @@ class Find:
     options: Mapping[str, Any] = field(default_factory=dict)
     seconds: float | None = None
     begin: str | IFS = "anew"
+    polishing: bool = False
+    beat: IFS | None = None
 
     def run(self, tell: Tell) -> Done:
         """Search, and tell of it. Raises `InputError`, before any work, on options that `invert` refuses."""
-        options = dict(self.options)
-        if isinstance(self.begin, IFS):
-            options |= given.OPTIONS
+        options = {**self.options, **(given.OPTIONS if self.polishing else {})}
+        if self.begin != "again":
+            self.path.unlink(missing_ok=True)
         checkpoint = Checkpoint(self.path, identity=options, resume=self.begin != "anew")
         if isinstance(self.begin, IFS):
             checkpoint.save(given.found_already(self.begin))
+        telling = _Telling(tell, self.picture, self.seconds, self.beat)
         try:
-            found = invert(self.picture, seconds=self.seconds, on_step=_Telling(tell, self.picture, self.seconds),
-                           keep_interrupted=True, checkpoint=checkpoint, **options)
+            found = invert(self.picture, seconds=self.seconds, on_step=telling, keep_interrupted=True,
+                           checkpoint=checkpoint, **options)
         except KeyboardInterrupt:  # before there was any code
             return Done(interrupted=True)
-        return Done(found, interrupted=found.stopped == INTERRUPTED)
+        return Done(self._at_best(found, telling.best), interrupted=found.stopped == INTERRUPTED)
+
+    def _at_best(self, found: Inversion, best: Best | None) -> Inversion:
+        """What was found, with the best code that was seen on the way in its place where that is better."""
+        if best is None or best.rank <= Best(found.code, found.likeness).rank:
+            return found
+        work = Work(CodeReconstruction(best.code, curve=found.curve), found.history, stopped=found.stopped,
+                    seconds=found.seconds)
+        return conclude(work, self.picture, name=found.method, options=found.options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,30 +117,32 @@ class Judge:
 
     def run(self, tell: Tell) -> Done:
         """The code with its likeness and its verdict."""
-        found = conclude(Work(CodeReconstruction(self.code), stopped=BY_HAND), self.picture, name="hand")
-        tell(Best(self.code, found.likeness.f1, found.likeness.iou))
-        return Done(found)
+        return Done(conclude(Work(CodeReconstruction(self.code), stopped=BY_HAND), self.picture, name="hand"))
 
 
 Task = Find | Judge
 
 
 class _Telling:
-    """An `on_step` that tells how far a search is, each code that a stage ends with, and before there is one, now and
-    then the best candidate."""
+    """An `on_step` that tells how far a search is, and each code that is better than all before: of those that a stage
+    ends with, and before there is one, now and then of the best candidates. To measure those takes a tenth of the time
+    at most."""
 
-    def __init__(self, tell: Tell, picture: ReadImage, limit: float | None):
-        self.tell, self.image, self.limit = tell, picture.image, limit
+    def __init__(self, tell: Tell, picture: ReadImage, limit: float | None, beat: IFS | None):
+        self.tell, self.picture, self.limit = tell, picture, limit
         self.began, self.last = time.monotonic(), -math.inf
-        self.shown: IFS | None = None
-        self.shown_at = -math.inf
+        self.measured: IFS | None = None
+        self.next = -math.inf  # when a candidate is measured
+        self.best = None if beat is None else self._measured(beat)
 
     def __call__(self, progress: Progress) -> None:
         now = time.monotonic()
-        code = progress.code or self._better(progress.candidate, now)
+        code = progress.code or self._candidate(progress.candidate, now)
         if code is not None:
-            self.shown, self.shown_at = code, now
-            self.tell(best(code, self.image))
+            found = self._measured(code)
+            if self.best is None or found.rank > self.best.rank:
+                self.best = found
+                self.tell(found)
         elif now - self.last < TELL_EVERY:
             return
         self.last, seconds = now, now - self.began
@@ -131,12 +150,19 @@ class _Telling:
         self.tell(Told(seconds, seconds_left(seconds, progress.fraction, self.limit), progress.stage or "search",
                        progress.fraction, error if error is not None and math.isfinite(error) else None))
 
-    def _better(self, candidate: IFS | None, now: float) -> IFS | None:
-        """The candidate, if it is another one than is shown, and it is time to show it."""
-        if candidate is None or now - self.shown_at < SHOW_EVERY:
+    def _candidate(self, candidate: IFS | None, now: float) -> IFS | None:
+        """The candidate, if it is another one than was measured last, and it is time to measure it."""
+        if candidate is None or now < self.next:
             return None
-        shown = self.shown
-        return None if shown is not None and torch.equal(from_code(candidate), from_code(shown)) else candidate
+        before = self.measured
+        return None if before is not None and torch.equal(from_code(candidate), from_code(before)) else candidate
+
+    def _measured(self, code: IFS) -> Best:
+        began = time.monotonic()
+        found = Best(code, Likeness.of(code, self.picture))
+        self.measured, now = code, time.monotonic()
+        self.next = now + max(SHOW_EVERY, MEASURE_SHARE * (now - began))
+        return found
 
 
 def seconds_left(seconds: float, fraction: float, limit: float | None) -> float | None:
@@ -144,10 +170,3 @@ def seconds_left(seconds: float, fraction: float, limit: float | None) -> float 
     if limit is not None:
         return max(0.0, limit - seconds)
     return seconds * (1 - fraction) / fraction if fraction > 0.02 else None
-
-
-def best(code: IFS, image: Any) -> Best:
-    """A code with the scores of what it draws, lit where the image (R,R) is, or not."""
-    drawn = render(code, resolution=len(image))
-    masks = [(each > 0).float()[None] for each in (drawn, image)]
-    return Best(code, float(metrics.f1(*masks)), float(metrics.iou(*masks)))

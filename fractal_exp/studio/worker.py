@@ -17,6 +17,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..methods.base import Progress
+from ..runtime import parent
 from .tasks import Best, Done, Task, Told
 
 WARM_SECONDS, WARM_SIDE = 0.5, 64   # of a search that only compiles what searches need, and of its picture
@@ -47,7 +48,7 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._spoken = False
-        self._process = context.Process(target=self._work, args=(theirs,), name="studio search", daemon=True)
+        self._process = context.Process(target=_follow, args=(self._work, theirs), name="studio search", daemon=True)
         self._process.start()
         theirs.close()
         threading.Thread(target=self._hear, args=(self._pipe, self._process), daemon=True).start()
@@ -59,13 +60,14 @@ class Worker:
 
     def do(self, task: Task) -> None:
         """Begin a task; the words come by and by. Raises `RuntimeError` if it is at another one."""
+        packed = pickle.dumps(task)
         with self._lock:
             if self._busy or self._closed:
                 raise RuntimeError("the worker is at a task, or closed")
             self._busy = True
             self._count += 1
             with contextlib.suppress(OSError):  # the thread that hears tells that the process is gone
-                self._pipe.send_bytes(pickle.dumps(task))
+                self._pipe.send_bytes(packed)
 
     def stop(self) -> None:
         """Ask the task to end with what it has. One that does not is ended by force after a while."""
@@ -143,10 +145,18 @@ class _Interruption:
             raise KeyboardInterrupt
 
 
+def _follow(work: Callable[[Connection], None], pipe: Connection) -> None:
+    """Work, but no longer than the studio lives. The pipe alone would tell of its end only between two tasks."""
+    parent.follow_starter()
+    work(pipe)
+
+
 def main(pipe: Connection) -> None:
-    """What the process does until its parent is gone."""
+    """What the process does."""
     interruption = _Interruption()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "SIGHUP"):  # of a closed terminal: the studio ends by it, and this process with the studio
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     from ..runtime import threads
 
     threads.use()

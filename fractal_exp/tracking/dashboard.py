@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..runtime.parent import following
 from .addresses import database_path, shown, store_uri
 from .building import artifacts, hide_default
 from .client import ENVIRONMENT, connect
@@ -79,7 +80,7 @@ def serve(folder: str | Path, port: int = 5000, study: str | None = None) -> int
     hide_default(client)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     print("dashboard: starting", flush=True)
-    server = subprocess.Popen(command, env={**ENVIRONMENT, **os.environ}, stdout=subprocess.DEVNULL,
+    server = subprocess.Popen(following(command), env={**ENVIRONMENT, **os.environ}, stdout=subprocess.DEVNULL,
                               stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         _wait_for(server, f"http://127.0.0.1:{port}")

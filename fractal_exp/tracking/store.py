@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 from filelock import FileLock
 
 from ..errors import InputError, did_you_mean
+from ..runtime.parent import is_alive
 from .addresses import database_path, reason, root, shown, store_uri
 from .building import artifacts, build
 from .client import connect
@@ -30,7 +31,6 @@ PATIENCE = 60.0                       # seconds that a fit waits to start while 
 FIRST_PATIENCE = 10.0                 # and that the first command waits, when an address may be mistaken
 FIRST_RETRY, LAST_RETRY = 0.5, 5.0    # seconds between attempts, doubling
 PAGE = 1000                           # runs per request
-CLOCK_SET = 5.0                       # seconds by which a process may seem to have started at another time
 PARENT = "mlflow.parentRunId"         # the tag by which MLflow nests runs
 
 
@@ -123,19 +123,6 @@ def process_tags() -> dict[str, str]:
     import psutil
 
     return {"host": socket.gethostname(), "pid": str(os.getpid()), "process_start": str(psutil.Process().create_time())}
-
-
-def is_alive(pid: int, start: str | None = None) -> bool:
-    """Whether process `pid` of this machine lives, and is the one whose tag `process_start` is `start`, as a number is
-    given away again. A zombie counts as gone."""
-    import psutil
-
-    try:
-        process = psutil.Process(pid)
-        return process.status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD) and (
-            start is None or abs(process.create_time() - float(start)) < CLOCK_SET)
-    except (psutil.Error, ValueError):  # gone, or a tag of another version
-        return False
 
 
 def is_written_elsewhere(tags: Mapping[str, str]) -> bool:

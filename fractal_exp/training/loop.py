@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
 import torch
-from pydantic import Field
+from pydantic import BaseModel, Field, field_validator
 from torch import Tensor, nn
 
 from ..errors import InputError
 from ..methods.base import FitDiverged, OnStep, Progress, check_device
-from ..runtime.checkpoint import Checkpoint, Snapshot
+from ..runtime.checkpoint import Checkpoint, Snapshot, moments
 from ..runtime.deadline import Deadline
-from ..runtime.params import Amount, Params, Positive
+from ..runtime.params import Amount, Count, Params, Positive
 
 Batch = tuple[Tensor, ...]
 
@@ -118,6 +118,9 @@ def train(training: Training, *, device: str = "cpu", seconds: float | None = No
     state = State(network, training.optimizer(network))
     if checkpoint and (saved := checkpoint.load()):
         state.restore(saved)
+        if state.done >= training.steps and not state.best:
+            raise InputError(f"the checkpoint tells of {state.done} steps and of no look at the held-out data; start "
+                             "afresh with resume=false")
     first, latest = state.done, state.scores
     stopped = f"all {training.steps} steps done"
     while state.done < training.steps:
@@ -151,6 +154,20 @@ def train(training: Training, *, device: str = "cpu", seconds: float | None = No
     return Trained({name: value.cpu() for name, value in state.best.items()}, state.scores, stopped)
 
 
+class Numbers(BaseModel):
+    """The numbers of a checkpoint: the scores of the best look, and the looks since then."""
+
+    scores: dict[str, float]
+    stale: Count
+
+    @field_validator("scores")
+    @classmethod
+    def _tell_of_held_out_data(cls, scores: dict[str, float]) -> dict[str, float]:
+        if scores and "held_out" not in scores:
+            raise ValueError("the score held_out is missing")
+        return scores
+
+
 @dataclass
 class State:
     """All that a training needs to go on, and thus what a checkpoint holds: the network and its optimiser, the steps
@@ -180,17 +197,18 @@ class State:
         return Snapshot(self.done, tensors, {"scores": self.scores, "stale": self.stale})
 
     def restore(self, saved: Snapshot) -> None:
-        """Go back to a checkpoint."""
-        kept: dict[str, dict[str, Tensor]] = {"network": {}, "best": {}, "optimizer": {}}
-        for name, value in saved.tensors.items():
-            part, _, rest = name.partition("/")
-            kept[part][rest] = value
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, value in kept["optimizer"].items():
+        """Go back to a checkpoint. Raises `InputError` if it is of another training."""
+        numbers = saved.checked(Numbers)
+        parts = {"network": self.network.state_dict()} | ({"best": self.network.state_dict()} if numbers.scores else {})
+        if saved.holds("optimizer/"):
+            parts["optimizer"] = moments({str(i): value for i, value in enumerate(self.network.parameters())})
+        tensors = saved.like({f"{part}/{name}": value for part, of in parts.items() for name, value in of.items()})
+        kept = {part: {name: tensors[f"{part}/{name}"] for name in of} for part, of in parts.items()}
+        adam: dict[int, dict[str, Tensor]] = {}
+        for name, value in kept.get("optimizer", {}).items():
             number, _, key = name.partition("/")
-            moments.setdefault(int(number), {})[key] = value
+            adam.setdefault(int(number), {})[key] = value
         self.network.load_state_dict(kept["network"])
-        self.optimizer.load_state_dict({"state": moments, "param_groups": self.optimizer.state_dict()["param_groups"]})
-        device = next(self.network.parameters()).device
-        self.best = {name: value.to(device) for name, value in kept["best"].items()}
-        self.done, self.scores, self.stale = saved.iteration, dict(saved.numbers["scores"]), saved.numbers["stale"]
+        self.optimizer.load_state_dict({"state": adam, "param_groups": self.optimizer.state_dict()["param_groups"]})
+        self.best = kept.get("best", {})
+        self.done, self.scores, self.stale = saved.iteration, numbers.scores, numbers.stale

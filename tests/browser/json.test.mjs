@@ -1,4 +1,5 @@
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { Refused, plainCode } from "../../fractal_exp/viewer/static/code.mjs";
@@ -46,6 +47,13 @@ test("what is no code is refused, and said in a line", () => {
   ]) {
     assert.throws(() => readJson(text), (error) => error instanceof Refused && why.test(error.message)
       && error.message.length < 500, `${text.slice(0, 60)}, ${why}`);
+  }
+});
+
+test("a code is taken or refused as the package does", () => {
+  for (const { accepted, text } of JSON.parse(readFileSync(new URL("../code_cases.json", import.meta.url), "utf8"))) {
+    if (accepted) assert.deepEqual(readJson(writeJson(readJson(text))), readJson(text), text);
+    else assert.throws(() => readJson(text), Refused, text);
   }
 });
 

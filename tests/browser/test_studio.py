@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 import re
 import subprocess
 import sys
@@ -91,6 +92,13 @@ def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     numbers = [float(page.input_value(f"#number-{name}")) for name in "ef"]
     assert code.offset[1].tolist() == pytest.approx(numbers, abs=1e-6)
     assert {"code.html", "overlay.png", "rendering.png"} <= {path.name for path in output.rglob("*")}
+    with page.expect_download() as download:
+        page.click("#saved-files >> text=code.json")
+    assert IFS.load(download.value.path()).offset.equal(code.offset)
+    page.reload()  # and the way back to what was found is still there
+    page.wait_for_selector("#do-back:enabled")
+    page.click("#do-back")
+    assert "recovered" in until(page, "#verdict", "^recovered")
     assert opened.said == [] and all(url.startswith((address, "data:")) for url in opened.asked)
 
 
@@ -110,9 +118,15 @@ def cropping(studio, open_page):
     page = open_page((1280, 860), **COARSE).page
     page.goto(studio[0])
     page.wait_for_selector("#file:enabled")
+
+    def accept(dialog):  # where a test before has left a code, which would go
+        dialog.accept()
+
+    page.on("dialog", accept)
     page.set_input_files("#file", {"name": "pair.png", "mimeType": "image/png", "buffer": pair_of_shapes()})
     until(page, "#picture-name", "pair.png")
     page.wait_for_selector("#reading:enabled")
+    page.remove_listener("dialog", accept)
     return page
 
 
@@ -176,6 +190,34 @@ def test_a_part_is_typed_and_one_that_cannot_be_is_put_back_with_the_reason(crop
     page.keyboard.press("Tab")
     assert "at least 16 px" in until(page, "#said", "part")
     assert typed(page) == [250, 0, 50, 120]
+
+
+def test_a_code_of_another_picture_asks_first_and_what_may_help_is_a_button(cropping):
+    page, asked = cropping, []
+    code = codes.known("sierpinski_triangle").to_json()
+    code["meta"] = {"picture": {"name": "fern.png", "sha256": "0" * 64}}
+    answers = iter(["dismiss", "accept"])
+
+    def answer(dialog):
+        asked.append(dialog.message)
+        getattr(dialog, next(answers))()
+
+    page.on("dialog", answer)
+    page.fill("#seconds", "1")
+    page.click("#do-find")
+    until(page, "#verdict", "(?s)^(approximation|not recovered|recovered)")
+    page.wait_for_selector("#do-edit:enabled")
+    page.click("#do-edit")
+    count = page.inner_text("#map-count")
+    for seen, maps in ((1, count), (2, "3")):
+        page.click("#maps-import")
+        page.fill("#in-text", json.dumps(code))
+        page.click("#in-read")
+        until(page, "#map-count", f"^{maps}$")
+        assert len(asked) == seen and "fern.png" in asked[0]
+    page.remove_listener("dialog", answer)
+    page.wait_for_selector("#do-save:enabled")
+    assert "=" not in page.inner_text("#remedy") and re.search(r"\bmay\b|Search|Read|^$", page.inner_text("#do-mend"))
 
 
 @pytest.mark.parametrize("size", [(390, 844), (1280, 800)])

@@ -12,8 +12,7 @@ from fractal_exp import IFS, InputError, codes, tracking
 from fractal_exp.cli import evaluate as app
 from fractal_exp.cli.candidates import gather
 from fractal_exp.evaluation import evaluate
-from fractal_exp.ifs import attractor
-from fractal_exp.ifs.formats import save
+from fractal_exp.ifs import attractor, formats
 from fractal_exp.suite import random_suite
 
 SMALL = ["--resolution", "64", "--points", "200000"]
@@ -63,6 +62,14 @@ def test_a_folder_of_codes_becomes_tables_strips_and_a_report(folder, capsys):
     assert len(list((folder / "truths").glob("*.npz"))) == 14
 
 
+def test_one_of_several_codes_of_a_file_is_judged_by_its_name_or_its_number(folder):
+    both = [codes.known("fern"), codes.known("levy_c_curve")]
+    formats.save(both, folder / "both.ifs")
+    one, two = gather(["both.ifs:levy_c_curve", "both.ifs:#1"], "fern", "outputs")
+    assert (one.name, two.name) == ("levy_c_curve", "1")
+    assert torch.equal(one.code.linear, both[1].linear) and torch.equal(two.code.linear, both[0].linear)
+
+
 def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     fern = attractor.normalize(replace(codes.known("fern"), probabilities=None))
     fit = folder / "outputs" / "fits" / "fern-chaotic"
@@ -87,14 +94,6 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     assert torch.equal(candidate.aim.truth.linear, fern.linear)
     with pytest.raises(InputError, match="cannot read run"):
         gather(["run:0123"], None, folder / "outputs")
-
-
-def test_one_code_of_a_file_with_several_is_judged(folder):
-    save([codes.known("fern"), codes.known("tree")], folder / "two.ifs")
-    found = gather(["two.ifs:#2", "two.ifs:#1"], "tree", folder)
-    assert [each.name for each in found] == ["two-2", "two-1"]
-    torch.testing.assert_close(found[0].code.linear, codes.known("tree").linear, rtol=1e-5, atol=1e-5)
-    assert len(found[1].code) == len(codes.known("fern"))
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

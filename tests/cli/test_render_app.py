@@ -1,6 +1,15 @@
 """fractal-render and fractal-suite from the command line to the files."""
 
+import contextlib
+import fcntl
 import json
+import os
+import pty
+import re
+import struct
+import sys
+import termios
+from dataclasses import replace
 
 import imageio.v3 as iio
 import numpy as np
@@ -134,6 +143,41 @@ def coloured_triangle(path) -> IFS:
     code = IFS(triangle.linear, triangle.offset, colours=Colours([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [1.0, 1.0, 1.0]))
     code.save(path)
     return code
+
+
+@pytest.mark.parametrize("name", ["code.png", "code-%d.png"])
+def test_colours_stand_on_the_ground_that_the_code_names(tmp_path, name):
+    code = coloured_triangle(tmp_path / "code.json")
+    replace(code, meta={"ground": "#fff8e7"}).save(tmp_path / "code.json")
+    draw = ["--size", "48", "--points", "1e4", *(["--seconds", "0.1", "--zoom", "1.01"] if "%" in name else [])]
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / name), *draw])
+    for file in tmp_path.glob("*.png"):
+        assert tuple(pixels(file)[0, 0]) == (0xff, 0xf8, 0xe7)
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / name), *draw, "--background", "black"])
+    for file in tmp_path.glob("*.png"):
+        assert not pixels(file)[0, 0].any()
+
+
+@pytest.mark.parametrize("size", [(0, 0), (24, 40)], ids=["unknown", "known"])
+def test_a_film_counts_its_frames_on_any_terminal(tmp_path, size):
+    """An interruption is answered soon, and leaves nothing of a film of one file."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execv(sys.executable, [sys.executable, "-m", "fractal_exp.cli.render", "fern", str(tmp_path / "a.mp4"),
+                                  "--size", "64", "--points", "1e4", "--seconds", "1000", "--center", "0.3", "0.7"])
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", *size, 0, 0))
+    told = b""
+    while not re.search(rb"\D[1-9]\d*/30000 \[", told):
+        told += os.read(terminal, 4096)
+    assert list(tmp_path.iterdir())
+    os.write(terminal, b"\x03")
+    with contextlib.suppress(OSError):  # when the command has ended
+        while some := os.read(terminal, 4096):
+            told += some
+    os.close(terminal)
+    assert b"fractal-render: interrupted" in told
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 130
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_code_with_colours_is_drawn_in_colour(tmp_path, monkeypatch):

@@ -47,9 +47,10 @@ def test_compare_looks_at_the_inner_part_only():
 @pytest.mark.parametrize(("a", "b", "message"), [
     (torch.zeros(1, 16, 16), torch.zeros(1, 32, 32), r"\(1, 16, 16\) and \(1, 32, 32\)"),
     (torch.zeros(16, 16), torch.zeros(16, 16), r"shape \(B, H, W\)"),
-    (torch.zeros(1, 8, 8), torch.zeros(1, 8, 8), "11 px"),
+    (torch.zeros(1, 8, 8), torch.zeros(1, 8, 8), "13 px"),
     (torch.full((1, 32, 32), float("nan")), torch.zeros(1, 32, 32), "NaN"),
-    (torch.zeros(1, 32, 32), torch.full((1, 32, 32), 255.0), r"truth to compare must lie in \[0, 1\]"),
+    (torch.zeros(1, 32, 32), torch.full((1, 32, 32), 255.0), r"truth to compare must lie in \[0, 1\].*; divide it by"),
+    (torch.full((1, 32, 32), -1.0), torch.zeros(1, 32, 32), r"; of numbers in \[-1, 1\], take \(x \+ 1\) / 2"),
 ])
 def test_images_that_cannot_be_compared(a, b, message):
     with pytest.raises(InputError, match=message):

@@ -63,6 +63,19 @@ def test_a_million_maps_are_refused(tmp_path, suffix):
         IFS.load(path)
 
 
+@pytest.mark.parametrize("case", json.loads((Path(__file__).parents[1] / "code_cases.json").read_text()),
+                         ids=lambda case: case["text"][-40:])
+def test_a_code_is_taken_or_refused_as_the_page_does(tmp_path, case):
+    path = tmp_path / "code.json"
+    path.write_text(case["text"])
+    if case["accepted"]:
+        code = IFS.load(path)
+        assert IFS.load(code.save(path)) == code
+    else:
+        with pytest.raises(InputError):
+            IFS.load(path)
+
+
 def test_a_larger_file_is_not_even_read(tmp_path):
     with open(tmp_path / "huge.flame", "wb") as file:
         file.truncate(formats.LARGEST + 1)

@@ -1,10 +1,12 @@
 import json
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError, View
+import fractal_exp
+from fractal_exp import IFS, Colours, InputError, View
 
 HALF = [[0.5, 0.0], [0.0, 0.5]]
 
@@ -129,3 +131,52 @@ def test_missing_and_broken_files_are_refused(tmp_path):
     (tmp_path / "broken.json").write_text("{")
     with pytest.raises(InputError, match="is not JSON"):
         IFS.load(tmp_path / "broken.json")
+
+
+def test_codes_are_equal_by_value_and_equal_codes_have_one_hash():
+    code = triangle(probabilities=[0.5, 0.25, 0.25], meta={"name": "a"}, colours=Colours([[1, 0, 0]] * 3, [1, 1, 1]))
+    same = IFS(code.linear.clone(), code.offset, code.probabilities, dict(code.meta),
+               Colours(code.colours.rgb, code.colours.blends))
+    assert code == same and hash(code) == hash(same) and code.to("cpu") == code and len({code, same}) == 1
+    for other in (replace(code, meta={}), replace(code, probabilities=None), replace(code, colours=None),
+                  replace(code, offset=code.offset + 1e-6), triangle(), triangle().similar(2, (0, 0)), "a code"):
+        assert code != other
+    assert IFS([HALF], [[0.0, 0]]) == IFS([HALF], [[-0.0, 0]]) and hash(IFS([HALF], [[0.0, 0]])) == hash(
+        IFS([HALF], [[-0.0, 0]])), "zeros of either sign are equal"
+
+
+def test_maps_can_be_gone_through():
+    code = triangle()
+    maps = [(linear.tolist(), offset.tolist()) for linear, offset in code]
+    assert maps == [(HALF, [0, 0]), (HALF, [0.5, 0]), (HALF, [0.25, 0.5])] and len(maps) == len(code)
+
+
+def test_a_contracted_code_has_the_nearest_matrices_that_contract():
+    rotation = torch.tensor([[0.6, -0.8], [0.8, 0.6]])
+    code = IFS(torch.stack([rotation @ torch.diag(torch.tensor([2.0, 0.3])), torch.tensor(HALF)]), [[1, 2], [3, 4]])
+    near = code.contracted(0.9)
+    torch.testing.assert_close(near.linear[0], rotation @ torch.diag(torch.tensor([0.9, 0.3])))
+    assert torch.equal(near.linear[1], code.linear[1]) and torch.equal(near.offset, code.offset)
+    assert code.contracted().check_contractive() == code.contracted()
+    distance = (near.linear[0] - code.linear[0]).norm()
+    generator = torch.Generator().manual_seed(0)
+    for _ in range(200):
+        other = IFS(near.linear[:1] + 0.05 * torch.randn(1, 2, 2, generator=generator), [[0, 0]])
+        if float(other.singular_values().max()) <= 0.9:
+            assert (other.linear[0] - code.linear[0]).norm() >= distance - 1e-6
+    for most in (0, 1, -1, math.nan, "x"):
+        with pytest.raises(InputError, match="most must be a number above 0 and at most 0.999"):
+            code.contracted(most)
+
+
+def test_whole_numbers_of_any_length_are_numbers():
+    assert float(IFS([HALF], [[10**38, 0]]).offset[0, 0]) == pytest.approx(1e38)
+    with pytest.raises(InputError, match="offset must be a regular array of numbers"):
+        IFS([HALF], [[10**400, 0]])
+    with pytest.raises(InputError, match="rows must hold finite numbers up to .*, got an integer of more than 20"):
+        IFS.from_json([[0.5, 0, 0, 0.5, 10**5000, 0]])
+
+
+def test_the_package_lists_what_it_offers():
+    assert set(dir(fractal_exp)) == {*fractal_exp.__all__, "__version__"}
+    assert all(getattr(fractal_exp, name) is not None for name in dir(fractal_exp))

@@ -2,6 +2,8 @@
 
 import os
 import socket
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from PIL import Image
 
 from fractal_exp import InputError
 from fractal_exp.images import bands as picture_bands
-from fractal_exp.images.reading import read_target, write_image
+from fractal_exp.images.reading import read_colour, read_small, read_target, write_image
 
 
 def leaf():
@@ -130,3 +132,47 @@ def test_what_is_no_ordinary_file_is_not_waited_for(tmp_path):
             read_target(path, 32)
     with pytest.raises(InputError, match="File name too long"):
         read_target(tmp_path / ("x" * 300), 32)
+
+
+def png_of(rows, colour, channels, side=400):
+    """A PNG that declares side² pixels and holds some rows of them, all black, or transparent."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    palette = chunk(b"PLTE", bytes(6)) + chunk(b"tRNS", b"\0") if colour == 3 else b""
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, colour, 0, 0, 0)) + palette
+            + chunk(b"IDAT", zlib.compress(bytes(rows * (1 + channels * side)))) + chunk(b"IEND", b""))
+
+
+@pytest.mark.parametrize("colour, channels", [(0, 1), (2, 3), (3, 1), (4, 2), (6, 4)])
+def test_a_png_without_all_its_rows_is_damaged_and_not_black_or_transparent(tmp_path, colour, channels):
+    for rows in (0, 1, 10, 399):
+        (tmp_path / "short.png").write_bytes(png_of(rows, colour, channels))
+        with pytest.raises(InputError, match="damaged or cut short"):
+            read_target(tmp_path / "short.png", 32)
+    (tmp_path / "whole.png").write_bytes(png_of(400, colour, channels))
+    with pytest.raises(InputError, match="transparent|stands out"):
+        read_target(tmp_path / "whole.png", 32)
+
+
+def test_no_memory_is_taken_for_pixels_that_a_short_file_cannot_hold(tmp_path, monkeypatch):
+    (tmp_path / "bomb.png").write_bytes(png_of(1, 6, 4, 19_000))
+    monkeypatch.setattr(Image.core, "new", lambda *_: pytest.fail("memory is taken"), raising=False)
+    with pytest.raises(InputError, match="pixels are missing"):
+        read_target(tmp_path / "bomb.png", 32)
+
+
+def test_the_pixels_that_are_decoded_are_bounded_as_asked(tmp_path):
+    Image.new("L", (200, 100)).save(tmp_path / "large.png")
+    with pytest.raises(InputError, match="200×100 pixels, at most"):
+        read_target(tmp_path / "large.png", 32, most_pixels=19_999)
+
+
+@pytest.mark.parametrize("size", [(1000, 700), (480, 300), (37, 961)])
+def test_a_picture_is_shrunk_as_it_is_read_to_what_it_looks_like(tmp_path, size):
+    rough = np.random.default_rng(0).integers(0, 256, (5, 7, 4), np.uint8)
+    Image.fromarray(rough).resize(size, Image.Resampling.BILINEAR).save(tmp_path / "colours.png")
+    small, whole = read_small(tmp_path / "colours.png", 240, 1.0), read_colour(tmp_path / "colours.png", 1.0)
+    assert max(small.shape) == 240 and small.dtype == np.uint8
+    expected = Image.fromarray(whole).resize(small.shape[1::-1], Image.Resampling.BOX)
+    assert np.abs(small.astype(float) - np.asarray(expected)).mean() < 3

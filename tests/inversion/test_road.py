@@ -2,10 +2,11 @@
 
 import pytest
 import torch
+from camera_helpers import CAMERAS, PIXEL, SIDE
 
 from fractal_exp import codes, suite
 from fractal_exp.cameras.camera import Camera, parse_camera
-from fractal_exp.cameras.kinds import KINDS, kind_of
+from fractal_exp.cameras.kinds import kind_of
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.errors import InputError
 from fractal_exp.ifs import attractor
@@ -15,15 +16,7 @@ from fractal_exp.inversion import Inversion, Work, conclude, reconstruct, run, w
 from fractal_exp.methods.base import CodeReconstruction, Method, Progress
 from fractal_exp.methods.collage.method import Collage
 
-SIDE = 96
-PIXEL = 2 / SIDE
 CODE = attractor.normalize(codes.known("sierpinski_triangle"))
-CAMERAS = {
-    "density": Camera("density"), "linear": Camera("linear", blur=1.5 * PIXEL),
-    "dots": Camera("dots", gain=0.2, blur=0.5 * PIXEL),
-    "tonemapped": Camera("tonemapped", gain=0.2, gamma=2.2, blur=0.5 * PIXEL),
-    "coverage": Camera("coverage", tile=0.0, pen=PIXEL, blur=0.5 * PIXEL), "binary": Camera("binary"),
-}
 
 
 class Known(Method):
@@ -66,7 +59,7 @@ def test_the_camera_of_a_method_that_finds_none_is_estimated(kind):
 
 
 def test_every_meaning_of_levels_has_a_camera():
-    assert set(CAMERAS) == set(MEANINGS) - {"auto"} == set(KINDS) - {"strokes"}
+    assert set(CAMERAS) == set(MEANINGS) - {"auto"}
 
 
 def test_levels_are_decided_once_when_a_target_is_made():

@@ -1,3 +1,7 @@
+import math
+import pydoc
+import warnings
+
 import pytest
 import torch
 from ops_helpers import assert_close, numba_threads, random_code
@@ -174,3 +178,21 @@ def test_a_cotangent_times_a_power_of_two_gives_the_gradient_times_it_bit_for_bi
     scaled = torch.autograd.grad(points, code, cotangent * 2.0**exponent)
     for ours, expected in zip(scaled, whole, strict=True):
         assert torch.equal(ours, expected * 2.0**exponent)
+
+
+def test_what_gets_no_gradient_or_has_nan_is_warned_of():
+    game = dict(trajectories=2, length=12)
+    with pytest.warns(UserWarning, match="probabilities require a gradient and get none here; give .*detach") as told:
+        chaos_game(LINEAR, OFFSET, probabilities=(torch.ones(3) / 3).requires_grad_(), **game)
+    assert len(told) == 1 and told[0].filename == __file__
+    with pytest.warns(UserWarning, match="offset has NaN") as told:
+        chaos_game(LINEAR, OFFSET * math.nan, **game)
+    assert told[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chaos_game(LINEAR, OFFSET, probabilities=torch.ones(3) / 3, **game)
+
+
+@pytest.mark.parametrize("shape", ["linear (…,N,2,2)", "offset (…,N,2)", "(…,N) or (N,)", "Points (…,P,2)"])
+def test_help_tells_shapes(shape):
+    assert shape in pydoc.plain(pydoc.render_doc(chaos_game))

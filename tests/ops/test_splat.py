@@ -1,4 +1,5 @@
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -144,3 +145,12 @@ def test_a_cotangent_times_a_power_of_two_gives_the_gradient_times_it_bit_for_bi
     assert float(normal.float().mean()) > 0.25
     assert torch.equal(scaled[normal], expected[normal])
     assert float((scaled - expected).abs().max()) <= tiny * 2.0**max(exponent, 0)
+
+
+def test_points_with_nan_are_warned_of_and_infinite_ones_are_not():
+    with pytest.warns(UserWarning, match="points has NaN") as told:
+        splat(torch.tensor([[math.nan, 0.0]]), 8)
+    assert told[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        splat(torch.tensor([[math.inf, 0.0]]), 8)

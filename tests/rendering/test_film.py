@@ -8,10 +8,13 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import InputError, codes
+from fractal_exp import InputError, View, codes, render
+from fractal_exp.ifs import attractor
 from fractal_exp.rendering import film as films
 from fractal_exp.rendering.film import forecast, frames, write_film
 from fractal_exp.rendering.morph import morph_path
+from fractal_exp.rendering.zoom import zoom_path
+from fractal_exp.runtime import threads
 
 NAMES = ["a.mp4", "a.webm", "a.gif", "a-%03d.png"]
 
@@ -57,6 +60,41 @@ def test_the_forecast_tells_size_and_length(tmp_path, name):
     assert told.frames == 48 and told.seconds == pytest.approx(2.4) and told.drawing_seconds > 0
     assert size / 1.6 < told.bytes < 1.6 * size
     assert str(told).startswith("48 frames, 2.4 s of film, about ") and str(told).endswith(" to draw")
+
+
+@pytest.mark.parametrize("mode", ["occupancy", "density"])
+def test_the_same_film_on_any_number_of_threads(mode):
+    code = attractor.normalize(codes.known("fern"))
+    views = zoom_path(attractor.random_point(code), 6, end_zoom=30)
+    try:
+        threads.use(1)
+        alone = list(frames(code, views, resolution=64, points_in_view=50_000, mode=mode))
+    finally:
+        threads.use()
+    together = list(frames(code, views, resolution=64, points_in_view=50_000, mode=mode))
+    assert all(map(torch.equal, alone, together)) and not torch.equal(together[0], together[1])
+
+
+def test_frames_are_stills_of_their_views():
+    """Also where the next view is not like the last one, from which its weight is guessed."""
+    code = attractor.normalize(codes.known("heighway_dragon"))
+    point = attractor.random_point(code, 2)
+    views = [View(point, zoom) for zoom in (1e5, 9e4, 1, 1, 1e3, 2, 1e6)]
+    for view, frame in zip(views, frames(code, views, resolution=96, points_in_view=100_000), strict=True):
+        still = render(code, view, resolution=96, points_in_view=100_000, seed=77)
+        other = render(code, view, resolution=96, points_in_view=100_000, seed=78)
+        assert float(frame.mean()) == pytest.approx(float(still.mean()), rel=0.03)
+        assert float(((frame - still)**2).mean()) < 1.2 * float(((other - still)**2).mean())
+
+
+def test_a_film_that_ends_early_draws_no_further(monkeypatch):
+    drawn, drawing = [], films.render_with_info
+    monkeypatch.setattr(films, "render_with_info",
+                        lambda *given, **more: (drawn.append(more["seed"]), drawing(*given, **more))[1])
+    film = frames(codes.known("fern"), [View()] * 50, resolution=16, points_in_view=100)
+    next(film)
+    film.close()
+    assert len(drawn) <= 1 + films.AHEAD
 
 
 def test_a_film_that_finds_no_room_is_refused_before_it_is_drawn(tmp_path, monkeypatch):

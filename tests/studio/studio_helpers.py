@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fractal_exp.studio.worker import Ready
+
 TOKEN = "the-token-of-the-test"
+START = "the-start-of-the-test"
 PATIENCE = 90  # seconds
 SIDE = 64      # pixels of a picture
 
@@ -23,7 +26,8 @@ class Studio:
 
     port: int
     output: Path
-    kept: list[Path] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+    end: Callable[[], None] = lambda: None
 
     @property
     def host(self) -> str:
@@ -85,6 +89,10 @@ class Tab:
     def refused(self, act: str, **more: Any) -> str:
         """Why the studio does not do something."""
         self.do(act, **more)
+        return self.why()
+
+    def why(self) -> str:
+        """The next refusal."""
         while (word := json.loads(self.socket.recv(timeout=PATIENCE)))["told"] != "refused":
             pass
         return word["why"]
@@ -99,7 +107,7 @@ def served(output: Path) -> Iterator[Studio]:
 
     listening = bound(0)
     studio = Studio(listening.getsockname()[1], output)
-    app = application(output, token=TOKEN, port=studio.port, kept=studio.kept.append)
+    app = application(output, token=TOKEN, port=studio.port, start=START, left=studio.left.append)
     server = uvicorn.Server(uvicorn.Config(app, ws="websockets-sansio", ws_max_size=LONGEST_WORD, log_level="error",
                                            lifespan="on", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
@@ -107,6 +115,44 @@ def served(output: Path) -> Iterator[Studio]:
     while not server.started:
         assert thread.is_alive()
         time.sleep(0.02)
+
+    def end() -> None:
+        server.should_exit = True
+        thread.join(PATIENCE)
+
+    studio.end = end
     yield studio
-    server.should_exit = True
-    thread.join(PATIENCE)
+    end()
+
+
+class InThread:
+    """A worker without a process of its own, for tests of what a session makes of tasks."""
+
+    def __init__(self, listen: Callable[[Any], object]) -> None:
+        self.listen, self.thread = listen, None
+        listen(Ready())
+
+    def do(self, task: Any) -> None:
+        self.thread = threading.Thread(target=lambda: self.listen(task.run(self.listen)), daemon=True)
+        self.thread.start()
+
+    def stop(self) -> None:
+        pass
+
+    def close(self) -> None:
+        if self.thread:
+            self.thread.join(PATIENCE)
+
+
+def free(state: dict[str, Any]) -> bool:
+    return state["task"] == ""
+
+
+def judged(state: dict[str, Any]) -> bool:
+    return free(state) and state["verdict"] is not None
+
+
+def rows(of: list[list[float]]) -> dict[str, Any]:
+    """A code as a page sends it, from rows a b c d e f."""
+    return {"format": "fractal-exp/ifs", "version": 1, "linear": [[row[:2], row[2:4]] for row in of],
+            "offset": [row[4:] for row in of]}

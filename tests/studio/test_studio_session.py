@@ -1,25 +1,20 @@
 """One session of the studio: a picture is read, its code found, stopped, gone on with, edited, polished and saved."""
 
 import json
+import math
 import multiprocessing
 import os
 import signal
+import time
+from pathlib import Path
 
 import pytest
 import torch
-from studio_helpers import SIDE, TOKEN, served
+from studio_helpers import SIDE, TOKEN, free, judged, rows, served
 
 from fractal_exp import IFS, api, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.studio.worker import _compile
-
-
-def free(state) -> bool:
-    return state["task"] == ""
-
-
-def judged(state) -> bool:
-    return free(state) and state["verdict"] is not None
 
 
 def plain(code: IFS) -> dict:
@@ -53,8 +48,9 @@ def test_the_reading_is_corrected_by_hand(studio, tab, triangle):
     state = tab.until(lambda state: free(state) and state["picture"]["reading"]["threshold"] == 0.5)
     assert state["picture"]["inverted"] and "binary at the threshold 0.5" in state["picture"]["notes"]
     assert state["picture"]["square"] == [0, 0, SIDE, SIDE]
-    for reading, message in (({"threshold": 7}, "between 0 and 1"), ({"colour": 1}, "not read with 'colour'"),
-                             ({"invert": "no"}, "invert"), ({"frame": "wide"}, "frame")):
+    for reading, message in (({"threshold": 7}, "below 1"), ({"colour": 1}, "no parameter colour"),
+                             ({"invert": "no"}, "invert"), ({"frame": "wide"}, "frame"),
+                             ({"resolution": 4096}, "at most 512")):
         assert message in tab.refused("read", reading=reading)
 
 
@@ -69,8 +65,8 @@ def test_a_part_of_the_picture_is_read_alone_until_all_of_it_is_wanted(studio, t
     x0, y0, x1, y1 = part["square"]
     assert 0 < x0 and x1 < 45 and 20 < y0 and y1 < SIDE and "the part of 24×28 px at (8, 32)" in part["notes"][0]
     for crop, message in (([0, 0, 65, 64], "within (0, 0, 64, 64)"), ([40, 0, 40, 64], "empty"),
-                          ([0, 0, 9, 9], "16 px"), (["0", 0, 32, 32], "four whole numbers"),
-                          ("all", "four whole numbers")):
+                          ([0, 0, 9, 9], "16 px"), (["0", 0, 32, 32], "a whole number"),
+                          ("all", "a list")):
         why = tab.refused("read", reading={"crop": crop})
         assert message in why and str(studio.output) not in why
     tab.do("read", reading={"crop": None})
@@ -84,15 +80,36 @@ def test_what_cannot_be_is_refused_with_the_reason(studio, tab, triangle):
     for act, more, message in (
             ("save", {}, "no code to save"), ("polish", {}, "no code to begin with"), ("stop", {}, "no search"),
             ("go_on", {}, "no search that was stopped"), ("choose", {"index": 0}, "the curve has 0 codes"),
-            ("find", {"settings": {"seconds": 0}}, "1 to 86400 seconds"),
-            ("find", {"settings": {"maps": 2.5}}, "2 to 1000"), ("find", {"settings": {"levels": "x"}}, "one of auto"),
-            ("find", {"settings": {"path": "/etc"}}, "got 'path'"),
-            ("find", {"settings": 3}, "settings must be a mapping, got int"), (["find"], {}, "the studio knows read"),
-            ("edit", {"code": [[2, 0, 0, 2, 0, 0]]}, "contractive"), ("edit", {"code": 3}, "got int"),
-            ("__class__", {}, "the studio knows read")):
+            ("back", {}, "no code before"), ("mend", {}, "nothing that the studio could do"),
+            ("resume", {}, "no session to open"), ("find", {"settings": {"seconds": 0}}, "at least 1"),
+            ("find", {"settings": {"maps": 2.5}}, "a whole number"), ("find", {"settings": {"levels": "x"}}, "'auto'"),
+            ("find", {"settings": {"path": "/etc"}}, "no parameter path"),
+            ("find", {"settings": 3}, "settings: Input should be an object"), (["find"], {}, "expected tags"),
+            ("edit", {"code": rows([[2, 0, 0, 2, 0, 0]])}, "contractive"), ("edit", {"code": 3}, "an object"),
+            ("__class__", {}, "expected tags"), ("stop", {"more": 1}, "not permitted")):
         assert message in tab.refused(act, **more), act
-    tab.socket.send("[" * 5000)
-    assert "load it again" in json.loads(tab.socket.recv())["why"]
+
+
+JAMS = [
+    "[" * 5000, "{", '"stop"', '{"do": "\\ud800"}', '{"do": "edit", "code": ' + 600 * '{"meta":' + "0" + 601 * "}",
+    json.dumps({"do": "edit", "code": {**rows([[.5, 0, 0, .5, 0, 0]]), "meta": {"note": math.nan}}}),
+    json.dumps({"do": "edit", "code": rows([[math.nan, 0, 0, .5, 0, 0]])}),
+    json.dumps({"do": "edit", "code": rows(8000 * [[.5, 0, 0, .5, 0, 0]])}),
+    json.dumps({"do": "edit", "code": rows([[1e300, 0, 0, .5, 0, 0]])}),
+    '{"do": "choose", "index": 1' + 5000 * "0" + "}",
+]
+
+
+def test_no_message_jams_the_session(studio, tab, triangle):
+    studio.send(triangle)
+    before = tab.until(lambda state: free(state) and state["picture"])
+    for sent in JAMS:
+        began = time.process_time()
+        tab.socket.send(sent)
+        why = tab.why()
+        assert time.process_time() - began < 2 and len(why) < 1000, sent[:100]
+    tab.do("edit", code=rows([[.5, 0, 0, .5, 0, 0], [.5, 0, 0, .5, .3, 0]]))
+    assert tab.until(judged)["version"]["code"] == before["version"]["code"] + 1
 
 
 def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(studio, tab, triangle):
@@ -101,8 +118,9 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
     with studio.tab() as other:  # a second page follows the same session
         other.do("find", settings={"maps": 3, "seconds": 60})
         first = tab.until(lambda state: state["task"] == "find" and state["code"])
-        assert 0 < first["scores"]["iou"] <= first["scores"]["f1"] <= 1
-        assert "stop it first" in other.refused("save") and "stop it before" in other.refused("edit", code=[])
+        assert 0 < first["likeness"] <= 1
+        assert "stop it first" in other.refused("save")
+        assert "stop it first" in other.refused("edit", code=rows([[.5, 0, 0, .5, 0, 0]]))
     tab.do("stop")  # the page that began it is gone
     stopped = tab.until(lambda state: free(state) and not state["stopping"])
     assert stopped["can_go_on"] and stopped["code"]
@@ -112,7 +130,10 @@ def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(st
     assert "recovered" in found["verdict"]["words"] and found["likeness"] >= 0.985
     tab.do("save")
     saved = tab.until(lambda state: free(state) and state["saved"])["saved"]
-    assert {"code.json", "code.html", "rendering.png", "overlay.png"} <= set(saved["files"].split(", "))
+    assert {"code.json", "code.html", "rendering.png", "overlay.png"} <= set(saved["names"])
+    status, text = studio.ask("GET", f"/{TOKEN}/saved/code.json")
+    assert status == 200 and text == Path(saved["folder"], "code.json").read_bytes()
+    assert studio.ask("GET", f"/{TOKEN}/saved/..%2f..%2fsession.json")[0] == 404
     assert "triangle" in saved["folder"] and saved["folder"].startswith(str(studio.output))
     assert len(IFS.load(f"{saved['folder']}/code.json")) == 3
     if "run" in saved:
@@ -153,9 +174,8 @@ def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle):
         code = attractor.normalize(codes.known("fern"))
         tab.do("edit", code=plain(code))
         tab.until(lambda state: state["code"])
-    kept = [IFS.load(path) for path in studio.kept]
-    assert [each.to_json()["linear"] for each in kept] == [code.to_json()["linear"]]
-    assert sorted(path.name for path in tmp_path.rglob("*") if path.is_file()) == ["code.json"]
+    kept, = tmp_path.rglob("code.json")
+    assert str(kept) in studio.left[0] and IFS.load(kept).to_json()["linear"] == code.to_json()["linear"]
 
 
 def test_warming_up_gives_way_to_a_task(monkeypatch):

@@ -13,11 +13,13 @@ import torch
 
 from ...errors import InputError, did_you_mean
 from ..code import IFS
+from ..numbers import MOST_MAPS
 
-MOST_MAPS = 10_000   # of one code; nobody drew a code with more
+MOST_CODES = 10_000  # of one file
 MOST_LISTED = 12     # names in an error message
+LOOKED_AT = 10       # times the characters of a note that are kept
 NORMALISED = 1e-3    # weights whose sum is closer to 1 than this stay as they are
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(\d++(\.\d*+)?|\.\d++)([eE][+-]?\d++)?", re.ASCII)  # no digit is looked at twice
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def number_of(text: str, what: str) -> float:
 
 def numbers_of(text: str, count: int, what: str) -> list[float]:
     """`count` finite numbers between spaces. Raises `InputError` that names them as `what`."""
-    words = text.split()
+    words = text.split(None, count)  # and what is left over
     if len(words) != count:
         raise InputError(f"{what} must be {count} numbers, got {reprlib.repr(text)}")
     return [number_of(word, what) for word in words]
@@ -139,6 +141,12 @@ def check_count(maps: int) -> None:
         raise InputError(f"a code has from 1 to {MOST_MAPS} maps, got {maps}" if maps else "the code has no map")
 
 
+def check_codes(codes: int) -> None:
+    """Raise `InputError` if a file has more codes than are read."""
+    if codes > MOST_CODES:
+        raise InputError(f"the file holds more than {MOST_CODES} codes, at most so many are read; split it")
+
+
 def only_one(codes: Sequence[IFS], key: str) -> IFS:
     """The only code for a file that holds one. Raises `InputError` if there are several."""
     if len(codes) != 1:
@@ -148,5 +156,5 @@ def only_one(codes: Sequence[IFS], key: str) -> IFS:
 
 def plain(text: Any, most: int = 200) -> str:
     """A note on one line without control characters, cut to `most` characters; empty if it is not text."""
-    words = " ".join(text.split()) if isinstance(text, str) else ""
+    words = " ".join(text[:LOOKED_AT * most].split()) if isinstance(text, str) else ""
     return "".join(letter for letter in words if letter.isprintable())[:most]

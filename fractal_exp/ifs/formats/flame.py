@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..code import IFS, View
+from ..numbers import MOST_MAPS
 from .base import CodeFormat, Entry, code_of, number_of, numbers_of, plain, text_of
 from .colours import COLOURS, Palette
 from .flame_xml import Flame, flames
@@ -80,7 +81,7 @@ def _affine(xform: Mapping[str, str], what: str) -> tuple[np.ndarray, np.ndarray
         if not _is_zero(xform[key]):
             raise InputError(f"{what} has the variation or parameter {plain(key, 40)!r}; only 'linear' is affine and "
                              "read, so set the others to 0")
-    if any(number_of(word, f"chaos of {what}") != 1 for word in xform.get("chaos", "").split()):
+    if any(number_of(word, f"chaos of {what}") != 1 for word in xform.get("chaos", "").split(None, MOST_MAPS)):
         raise InputError(f"{what} has 'chaos' (xaos), which a code cannot hold; remove it")
     if _is_zero(xform.get("opacity", "1")) or xform.get("plotmode") == "off":
         raise InputError(f"{what} is invisible (opacity 0), which a code cannot hold; remove it or set its opacity")

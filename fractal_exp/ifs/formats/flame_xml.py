@@ -7,9 +7,10 @@ from typing import Any
 from xml.parsers import expat
 
 from ...errors import InputError
-from .base import check_count, plain
+from .base import check_codes, check_count, plain
 
 DEEPEST = 64
+MOST_ATTRIBUTES = 1000  # of an element; flam3 knows fewer than 400
 ROOT = "flame"
 COLOURING = {"palette", "color", "colors"}
 IGNORED = {"edit"}  # the edit history, with its content
@@ -54,25 +55,34 @@ class _Handler:
     def __init__(self) -> None:
         self.found: list[Flame] = []
         self._path: list[str] = []
-        self._flame_depth = 0
+        self._flame_depth = 0    # of the flame around, 0 outside one
+        self._ignored_depth = 0  # likewise of an element that is ignored
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         self._path.append(name)
         if len(self._path) > DEEPEST:
             raise InputError(f"the file's elements are nested more than {DEEPEST} deep; that is no flame")
-        if IGNORED & set(self._path[:-1]) or name in IGNORED:
+        if self._ignored_depth:
             return
-        if name == ROOT:
+        if len(attributes) > MOST_ATTRIBUTES:
+            raise InputError(f"<{plain(name, 40)}> has {len(attributes)} attributes; at most {MOST_ATTRIBUTES} are "
+                             "read")
+        if name in IGNORED:
+            self._ignored_depth = len(self._path)
+        elif name == ROOT:
             if self._flame_depth:
                 raise InputError("a <flame> stands in another; put them beside each other")
             self._flame_depth = len(self._path)
             self.found.append(Flame(attributes))
+            check_codes(len(self.found))
         elif self._flame_depth:
             _take(self.found[-1], self._path[self._flame_depth:], attributes)
 
     def end(self, name: str) -> None:
         if len(self._path) == self._flame_depth:
             self._flame_depth = 0
+        if len(self._path) == self._ignored_depth:
+            self._ignored_depth = 0
         self._path.pop()
 
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from dataclasses import replace as replaced
 from typing import Any
 
 from ...errors import InputError
 from ..code import IFS
-from .base import CodeFormat, Entry, check_count, code_of, number_of, plain, text_of
+from ..numbers import MOST_MAPS
+from .base import CodeFormat, Entry, check_codes, check_count, code_of, number_of, plain, text_of
 from .own import rows_of
 
-PIECES = re.compile(r"([{}])")
+PIECES = re.compile(r"[{}]|;[^\n\r]*|[^{};\n\r]+")  # of a line: a brace, a comment, or what stands between
 UNSAFE = re.compile(r"[^A-Za-z0-9_.+-]+")
 LONGEST_NAME, MOST_COMMENT = 60, 2000  # characters that are kept
 IN_3D = 13                             # numbers of a map in space
+MOST_NUMBERS = IN_3D * MOST_MAPS       # of an entry
 
 
 class Fractint(CodeFormat):
@@ -38,17 +40,16 @@ class Fractint(CodeFormat):
         return [Entry(block.name, block.code) for block in _blocks(text_of(data))]
 
     def write(self, codes: Sequence[IFS]) -> bytes:
-        taken: set[str] = set()
+        taken: dict[str, int] = {}
         return "\n".join(_written(code.check_contractive(), taken) for code in codes).encode()
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Block:
-    """An entry: the header before its braces, the lines between them without comments, and the comments."""
+    """An entry: the header before its braces, and the text between them, which is read when its code is asked for."""
 
     header: str
-    lines: list[str] = field(default_factory=list)
-    comments: list[str] = field(default_factory=list)
+    body: str
 
     @property
     def name(self) -> str | None:
@@ -59,45 +60,60 @@ class _Block:
         try:
             if "(3D)" in self.header.upper().replace(" ", ""):
                 raise InputError("is a code in space (3D); only codes in the plane are read, of 6 or 7 numbers a map")
-            maps = _maps(self.lines)
+            lines, comments = self._words_and_comments()
+            maps = _maps(lines)
             meta: dict[str, Any] = {} if self.name is None else {"name": self.name}
-            comment = "\n".join(filter(None, map(plain, self.comments)))[:MOST_COMMENT]
+            comment = "\n".join(filter(None, comments))[:MOST_COMMENT]
             meta |= {"comment": comment} if comment else {}
             return code_of([row[:6] for row in maps], [row[6] for row in maps] if len(maps[0]) == 7 else None, meta)
         except InputError as error:
             raise InputError(f"entry {plain(self.header, 40)!r}: {error}") from None
 
+    def _words_and_comments(self) -> tuple[list[list[str]], list[str]]:
+        """The words of each line that has any, and as many comments as are kept. Raises `InputError` if there are more
+        words than a code has numbers."""
+        lines: list[list[str]] = []
+        comments: list[str] = []
+        left = MOST_NUMBERS
+        for found in PIECES.finditer(self.body):
+            piece = found[0]
+            if piece[0] != ";":
+                words = piece.replace(",", " ").split(None, left + 1)
+                left -= len(words)
+                if left < 0:
+                    raise InputError(f"has more than {MOST_NUMBERS} numbers; a code has from 1 to {MOST_MAPS} maps")
+                lines += [words] if words else []
+            elif len(comments) < MOST_COMMENT:
+                comments.append(plain(piece[1:]))
+        return lines, comments
+
 
 def _blocks(text: str) -> list[_Block]:
-    """All entries but comments. Raises `InputError` if braces do not match."""
+    """All entries but comments. Raises `InputError` if braces do not match, or on more codes than a file may have."""
     blocks: list[_Block] = []
-    block, header = None, ""
-    for line in text.splitlines():
-        content, _, comment = line.partition(";")
-        for piece in PIECES.split(content):
-            if piece == "{" and block is not None:
-                raise InputError(f"entry {plain(block.header, 40)!r} has a second '{{'; end each entry with '}}'")
-            elif piece == "{":
-                block, header = _Block(header.strip()), ""
-            elif piece == "}":
-                blocks += [block] if block is not None else []
-                block, header = None, ""
-            elif block is not None:
-                block.lines.append(piece)
-            else:
-                header = piece if piece.strip() else header
-        if block is not None:
-            block.comments.append(comment)
-    if block is not None:
-        raise InputError(f"entry {plain(block.header, 40)!r} does not end; close it with '}}'")
-    return [block for block in blocks if block.header.lower() != "comment"]
+    begun, header, start = False, "", 0
+    for found in PIECES.finditer(text):
+        piece = found[0]
+        if piece == "{" and begun:
+            raise InputError(f"entry {plain(header, 40)!r} has a second '{{'; end each entry with '}}'")
+        elif piece == "{":
+            begun, header, start = True, header.strip(), found.end()
+        elif piece == "}":
+            if begun and header.lower() != "comment":
+                blocks.append(_Block(header, text[start:found.start()]))
+                check_codes(len(blocks))
+            begun, header = False, ""
+        elif not begun and piece[0] != ";" and piece.strip():
+            header = piece
+    if begun:
+        raise InputError(f"entry {plain(header, 40)!r} does not end; close it with '}}'")
+    return blocks
 
 
-def _maps(lines: list[str]) -> list[list[float]]:
-    """Rows of six or seven numbers. A map is a line, or seven numbers across lines."""
-    words = [line.replace(",", " ").split() for line in lines]
-    lengths = {len(line) for line in words if line}
-    flat = [word for line in words for word in line]
+def _maps(lines: list[list[str]]) -> list[list[float]]:
+    """Rows of six or seven numbers, from the words of each line. A map is a line, or seven numbers across lines."""
+    lengths = {len(line) for line in lines}
+    flat = [word for line in lines for word in line]
     if lengths == {IN_3D}:
         raise InputError("has 13 numbers a map, as codes in space do; only codes in the plane are read")
     width = 6 if lengths == {6} else 7
@@ -109,7 +125,7 @@ def _maps(lines: list[str]) -> list[list[float]]:
     return [numbers[i:i + width] for i in range(0, len(numbers), width)]
 
 
-def _written(code: IFS, taken: set[str]) -> str:
+def _written(code: IFS, taken: dict[str, int]) -> str:
     """The text of an entry, under a name that is not taken yet."""
     rows = rows_of(replaced(code, probabilities=code.sampling_probabilities()))
     notes = [plain(line) for key in ("title", "source", "comment")
@@ -120,12 +136,13 @@ def _written(code: IFS, taken: set[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _free_name(name: str, taken: set[str]) -> str:
+def _free_name(name: str, taken: dict[str, int]) -> str:
+    """A name that is not taken; taken: how often each was asked for."""
     base = UNSAFE.sub("_", name)[:LONGEST_NAME].strip("_") or "code"
     base = "comment_" if base.lower() == "comment" else base
-    free, count = base, 1
+    free = base
     while free in taken:
-        count += 1
-        free = f"{base}_{count}"
-    taken.add(free)
+        taken[base] += 1
+        free = f"{base}_{taken[base]}"
+    taken[free] = 1
     return free

@@ -101,7 +101,7 @@ def from_json(data: Any) -> IFS:
 def _from_own(data: Mapping[str, Any]) -> IFS:
     only_keys(data, {"format", "version", "linear", "offset", "probabilities", "colours", "meta"})
     version = data.get("version")
-    if data.get("format") != FORMAT or type(version) is not int or version != VERSION:
+    if data.get("format") != FORMAT or isinstance(version, bool) or version != VERSION:
         found = f"{reprlib.repr(data.get('format'))} version {reprlib.repr(version)}"
         raise InputError(f"expected format {FORMAT!r} version {VERSION}, got {found}; no other version is read")
     missing = [key for key in ("linear", "offset") if key not in data]

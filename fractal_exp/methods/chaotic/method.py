@@ -6,13 +6,14 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NoReturn
+from typing import Annotated, NoReturn, Self
 
 import torch
+from pydantic import BaseModel, Field, model_validator
 from torch import Tensor
 
 from ...errors import InputError
-from ...runtime.checkpoint import Checkpoint, Snapshot
+from ...runtime.checkpoint import Checkpoint, Snapshot, moments
 from ...runtime.checks import check_seconds
 from ...runtime.precision import full_precision
 from ...runtime.seeds import derive, generator
@@ -32,6 +33,19 @@ from .losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
 from .model import SVD, ForwardModel, Parameterization, Parameters
 from .optimizers import Alternating, Annealing, Optimizer
 from .readback import Numbers, Pending, steps_at_a_time
+
+
+class Kept(BaseModel):
+    """The numbers of a checkpoint: those of the best states."""
+
+    losses: list[float]
+    iterations: list[Annotated[int, Field(ge=0)]]
+
+    @model_validator(mode="after")
+    def _are_as_many(self) -> Self:
+        if len(self.losses) != len(self.iterations):
+            raise ValueError(f"{len(self.losses)} losses of {len(self.iterations)} iterations")
+        return self
 
 
 class Chaotic(Method):
@@ -162,10 +176,15 @@ class Chaotic(Method):
             self.optimizer.start(self._initial(0) if self.init is None else self._handed_on(self.init, image),
                                  self.seed)
             return 0
-        tensors = {name: tensor.to(self.device) for name, tensor in saved.tensors.items()}
+        kept, raw = saved.checked(Kept), self._initial(0)
+        expected = {f"raw/{name}": value for name, value in raw.items()}
+        if saved.holds("optimizer/"):
+            expected |= {f"optimizer/{name}": value for name, value in moments(raw).items()}
+        expected |= {f"best/{i}/{name}": value for i in range(len(kept.losses)) for name, value in raw.items()}
+        tensors = {name: tensor.to(self.device) for name, tensor in saved.like(expected).items()}
         self.optimizer.start(_under("raw/", tensors), self.seed)
         self.optimizer.load_state(_under("optimizer/", tensors))
-        for i, (loss, iteration) in enumerate(zip(saved.numbers["losses"], saved.numbers["iterations"], strict=True)):
+        for i, (loss, iteration) in enumerate(zip(kept.losses, kept.iterations, strict=True)):
             best.offer(loss, iteration, _under(f"best/{i}/", tensors))
         return saved.iteration
 

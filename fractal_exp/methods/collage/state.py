@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import torch
+from pydantic import AfterValidator, BaseModel
 from torch import Tensor
 
 from ...cameras.camera import Camera
+from ...cameras.kinds import KINDS
 from ...errors import InputError
 from ...ifs.affine import normalized, to_code, volumes
 from ...ifs.code import IFS
 from ...runtime.checkpoint import Snapshot
+from ...runtime.checks import shown
+from ...runtime.params import Count, Odds, Share
 
 VERSION = 16   # of the stages and their scores; stored in checkpoints
+LARGEST = 10.0**6  # of a camera's values
 CANDIDATES = "current", "best", "before"   # fields of `State`
 STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "rounding",
           "growth")   # in order; the last three come after all rounds
@@ -167,20 +172,60 @@ class State:
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> State:
         """The state of a checkpoint. Raises `InputError` if another version of the search wrote it."""
-        tensors, numbers = {name: each.to(device) for name, each in snapshot.tensors.items()}, snapshot.numbers
-        version = numbers.get("collage", numbers.get("stages", 1))
+        version = snapshot.numbers.get("collage", snapshot.numbers.get("stages", 1))
         if version != VERSION:
-            raise InputError(f"expected a checkpoint of version {VERSION} of collage search, got version {version}; "
-                             "start over with resume=false")
-        kept = {}
-        for name in (name for name in CANDIDATES if name in numbers):
-            error, score, camera = numbers[name]
-            kept[name] = Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), error, score,
-                                   camera and Camera(**camera))
-        done = Key(*numbers["done"]) if numbers["done"] else None
-        halved = tuple(numbers["halved"]) if numbers["halved"] else None
+            raise InputError(f"expected a checkpoint of version {VERSION} of collage search, got version "
+                             f"{shown(version)}; start over with resume=false")
+        numbers = snapshot.checked(_Numbers, finite=False)
+        kept = {name: judged for name in CANDIDATES if (judged := getattr(numbers, name)) is not None}
+        sets = [*kept, *(f"curve/{i}" for i in range(len(numbers.curve)))]
+        needed = {name for name in ("pool", *(f"{name}/weights" for name in kept)) if name in snapshot.tensors}
+        needed |= {f"{name}/maps" for name in sets} | {f"curve/{i}/weights" for i in range(len(numbers.curve))}
+        tensors = snapshot.like({name: _as_expected(name, snapshot.tensors, device) for name in needed})
+        if infinite := [name for name, value in tensors.items() if not bool(value.isfinite().all())]:
+            raise InputError(f"the checkpoint has infinite values in {infinite[0]}; start afresh with resume=false")
+        candidates = {name: Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), *judged)
+                      for name, judged in kept.items()}
         curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
-                      for i, likeness in enumerate(numbers["curve"]))
-        return cls(done, snapshot.iteration, **kept, curve=curve, halved=halved, pool=tensors.get("pool"),
-                   scores=tuple(numbers["scores"]), stopped=numbers["stopped"],
-                   measured_through=(through := numbers["measured_through"]) and Camera(**through))
+                      for i, likeness in enumerate(numbers.curve))
+        return cls(numbers.done and Key(*numbers.done), snapshot.iteration, **candidates, curve=curve,
+                   halved=numbers.halved, pool=tensors.get("pool"), scores=numbers.scores, stopped=numbers.stopped,
+                   measured_through=numbers.measured_through)
+
+
+def _as_expected(name: str, tensors: Mapping[str, Tensor], device: str) -> Tensor:
+    """A tensor of the shape that maps, weights or a pool have, with as many maps as those in the checkpoint."""
+    maps = tensors.get(name.replace("/weights", "/maps"))
+    count = max(1, len(maps)) if maps is not None and maps.ndim else 1
+    return torch.zeros(count, device=device) if name.endswith("/weights") else torch.zeros(count, 6, device=device)
+
+
+def _is_a_stage(name: str) -> str:
+    if name not in STAGES:
+        raise ValueError(f"a stage must be one of {', '.join(STAGES)}")
+    return name
+
+
+def _is_of_a_kind(camera: Camera) -> Camera:
+    values = [value for key, value in camera.plain().items() if key != "kind" and value is not None]
+    if camera.kind not in KINDS or not all(0 <= value <= LARGEST for value in values):
+        raise ValueError(f"a camera must be one of {', '.join(KINDS)}, with values from 0 to {LARGEST:g}")
+    return camera
+
+
+SomeCamera = Annotated[Camera, AfterValidator(_is_of_a_kind)]
+Judged = tuple[float, float, SomeCamera | None]
+
+
+class _Numbers(BaseModel):
+    """The numbers of a checkpoint. Scores may be infinite: of what is not judged yet."""
+
+    done: tuple[Count, Annotated[str, AfterValidator(_is_a_stage)], Odds] | None
+    halved: tuple[Count, float] | None
+    scores: tuple[float, ...]
+    stopped: str
+    measured_through: SomeCamera | None
+    curve: tuple[Share, ...]
+    current: Judged | None = None
+    best: Judged | None = None
+    before: Judged | None = None

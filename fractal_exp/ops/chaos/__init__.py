@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import warnings
 from numbers import Integral
 
 import torch
 from torch import Tensor
 
 from ...errors import InputError
-from ...runtime.checks import check_alike, check_count, check_dense, check_memory, check_tensor, shown
+from ...runtime.checks import check_alike, check_count, check_dense, check_memory, check_tensor, shown, warn_of_nan
 from .. import backends
 
 MAX_MAPS = 65_536      # a map's index is kept in 16 bits
@@ -27,13 +28,16 @@ def chaos_game(
     seed: int | Tensor = 0,                # int, or int64 (…)
     backend: str = "auto",
 ) -> Tensor:                               # (…, P, 2)
-    """Points of the attractors of IFS codes by the chaos game (Barnsley 1988; Section 4.1 of the paper).
+    """Points (…,P,2) of the attractors of IFS codes by the chaos game (Barnsley 1988; Section 4.1 of the paper).
+
+    linear (…,N,2,2) and offset (…,N,2): codes of N maps, with any batch shape …; probabilities (…,N) or (N,), none for
+    uniform ones; seed: an int, or int64 (…). P = trajectories · (length - warmup).
 
     Every trajectory starts at a uniform point of the canvas [-1,1]² and applies a random map `length` times. Its points
-    from `warmup` on are kept, trajectory by trajectory: P = trajectories · (length - warmup). `probabilities` of the
-    maps are uniform by default and get no gradient. Gradients reach `linear` and `offset` through all steps, including
-    warm-up. If a code is not contractive, points may run away. They stop at coordinates of ±1e6, where their gradient
-    ends, so that nothing overflows.
+    from `warmup` on are kept, trajectory by trajectory. Gradients reach `linear` and `offset` through all steps,
+    including warm-up. `probabilities` get none, and a warning says so if they require one. If a code is not
+    contractive, points may run away. They stop at coordinates of ±1e6, where their gradient ends, so that nothing
+    overflows. A code with NaN has no points; on a CPU, a warning says so.
 
     The random numbers of a trajectory depend only on the seed and its index, on every backend and device. With an int,
     all codes share starts and uniform variates (common random numbers). With a tensor, each code has its own seed. The
@@ -46,6 +50,7 @@ def chaos_game(
     cannot take the tensors.
     """
     batch, maps = _check_code(linear, offset)
+    warn_of_nan(linear=linear, offset=offset)
     for name, value in (("trajectories", trajectories), ("length", length)):
         check_count(name, value)
     if isinstance(warmup, bool) or not isinstance(warmup, Integral) or not 0 <= warmup < length:
@@ -88,6 +93,8 @@ def cumulative_thresholds(probabilities: Tensor | None, batch: tuple[int, ...], 
                          f"got {tuple(probabilities.shape)}")
     if not probabilities.dtype.is_floating_point:
         raise InputError(f"probabilities must be floating-point numbers, got {probabilities.dtype}; use tensor.float()")
+    if probabilities.requires_grad:
+        warnings.warn("probabilities require a gradient and get none here; give probabilities.detach()", stacklevel=3)
     p = probabilities.detach().cpu().double().reshape(-1, maps)
     if not bool((p >= 0).all()):
         raise InputError(f"probabilities must not be negative or NaN, got {float(p.min()):.6g}")

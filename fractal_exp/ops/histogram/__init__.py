@@ -95,14 +95,14 @@ class AddressTree:
                 ) -> Tally:
         """Sort a Poisson number of points, `thrown` on average, into the pixels of `canvas`.
 
-        `canvas` is (1,S,S) uint8 for the modes LIT and COLOURED, (threads,S,S) uint32 for COUNTED (one plane for each
-        of numba's threads, to be added up), and unused for DRY. `sums`, for COLOURED and a tree with colours, is
-        (threads,S/f,S/f,4) uint64 for pixels of f² parts: the points of a pixel, and the sums of their red, green and
-        blue times COLOUR_UNIT. The points depend only on `seed`, not on the threads, the mode or the colours. If words
-        and points would exceed `budget`, the work stops unfinished, with only a part of the points.
+        `canvas` is what `planes` gives: a bit for each part of a pixel in the modes LIT and COLOURED, a count for
+        COUNTED, in a plane for each of numba's threads, and unused for DRY. `sums`, for COLOURED and a tree with
+        colours, is (threads,S/f,S/f,4) uint64 for pixels of f² parts: the points of a pixel, and the sums of their red,
+        green and blue times COLOUR_UNIT. The points depend only on `seed`, not on the threads, the mode or the colours.
+        If words and points would exceed `budget`, the work stops unfinished, with only a part of the points.
         """
         if canvas is None:
-            canvas = np.empty((1, 1, 1), np.uint8)
+            canvas = np.empty((1, 1, 1), np.uint64)
         if sums is None:
             sums = np.empty((1, 1, 1, 4), np.uint64)
         reuse = 1 if mode == DRY else self.reuse  # weighing uses independent points
@@ -113,7 +113,9 @@ class AddressTree:
         size = float(window.size)
         jobs = self.cut(window, thrown, 8 * tasks, whole=reuse > 1)
         tree = kernels.Tree(self.maps, self.mass, self.thresholds, self.guide, self.hull, self.colours)
-        kernels.scatter(tree, size, jobs, each, seeds, kernels.Canvas(canvas, sums), mode, reuse, tally)
+        across = canvas.shape[2] * (1 if mode == COUNTED else 64)
+        marked = kernels.Canvas(canvas.reshape(len(canvas), -1), sums, across, window.size // sums.shape[1])
+        kernels.scatter(tree, size, jobs, each, seeds, marked, mode, reuse, tally)
         kept, drawn, visited, cut_short = (int(total) for total in tally.sum(0))
         return Tally(kept, drawn, visited, cut_short == 0)
 
@@ -133,9 +135,10 @@ class AddressTree:
 
 
 def planes(size: int, mode: int) -> np.ndarray:
-    """An empty canvas for `AddressTree.scatter`."""
+    """An empty canvas for `AddressTree.scatter`: counts (threads,S,S) uint32 for COUNTED, else bits (threads,S,W)
+    uint64. Bit c & 63 of word c >> 6 stands for column c; the last of the W words is not used."""
     if mode != COUNTED:
-        return np.zeros((1, size, size), np.uint8)
+        return np.zeros((get_num_threads(), size, size // 64 + 2), np.uint64)
     return np.zeros((get_num_threads(), size, size), np.uint32)
 
 

@@ -7,12 +7,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_thread_id, njit, prange, uint64
+from numba import get_thread_id, int32, njit, prange, uint64
 
 from ...runtime.jit import kernel
 
 ORBITS = 16          # chaos games that a task keeps going, to hide the latency of a step
 BURN_IN = 256        # steps that lead from a fixed point to the invariant measure
+APART = 72           # numbers between a pool's rows; at a power of two, each would push the other out of the cache
 LEAST_POOL, LARGEST_POOL = 256, 1 << 14  # points of the invariant measure that a task keeps, powers of two
 REFILLS = 8          # how often a task comes by new ones, at most, before the largest pool is too small for that
 SHARES = 8           # a word is split until its points are so small a part of those kept: none lies twice under it
@@ -20,6 +21,7 @@ LEVELS = 512         # but no deeper below the word that the task began with
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
 FEW = 64.0           # expected points under a word, below which throwing them is cheaper than a look at its children
 SMALL = 1 / 8        # of the window's side: words that reach no further are drawn and tested, not split
+BATCH = 256          # points of a word that are placed at a time
 CUT = 4096           # words are split until each holds at most this fraction of the window's points
 MAX_DEPTH = 20_000   # of a word; deeper ones likewise
 GUIDE_BITS = 12      # the guide table inverts the cumulative probabilities to within one of its 4096 steps
@@ -48,11 +50,13 @@ class Tree(NamedTuple):
 
 
 class Canvas(NamedTuple):
-    """Where points are marked: pixels, or parts of pixels (1 or threads,S,S), and the sums of a pixel's colours, of
-    which there may be fewer (threads,S/f,S/f,4)."""
+    """Where points are marked: rows of `across` pixels (threads,S·across), or of `across` bits, one for each part of a
+    pixel, in words (threads,S·across/64); and the sums of a pixel's colours, of `factor`² parts (threads,S/f,S/f,4)."""
 
     parts: np.ndarray
     sums: np.ndarray
+    across: int
+    factor: int
 
 
 @njit(inline="always")
@@ -166,19 +170,20 @@ def _warm_up(tree, state):
 
 @njit
 def _new_pool(expected, width):
-    """Room for points (P,width) of the invariant measure, for a task of which so many are expected."""
+    """Room for points (width,P + APART) of the invariant measure, for a task of which so many are expected."""
     size = LEAST_POOL
     while size < LARGEST_POOL and REFILLS * size <= expected:
         size *= 2
-    return np.empty((size, width))
+    return np.empty((width, size + APART))
 
 
 @njit
 def _fill(pool, tree, state, orbits):
-    """The next points of the orbits into the pool (P,2 or 5); the next random state. Those that follow each other in an
-    orbit are alike where a map is slow, and would make a word's points clump: they are put .38 P from each other."""
+    """The next points of the orbits into the pool (2 or 5,P + APART); the next random state. Those that follow each
+    other in an orbit are alike where a map is slow, and would make a word's points clump: they are put .38 P from each
+    other."""
     maps, colours = tree.maps, tree.colours
-    size = len(pool)
+    size = pool.shape[1] - APART
     length, stride = size // ORBITS, int(GOLDEN_RATIO * size) | 1
     for k in range(size):
         j = k & (ORBITS - 1)
@@ -187,36 +192,53 @@ def _fill(pool, tree, state, orbits):
         x, y = _step(maps, i, orbits[j, 0], orbits[j, 1])
         orbits[j, 0], orbits[j, 1] = x, y
         shuffled = (j * length + k // ORBITS) * stride & (size - 1)
-        pool[shuffled, 0], pool[shuffled, 1] = x, y
+        pool[0, shuffled], pool[1, shuffled] = x, y
         if len(colours):
             _colour(colours, i, orbits[j])
             for channel in range(2, 5):
-                pool[shuffled, channel] = orbits[j, channel]
+                pool[channel, shuffled] = orbits[j, channel]
     return state
 
 
 @njit
-def _throw(pool, begin, end, word, size, canvas, plane, mode):
-    """Put so much of the pool (P,2 or 5) under a word; how many points fell into the window."""
+def _throw(pool, begin, end, word, size, canvas, plane, mode, places):
+    """Put so much of the pool (2 or 5,P + APART) under a word; how many points fell into the window. `places` (BATCH,)
+    int32 is room for where points are on the plane, -1 beside the window. They are computed many at once."""
     a, b, c, d, x, y = word[0], word[1], word[2], word[3], word[4], word[5]
-    parts, sums = canvas.parts, canvas.sums
-    kept, factor = 0, int(size) // sums.shape[1]
-    for k in range(begin, end):
-        px, py = pool[k, 0], pool[k, 1]
-        column, row = a * px + (b * py + x), c * px + (d * py + y)
-        if 0 <= column < size and 0 <= row < size:
-            kept += 1
-            if mode == LIT:
-                parts[plane, int(row), int(column)] = 1
-            elif mode == COUNTED:
-                parts[plane, int(row), int(column)] += 1
-            elif mode == COLOURED:
-                parts[0, int(row), int(column)] = 1
-                pixel = sums[plane, int(row) // factor, int(column) // factor]
-                pixel[0] += 1
-                for channel in range(3):
-                    pixel[1 + channel] += int(COLOUR_UNIT * (word[8] * pool[k, 2 + channel] + word[9 + channel]) + 0.5)
+    marks, sums, across, kept = canvas.parts[plane], canvas.sums, int32(canvas.across), 0
+    for first in range(begin, end, BATCH):
+        last = min(first + BATCH, end)
+        xs, ys = pool[0, first:last], pool[1, first:last]
+        for k in range(len(xs)):
+            column, row = a * xs[k] + (b * ys[k] + x), c * xs[k] + (d * ys[k] + y)
+            inside = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+            place = int32(row) * across + int32(column)
+            places[k] = place if inside else int32(-1)
+            kept += inside
+        if mode == COUNTED:
+            for k in range(len(xs)):
+                if places[k] >= 0:
+                    marks[places[k]] += 1
+        elif mode != DRY:
+            for k in range(len(xs)):
+                at = places[k]
+                if at >= 0:
+                    marks[at >> 6] |= uint64(1) << uint64(at & 63)
+        if mode == COLOURED:
+            _add_colours(pool[2:, first:last], word, places, across, canvas.factor, sums[plane])
     return kept
+
+
+@njit
+def _add_colours(shades, word, places, across, factor, sums):
+    """Add the colours that points of a pool's colours (3,K) have under a word to the sums of their pixels."""
+    for k in range(shades.shape[1]):
+        at = places[k]
+        if at >= 0:
+            pixel = sums[at // across // factor, at % across // factor]
+            pixel[0] += 1
+            for channel in range(3):
+                pixel[1 + channel] += int(COLOUR_UNIT * (word[8] * shades[channel, k] + word[9 + channel]) + 0.5)
 
 
 @njit
@@ -299,7 +321,8 @@ def _sample(jobs, tree, size, budget, state, canvas, plane, mode, reuse, done):
     n, width = len(maps), jobs.shape[1]
     state, orbits = _warm_up(tree, state)
     pool, uses = _new_pool(jobs[:, 7].sum(), orbits.shape[1]), reuse
-    at, deepest = len(pool), 0.0
+    capacity, deepest, places = pool.shape[1] - APART, 0.0, np.empty(BATCH, np.int32)
+    at = capacity
     word, stack, top, job = np.empty(width), np.empty((64 * n, width)), 0, 0
     while top > 0 or job < len(jobs):
         if top == 0:
@@ -316,16 +339,16 @@ def _sample(jobs, tree, size, budget, state, canvas, plane, mode, reuse, done):
             return
         if where < 0:
             continue
-        if leaf and (SHARES * word[7] <= len(pool) or word[6] >= deepest):
+        if leaf and (SHARES * word[7] <= capacity or word[6] >= deepest):
             state, count = poisson(word[7], state)
             done[1] += count
             while count > 0:
-                if at == len(pool):
+                if at == capacity:
                     at, uses = 0, uses + 1
                     if uses >= reuse:
                         state, uses = _fill(pool, tree, state, orbits), 0
-                taken = min(count, len(pool) - at)
-                done[0] += _throw(pool, at, at + taken, word, size, canvas, plane, mode)
+                taken = min(count, capacity - at)
+                done[0] += _throw(pool, at, at + taken, word, size, canvas, plane, mode, places)
                 at, count = at + taken, count - taken
             continue
         if top + n > len(stack):
@@ -345,5 +368,5 @@ def scatter(tree, size, jobs, budget, seeds, canvas, mode, reuse, tally):
     did."""
     tasks = len(seeds)
     for task in prange(tasks):
-        plane = get_thread_id() if mode == COUNTED or mode == COLOURED else 0
+        plane = get_thread_id() if mode != DRY else 0
         _sample(jobs[task::tasks], tree, size, budget, seeds[task], canvas, plane, mode, reuse, tally[task])

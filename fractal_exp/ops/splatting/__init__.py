@@ -7,7 +7,7 @@ import math
 from torch import Tensor
 
 from ...errors import InputError
-from ...runtime.checks import check_count, check_memory, check_number, check_tensor, shown
+from ...runtime.checks import check_count, check_memory, check_number, check_tensor, shown, warn_of_nan
 from ...runtime.threads import available
 from .. import backends
 from .reference import cutoff_radius
@@ -23,13 +23,15 @@ def splat(
     supersample: int = 5,
     backend: str = "auto",
 ) -> Tensor:                               # (…, R, R)
-    """Render points as isotropic Gaussians, white on black: images in [0,1] of the canvas [-1,1]², the y axis up.
+    """Render points (…,P,2) as isotropic Gaussians, white on black: images (…,R,R) in [0,1] of the canvas [-1,1]², the
+    y axis up. resolution: R, pixels a side.
 
     The grid has `supersample` · R subpixels a side. At distance r from point k, in subpixels, the opacity is alpha_k =
     min(0.99, exp(-r² / 2 sigma_px²)), or 0 where that is below 1/255. A subpixel is 1 - prod_k (1 - alpha_k), and a
     pixel of the image is the mean of its supersample² subpixels (Kerbl et al. 2023 with one colour; section 4.2 of the
     paper). The gradient is that of the unclamped Gaussian, so it does not stop where alpha reaches 0.99. Points beyond
-    the canvas count as far as they reach into it. Infinite and NaN points are left out and have a zero gradient.
+    the canvas count as far as they reach into it. Infinite and NaN points are left out and have a zero gradient;
+    on a CPU, a warning tells of NaN.
 
     The `cpu` backend repeats bit for bit on any number of threads, and so does `cuda` on GPUs of one kind, because it
     has no atomics. The `torch` backend adds with atomics on a GPU, so it may not repeat.
@@ -42,6 +44,7 @@ def splat(
         raise InputError(f"points must have shape (…, P, 2) with P >= 1, got {tuple(points.shape)}")
     for name, value in (("resolution", resolution), ("supersample", supersample)):
         check_count(name, value)
+    warn_of_nan(points=points)
     check_number("sigma_px", sigma_px, f"a finite number of supersampled pixels from {LEAST_SIGMA} on", LEAST_SIGMA)
     batch, count = points.shape[:-2], points.shape[-2]
     check_memory(f"splatting at {shown(resolution)}² pixels, supersample {shown(supersample)} and sigma_px "

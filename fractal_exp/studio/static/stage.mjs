@@ -14,10 +14,12 @@ const EDITED = 200; // ms after the last change of a map, until it is told
 
 const $ = (id) => document.getElementById(id);
 
-/** edited(code) is called, with the package's plain data, when hands have changed the code; said(text) with errors. */
+/** edited(code) is called, with the package's plain data, when hands have changed the code; said(text) with errors;
+    foreign(meta) says, before an import, of which other picture a code is, or nothing. */
 export class Stage {
-  constructor(edited, said) {
-    Object.assign(this, { edited, said, view: CANVAS, picture: null, editor: null, from: null, timer: 0 });
+  constructor(edited, said, foreign) {
+    Object.assign(this, { edited, said, foreign, view: CANVAS, picture: null, editor: null, from: null, timer: 0,
+      untold: null });
     this.surface = $("picture");
     new ResizeObserver(() => this.fit()).observe($("stage"));
     listenToPointers(this.surface, this.moves());
@@ -37,7 +39,7 @@ export class Stage {
 
   /** Show a code that the studio tells of; null: none. */
   showCode(given) {
-    clearTimeout(this.timer);
+    this.forget();
     this.surface.hidden = !given;
     if (!given) return this.editor?.on && this.editor.toggle();
     const rows = given.linear.map((matrix, i) => [...matrix.flat(), ...given.offset[i]]);
@@ -72,6 +74,11 @@ export class Stage {
         return { file: "code", scene: { view: this.view, width, height, box, namespace, picture: seen } };
       },
     });
+    const take = this.editor.exchange.take;
+    this.editor.exchange.take = (read) => {
+      const other = this.foreign(read.meta);
+      if (!other || confirm(`This code was found on ${other}. Lay it over this picture all the same?`)) take(read);
+    };
     this.fit();
   }
 
@@ -79,11 +86,24 @@ export class Stage {
     this.picture.follow(ready(code));
     if (this.from) return;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.edited({
+    this.untold = {
       format: "fractal-exp/ifs", version: 1,
       linear: code.rows.map(([a, b, c, d]) => [[a, b], [c, d]]), offset: code.rows.map((row) => row.slice(4)),
       probabilities: code.probabilities,
-    }), EDITED);
+    };
+    this.timer = setTimeout(() => this.flush(), EDITED);
+  }
+
+  /** Tell at once what hands have changed, as before something is asked for. */
+  flush() {
+    const code = this.untold;
+    this.forget();
+    if (code) this.edited(code);
+  }
+
+  forget() {
+    clearTimeout(this.timer);
+    this.untold = null;
   }
 
   /** Whether hands may change the code; the maps are put away if not. */

@@ -4,7 +4,7 @@ import { Channel } from "./channel.mjs";
 import { Crop } from "./crop.mjs";
 import { Stage } from "./stage.mjs";
 
-const ACTS = ["stop", "go_on", "save"]; // that take nothing more
+const ACTS = ["stop", "go_on", "save", "back", "forth", "mend", "resume", "discard"]; // that take nothing more
 const SEARCHES = ["find", "polish"];
 const DOING = {
   read: "The picture is being read …", judge: "The code is being judged …", save: "Saving …", find: "Searching …",
@@ -12,7 +12,15 @@ const DOING = {
 };
 
 const $ = (id) => document.getElementById(id);
-let state = null, edits = 0;
+/** What a change of an argument is called on a button: "Search with 20 maps". */
+const REMEDIES = {
+  seconds: (seconds) => `Search for ${seconds} s`, maps: (maps) => `Search with ${maps} maps`,
+  levels: (levels) => `Search with grey levels: ${optionText("levels", levels)}`,
+  resolution: (side) => `Read at ${side} × ${side} px and search`,
+  invert: (dark) => `Read as ${optionText("read-invert", dark)} and search`,
+};
+const optionText = (id, value) => $(id).querySelector(`option[value="${value}"]`).textContent;
+let state = null, mine = new Set(); // the marks of codes that hands have made here
 
 const channel = new Channel(heard, (open, reason) => {
   $("lost").hidden = open;
@@ -21,15 +29,18 @@ const channel = new Channel(heard, (open, reason) => {
   if (!open) disable(true);
 });
 const stage = new Stage((code) => {
-  edits += 1; // what comes back of it is on the stage already
-  if (!channel.ask("edit", { code })) say("The studio does not answer: the change was not kept");
-}, say);
+  const mark = crypto.randomUUID();
+  mine.add(mark); // what comes back of it is on the stage already
+  if (!channel.ask("edit", { code, mark })) say("The studio does not answer: the change was not kept");
+}, say, (meta) => {
+  const { name, sha256 } = meta?.picture ?? {};
+  return sha256 && sha256 !== state?.picture?.digest ? String(name) : "";
+});
 const crop = new Crop(read);
 
 function heard(word) {
   if (word.told === "progress") return progress(word);
   if (word.told === "refused") {
-    edits = 0;
     say(word.why);
     if (state) show(state, true);
     return;
@@ -47,9 +58,13 @@ function show(before, again) {
   const { task, picture, version, why } = state, searching = SEARCHES.includes(task);
   if (!again && (why || before?.task !== task)) say(why);
   if (before?.version.picture !== version.picture || again) showPicture();
-  if (before?.version.code !== version.code || again) showCode(before);
+  if ((before?.version.code !== version.code && !mine.has(state.mark)) || again) {
+    mine = new Set();
+    stage.showCode(state.code);
+  }
   showScores();
   showSaved();
+  showOffer();
   $("stage-said").textContent = state.stopping ? "Stopping: the best code is kept …" : DOING[task]
     ?? (state.ready || !picture ? "" : "The search gets ready …");
   $("status").textContent = state.verdict?.words ?? DOING[task] ?? "";
@@ -59,16 +74,20 @@ function show(before, again) {
 }
 
 function disable(all) {
-  const { task, picture, code, can_go_on: on, stopping, likeness } = state ?? {};
-  const free = !all && task === "", searching = SEARCHES.includes(task);
-  $("do-find").disabled = !(free && picture);
+  const { task, picture, code, can_go_on: on, stopping, judged, back, forth } = state ?? {};
+  const free = !all && task === "", searching = SEARCHES.includes(task), nearly = !all && (free || task === "judge");
+  $("do-find").disabled = !(nearly && picture);
   $("do-stop").disabled = all || !searching || stopping;
-  $("do-go_on").disabled = !(free && on);
-  $("do-polish").disabled = !(free && code);
-  $("do-save").disabled = !(free && code && likeness !== null);
-  for (const id of ["reading", "settings"]) $(id).disabled = !(free && picture);
+  $("do-go_on").disabled = !(nearly && on);
+  $("do-polish").disabled = !(nearly && code);
+  $("do-back").disabled = !(nearly && back);
+  $("do-forth").disabled = !(nearly && forth);
+  $("do-mend").disabled = !free;
+  $("do-save").disabled = !(free && code && judged);
+  $("reading").disabled = !(free && picture);
+  $("settings").disabled = !(nearly && picture);
   $("file").disabled = !free;
-  stage.allow(!all && Boolean(code) && !searching);
+  stage.allow(!all && Boolean(code) && !searching && task !== "read");
 }
 
 function showPicture() {
@@ -91,33 +110,39 @@ function showPicture() {
   $("upload-said").textContent = "";
 }
 
-function showCode() {
-  if (edits > 0) {
-    edits -= 1;
-    return;
-  }
-  stage.showCode(state.code);
+function showOffer() {
+  const { offer } = state;
+  $("offer").hidden = !offer;
+  if (!offer) return;
+  const maps = offer.maps ? `a code of ${offer.maps} maps` : "a search that was stopped";
+  $("offer-text").textContent = `The session of ${offer.when} over ${offer.name} ended with ${maps} that was not saved.`;
 }
 
 function showScores() {
-  const { scores, likeness, verdict, code, curve } = state;
+  const { likeness, verdict, code, curve } = state;
   const short = (share) => (typeof share === "number" ? share.toFixed(3) : "–");
   $("scores").hidden = $("legend").hidden = !code;
-  $("f1").textContent = short(scores?.f1);
-  $("iou").textContent = short(scores?.iou);
-  $("f1-1px").textContent = short(likeness);
+  $("f1").textContent = short(likeness);
   $("map-count").textContent = code ? code.linear.length : "–";
   $("verdict").textContent = verdict?.words ?? "";
   $("remedy").textContent = verdict?.remedy ? `May help: ${verdict.remedy}` : "";
+  const [change] = Object.entries(verdict?.change ?? {});
+  $("do-mend").hidden = !change;
+  if (change) $("do-mend").textContent = REMEDIES[change[0]](change[1]);
   $("curve-line").hidden = curve.length < 2;
   const options = curve.map(({ maps, likeness: f1 }, i) => new Option(`${maps} maps, F1 ${short(f1)}`, i));
   $("curve").replaceChildren(new Option("as chosen", ""), ...options);
 }
 
 function showSaved() {
-  const { folder, files, run, not_tracked: not } = state.saved;
-  $("saved").textContent = !folder ? "" : `Saved in ${folder}: ${files}. ${run ? `Tracked; see it with ${run}`
+  const { folder, names = [], run, not_tracked: not } = state.saved;
+  $("saved").textContent = !folder ? "" : `Saved in ${folder}. ${run ? `Tracked; see it with ${run}`
     : not ? `Not tracked: ${not}` : "It is being tracked …"}`;
+  $("saved-files").replaceChildren(...names.map((name) => {
+    const item = document.createElement("li");
+    item.append(Object.assign(document.createElement("a"), { href: `saved/${name}`, download: name, textContent: name }));
+    return item;
+  }));
 }
 
 function progress({ seconds, left, stage: name, fraction, error }) {
@@ -141,19 +166,26 @@ function settings() {
 function read() {
   const invert = { auto: "auto", true: true, false: false }[$("read-invert").value];
   channel.ask("read", { reading: { invert, frame: $("read-frame").value, threshold: numberIn("read-threshold"),
-    clean: $("read-clean").checked, crop: crop.part } });
+    clean: $("read-clean").checked, crop: crop.part, resolution: state.picture.reading.resolution } });
 }
 
 async function send(file) {
   if (!file) return;
+  const unsaved = state?.code && !state.saved.folder;
+  if (unsaved && !confirm("The code is not saved, and would go with its picture. Take another picture?")) return;
   $("upload-said").textContent = "";
   $("upload-said").textContent = (await channel.send(file)) ?? "";
   $("file").value = "";
 }
 
 function listen() {
-  for (const act of ACTS) $(`do-${act}`).addEventListener("click", () => channel.ask(act));
-  for (const act of SEARCHES) $(`do-${act}`).addEventListener("click", () => channel.ask(act, { settings: settings() }));
+  const ask = (act, more) => {
+    if (act === "discard" && !confirm("Delete what that session found, for good?")) return;
+    stage.flush();
+    channel.ask(act, more);
+  };
+  for (const act of ACTS) $(`do-${act}`).addEventListener("click", () => ask(act));
+  for (const act of SEARCHES) $(`do-${act}`).addEventListener("click", () => ask(act, { settings: settings() }));
   $("file").addEventListener("change", () => send($("file").files[0]));
   $("reading").addEventListener("change", ({ target }) => {
     if (!target.closest("#part-fields")) read();

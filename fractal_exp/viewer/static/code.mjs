@@ -6,6 +6,8 @@ export const MOST_MAPS = 1000; // of a code that is shown
 /** What a person can mend: its message says what was expected, what was got and the remedy. */
 export class Refused extends Error {}
 
+const kept = (number) => Math.fround(number) + 0; // which makes 0 of -0, as a file has it
+
 /**
  * A code in plain form: {rows, probabilities, meta, colours}. rows: a b c d e f of x' = a x + b y + e, y' = c x + d y +
  * f; probabilities: as many, or null; colours: {rgb, blends}, [r, g, b] and a number of each map in [0,1], or null. All
@@ -14,8 +16,8 @@ export class Refused extends Error {}
  */
 export function plainCode(rows, probabilities = null, meta = {}, colours = null) {
   checkCount(rows.length);
-  const rounded = rows.map((row) => row.map(Math.fround));
-  const chances = probabilities && probabilities.map(Math.fround);
+  const rounded = rows.map((row) => row.map(kept));
+  const chances = probabilities && probabilities.map(kept);
   rounded.forEach((row, i) => {
     if (row.every(Number.isFinite)) return;
     throw new Refused(`map ${i + 1} has a number that is not finite, or larger than float32 can hold; correct it`);
@@ -35,12 +37,13 @@ function plainColours({ rgb, blends }, count) {
     throw new Refused(`the code has ${count} maps, colours of ${rgb.length} and ${blends.length} blends; give each map `
       + "one, or leave colours out");
   }
-  for (const [name, numbers] of [["rgb", rgb.flat()], ["blends", blends]]) {
-    if (numbers.every((number) => number >= 0 && number <= 1)) continue;
+  const rounded = { rgb: rgb.map((colour) => colour.map(kept)), blends: blends.map(kept) };
+  for (const [name, numbers] of Object.entries(rounded)) {
+    if (numbers.flat().every((number) => number >= 0 && number <= 1)) continue;
     throw new Refused(`${name} must lie in [0, 1]`);
   }
-  if (!blends.some((blend) => blend > 0)) throw new Refused("at least one blend must be above 0");
-  return { rgb: rgb.map((colour) => colour.map(Math.fround)), blends: blends.map(Math.fround) };
+  if (!rounded.blends.some((blend) => blend > 0)) throw new Refused("at least one blend must be above 0");
+  return rounded;
 }
 
 /** Throws Refused unless a page shows a code of so many maps. */

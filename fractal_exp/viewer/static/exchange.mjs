@@ -6,7 +6,7 @@ import { readJson, writeJson } from "./json.mjs";
 import { plain } from "./reading.mjs";
 import { copy, download, isSandboxed } from "./taking.mjs";
 
-const LARGEST = 16 * 2 ** 20; // bytes that are read
+const LARGEST = 4 * 2 ** 20; // bytes that are read; a code of the most maps has a tenth of them
 const LARGEST_SHOWN = 2e6; // characters
 /** What can be written: label, the end of a file's name, and write(code, scene), which gives a text. */
 const WRITERS = {

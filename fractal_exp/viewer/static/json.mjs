@@ -1,10 +1,10 @@
 // A code as JSON: the package's own format, and for reading the two public spellings. The package converts all others.
 
 import { Refused, checkCount, plainCode } from "./code.mjs";
-import { plain } from "./reading.mjs";
+import { brief, plain } from "./reading.mjs";
 
 const FORMAT = "fractal-exp/ifs", VERSION = 1;
-const LARGEST = 3.4028234663852886e38; // of float32
+const LARGEST = 3.4028234663852886e38; // of float32, to which all numbers are rounded
 const OWN = ["format", "version", "linear", "offset", "probabilities", "colours", "meta"];
 const LISTS = ["ifs_m", "ifs_t", "ifs_p"];
 
@@ -34,8 +34,8 @@ export function codeOf(data) {
 function fromOwn(data) {
   onlyKeys(data, OWN);
   if (data.format !== FORMAT || data.version !== VERSION) {
-    throw new Refused(`expected format '${FORMAT}' version ${VERSION}, got '${plain(String(data.format), 40)}' version `
-      + `'${plain(String(data.version), 40)}'; no other version is read`);
+    throw new Refused(`expected format '${FORMAT}' version ${VERSION}, got ${brief(data.format)} version `
+      + `${brief(data.version)}; no other version is read`);
   }
   const missing = ["linear", "offset"].filter((key) => !Object.hasOwn(data, key));
   if (missing.length) throw new Refused(`the code has no ${missing.join(" and no ")}`);
@@ -113,8 +113,8 @@ function numbers(name, value) {
     if (Array.isArray(item)) {
       for (const each of item) rest.push(each);
     } else if (typeof item !== "number") {
-      throw new Refused(`${name} must hold numbers only, got '${plain(JSON.stringify(item), 40)}'`);
-    } else if (!(Math.abs(item) <= LARGEST)) {
+      throw new Refused(`${name} must hold numbers only, got ${brief(item)}`);
+    } else if (!Number.isFinite(Math.fround(item))) {
       throw new Refused(`${name} must hold finite numbers up to ${LARGEST} (float32), got ${item}`);
     }
   }

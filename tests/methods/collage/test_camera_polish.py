@@ -6,7 +6,7 @@ import torch
 from collage_helpers import dot_camera, pen_camera
 from PIL import Image, ImageDraw
 
-from fractal_exp import InputError, codes
+from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.estimate import estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
@@ -162,11 +162,6 @@ def test_a_known_value_excludes_the_kinds_that_do_not_have_it(known, kinds):
         assert estimated(image, levels, GASKET, 0).kind in kinds
         problem = SearchProblem(image, levels, params)
         assert Construction.may_help(problem) == ("coverage" in kinds), "no construction is sought in dots"
-
-
-def test_a_pen_and_a_gain_are_not_known_at_once():
-    with pytest.raises(InputError, match=r"camera\.pen_px must be null if gain or gamma is given"):
-        PARAMS.updated(camera={"pen_px": 1.0, "gain": 0.3})
 
 
 def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(monkeypatch):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ....cameras.estimate import nearest
-from ....cameras.kinds import kind_of, with_camera
-from ....cameras.pens import ToneMapped
+from ....cameras.kinds import beside, kind_of, with_camera
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .gauss_newton import FromRenderings, polished
 from .objective import ImageObjective, Rendered
@@ -30,9 +29,9 @@ def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = N
     levels = objective.levels
     if deadline.passed or not may_be_sharpened(objective, found):
         return objective, found
-    if isinstance(levels, ToneMapped):
+    if levels.is_curved:
         return in_turns(objective, found, deadline)
-    kinds = [kind for kind in levels.kinds if kind != "tonemapped"]
+    kinds = [kind for kind in levels.kinds if not kind_of(kind).is_curved]
     starts = [start for kind in kinds for start in _starts(objective, found, kind, deadline)]
     least = min(map(angle_of, starts), default=0.0)
     likely = [start for start in starts if angle_of(start) ** 2 <= least**2 / PLAUSIBLE]
@@ -47,13 +46,13 @@ def may_be_sharpened(objective: ImageObjective, found: Rendered) -> bool:
 
 
 def _starts(objective: ImageObjective, found: Rendered, kind: str, deadline: Deadline) -> list[Fit]:
-    """The code as the likeliest cameras of a kind see it. Strokes are tried beside pens and tiles. Strokes replace pens
-    and tiles if they explain the picture much better."""
+    """The code as the likeliest cameras of a kind see it, or those of one that is tried beside it and explains the
+    picture much better: strokes beside pens and tiles."""
     starts = polish_under(objective, found, kind, deadline)
-    if kind == "coverage" and starts:
-        strokes = polish_under(objective, found, "strokes", deadline)
-        if strokes and strokes[0][1].error <= STROKED * starts[0][1].error:
-            return strokes
+    for other in beside(kind) if starts else ():
+        others = polish_under(objective, found, other, deadline)
+        if others and others[0][1].error <= STROKED * starts[0][1].error:
+            starts = others
     return starts
 
 

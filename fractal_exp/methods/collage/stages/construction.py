@@ -7,22 +7,23 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from ....cameras.blur import blurred
+from ....cameras.camera import KNOWN, LENGTHS
 from ....cameras.kinds import with_camera
 from ....cameras.pens import Drawn
-from ....cameras.strokes import flat_maps
+from ....cameras.strokes import Strokes, flat_maps
 from ....likeness import ALIKE, TILED_MAPS, UNLIKE
 from ....runtime.seeds import derive
 from ..image.camera import MOST_MAPS, STROKED, Fit, angle_of, in_turns, polish_under
 from ..image.objective import ImageObjective, Rendered
 from ..measure.search import MeasureSearch, Regime
 from ..simplify.loop import Price
-from ..state import Candidate, State, WeightedMaps
+from ..state import Candidate, State
 from ..trees.registration import Registration, misfit_of
 from ..trees.trunk import with_trunk
 from .base import SearchProblem, Stage
 
 ENDS = 0.75             # share of the time limit at which the stage ends
-TILES, STROKES = "coverage", "strokes"  # tiles are coverage with a tile size above 0; without one it is a pen
+TILES, STROKES = Drawn.kind, Strokes.kind  # tiles are coverage with a tile size above 0; without one it is a pen
 LEAST_TREE = 3         # maps: a trunk and two branches
 BELOW = 0.985          # likeness of a code, or of strokes, below which a construction, or another one, is sought
 BRANCHES = 4, 3, 2     # most maps in each search for branches; the first one comes before those for tiles
@@ -66,8 +67,7 @@ class Construction(Stage):
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them."""
         params = problem.params
-        return (params.camera.estimate and isinstance(problem.levels, Drawn) and bool(_tries(problem))
-                and not problem.is_reduced and not params.maps)
+        return (params.camera.estimate and bool(_tries(problem)) and not problem.is_reduced and not params.maps)
 
     @property
     def expected_moves(self) -> int:
@@ -114,7 +114,7 @@ class Construction(Stage):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        promising = math.inf if self._has_tiles(few) else \
+        promising = math.inf if self._has_tiles else \
             GAIN**0.5 * self.objective.angle(few.error)
         seen = self._polished(self._coarse, self._registered(self._trees(few, TRUNK_STROKES)))
         if not seen or angle_of(seen[0]) > promising:
@@ -145,7 +145,7 @@ class Construction(Stage):
         """The picture at no more than `COARSE_SIDE` pixels per side."""
         problem, camera, side = self.problem, self.params.camera, len(self.problem.image)
         size = min(side, COARSE_SIDE)
-        known = {name: value * size / side for name in ("pen_px", "blur_px") if (value := getattr(camera, name))}
+        known = {KNOWN[name]: value * size / side for name, value in camera.all_known.items() if name in LENGTHS}
         return ImageObjective(problem.levels.shrunk(problem.image, size), problem.levels,
                               self.params.updated(camera=known), problem.seed)
 
@@ -179,11 +179,12 @@ class Construction(Stage):
     def _error_to_beat(self, now: Candidate) -> float:
         if self._is_explained(now):
             return now.error
-        return float("inf") if self._has_tiles(now) else STROKED * now.error
+        return float("inf") if self._has_tiles else STROKED * now.error
 
-    def _has_tiles(self, found: WeightedMaps) -> bool:
-        """Whether a code is drawn by tiles, which show the picture itself, so that its error says nothing."""
-        return self.objective.levels.smallest_part(found.code, len(self.objective.image)) > 0
+    @property
+    def _has_tiles(self) -> bool:
+        """Whether codes are drawn by tiles, which show the picture itself, so that an error says nothing."""
+        return not self.objective.levels.shows_attractor
 
     def _is_explained(self, found: Candidate) -> bool:
         """Whether a code draws the picture as strokes, or as tiles of so few maps that this is no accident."""
@@ -229,7 +230,7 @@ def _tries(problem: SearchProblem) -> list[_Try]:
     """The searches: the first one for strokes, then those for tiles, then the others for strokes. None for tiles where
     the user knows the pen, none at all where the user knows that the picture shows dots."""
     params, camera = problem.params, problem.params.camera
-    if "coverage" not in problem.levels.kinds or not camera.constructions:
+    if TILES not in problem.levels.kinds or not camera.constructions:
         return []
     has_tiles = camera.tiles and camera.pen_px is None
     tiles = [_Try(TILED_MAPS, blur, TILES) for blur in (BLURS_PX if has_tiles else ())]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from ....cameras.camera import Camera
 from ....cameras.estimate import angle_as_density
 from ....cameras.levels import may_be_density
-from ....cameras.pens import Drawn
+from ....cameras.pens import ToneMapped
 from ....likeness import UNLIKE
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective
@@ -28,7 +28,7 @@ class Uncurved(Restart):
     """A restart on the image as a density behind a usual tone curve. The search stays with this measure if the code
     that was found on it explains the image better as a density than the code of the restart before."""
 
-    MEASURED = Camera("tonemapped")
+    MEASURED = Camera(ToneMapped.kind)
 
     def __init__(self, problem: SearchProblem, number: int = 0):
         super().__init__(problem, number, 0.5)  # between the first restart and the second
@@ -36,9 +36,9 @@ class Uncurved(Restart):
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
         """Whether an image that others drew may be a density."""
-        levels = problem.levels
-        return (isinstance(levels, Drawn) and "tonemapped" in levels.kinds and levels.params.curves
-                and levels.params.estimate and may_be_density(problem.given))
+        levels, curve = problem.levels, Uncurved.MEASURED.kind
+        return (curve in levels.kinds and levels.kind != curve and levels.params.curves and levels.params.estimate
+                and may_be_density(problem.given))
 
     def is_wanted(self, state: State) -> bool:
         return True

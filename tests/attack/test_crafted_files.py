@@ -1,0 +1,124 @@
+"""Files of a right form with wrong values: each value of each file that a program keeps is replaced by others, one at a
+time. A reader answers with a value that can be used, or with an `InputError` in one short line."""
+
+import copy
+import json
+import random
+
+import numpy as np
+import pytest
+from crafted import HUGE, crafted
+
+from fractal_exp import InputError, Inversion, codes
+from fractal_exp.cli.folders import FitFolder
+from fractal_exp.cli.jobs import Outcome, describe_scores
+from fractal_exp.ifs import attractor
+from fractal_exp.images.reading import ReadImage
+from fractal_exp.inversion import run
+from fractal_exp.methods.base import CodeReconstruction, Method, Progress
+from fractal_exp.rendering.still import render
+
+FEW = 40  # crafted files of each kind in the quick tests
+
+
+def text_of(data):
+    return json.dumps(data).replace(f'"{HUGE}"', "1" + "0" * 400)
+
+
+def attack(data, read, few, below=()):
+    """Let a reader read crafted data, given as text; some of it by lot in the quick tests."""
+    found = list(crafted(data, below))
+    for path, value, other in random.Random(0).sample(found, FEW) if few else found:
+        try:
+            read(text_of(other))
+        except InputError as error:
+            assert "\n" not in str(error) and len(str(error)) < 1000, f"{path} {value!r:.80}: {str(error)[:300]!r}"
+        except Exception as error:
+            raise AssertionError(f"{path} {value!r:.80}: {type(error).__name__}: {error}") from error
+
+
+FEW_OR_ALL = pytest.mark.parametrize("few", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["few", "all"])
+
+
+class Known(Method):
+    def reconstruct(self, target, *, on_step=None, checkpoint=None):
+        code = attractor.normalize(codes.known("sierpinski_triangle"))
+        on_step(Progress(1, 0.5, {"error": 1.0}, stage="first", code=code))
+        return CodeReconstruction(code)
+
+
+@pytest.fixture(scope="module")
+def inversion(tmp_path_factory):
+    """The folder of an inversion, which has a value in every place."""
+    folder = tmp_path_factory.mktemp("inversion")
+    image = render(attractor.normalize(codes.known("sierpinski_triangle")), resolution=64, points_in_view=20_000)
+    target = ReadImage.of_drawing(image, "density")
+    run(target, Known(), name="known", options={"camera": {"pen_px": None}, "levels": "auto"}).save(folder)
+    data = json.loads((folder / "inversion.json").read_text())
+    facts = data["meta"]["inversion"]
+    facts |= {"notes": ["a"], "warnings": ["b"], "source": str(folder / "target.png"),
+              "curve": [{"maps": 3, "likeness": 0.5, "bytes": 42, "code": {key: data[key] for key in (
+                  "format", "version", "linear", "offset")}}]}
+    facts["camera"] |= {"gain": 0.5, "pen_px": 1.0}
+    (folder / "inversion.json").write_text(json.dumps(data))
+    return folder, data
+
+
+@FEW_OR_ALL
+def test_an_inversion(inversion, few):
+    folder, data = inversion
+
+    def read(text):
+        (folder / "inversion.json").write_text(text)
+        found = Inversion.load(folder)
+        assert found.target.image.shape == (64, 64) and str(found) and found.facts()["version"] == 2
+        assert np.isfinite(found.placement.to_canvas((0, 0))).all()
+    read(text_of(data))
+    attack(data, read, few, ("meta",))
+
+
+def test_an_inversion_does_not_become_as_large_as_its_file_says(inversion):
+    folder, data = inversion
+    other = copy.deepcopy(data)
+    other["meta"]["inversion"]["resolution"] = 60_000
+    (folder / "inversion.json").write_text(json.dumps(other))
+    with pytest.raises(InputError, match="target.png has 64 px a side, expected 60000"):
+        Inversion.load(folder)
+
+
+@FEW_OR_ALL
+def test_the_record_of_a_finished_fit(tmp_path, few):
+    identity, scores = {"model": {"maps": 3}, "seed": 0}, {"eval/f1": 0.5, "time/fit_seconds": 12.5}
+    fit = FitFolder.open(tmp_path, "fit")
+    fit.finish(identity, scores)
+    path = fit.path / "finished.json"
+
+    def read(text):
+        path.write_text(text)
+        assert all(f"{score:.3f}" for score in fit.finished_scores(identity).values())
+    attack(json.loads(path.read_text()), read, few)
+
+
+@FEW_OR_ALL
+def test_the_record_of_a_tracked_run(tmp_path, few):
+    fit = FitFolder.open(tmp_path, "fit")
+    fit.remember_run("sqlite:///mlflow.db", "abc")
+    fit.checkpoint.touch()
+    path = fit.path / "run.json"
+
+    def read(text):
+        path.write_text(text)
+        assert isinstance(fit.run_to_resume("sqlite:///mlflow.db"), str | None)
+    attack(json.loads(path.read_text()), read, few)
+
+
+@FEW_OR_ALL
+def test_the_outcome_of_a_job(tmp_path, few):
+    Outcome("finished", "full", "7", 12.5, {"eval/f1": 0.5}).write(tmp_path)
+    path = Outcome.path(tmp_path)
+
+    def read(text):
+        path.write_text(text)
+        outcome = Outcome.read(tmp_path)
+        assert f"{outcome.seconds:.0f}" and isinstance(describe_scores(outcome), str)
+    attack(json.loads(path.read_text()), read, few)

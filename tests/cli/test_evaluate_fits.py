@@ -46,7 +46,7 @@ def cross(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("probabilities", ["area", "published"])
+@pytest.mark.parametrize("probabilities", ["area", pytest.param("published", marks=pytest.mark.slow)])
 def test_the_fern_scores_the_same_in_train_and_evaluate(folder, probabilities):
     scores = train("target=known", f"target.probabilities={probabilities}", "name=fern", "tracking=none")
     kept = IFS.load(folder / "outputs" / "fits" / "fern" / "truth.json")

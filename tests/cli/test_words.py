@@ -221,7 +221,8 @@ def test_what_the_system_refuses_of_a_file_is_one_line(error, monkeypatch):
     assert not error.filename or "error: /x: No space left on device; free some space" in printed
 
 
-@pytest.mark.parametrize("study", [["seeds"], ["collage_ablation", "without=roots,nothing"], ["function_count"]])
+@pytest.mark.parametrize("study", [["collage_ablation", "without=roots,nothing"], *(
+    pytest.param([name], marks=pytest.mark.slow) for name in ("seeds", "function_count"))])
 def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path):
     """Each job has a target of nothing but the picture's own settings, and the table speaks of it."""
     jobs = jobs_of(*study, f"picture={tmp_path / 'leaf.png'}", "sweep.count=2")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import time
 from collections.abc import Callable
 from typing import TypeVar
 
-SECONDS, LEAST = 120, 2  # a process that is not stuck gets so many seconds of a processor in so many by the clock
+import psutil
+
+SECONDS, LEAST = 120, 1  # a process that is not stuck gets a second of a processor in so many by the clock
 
 Found = TypeVar("Found")
 
@@ -16,15 +19,15 @@ class Patience:
     """It lasts as long as a process and its children work, however slowly: `ends` says whether it is over."""
 
     def __init__(self, process: subprocess.Popen) -> None:
-        self.process, self.used, self.next = process, 0, time.monotonic() + SECONDS
+        self.process, self.used, self.next = psutil.Process(process.pid), 0.0, time.monotonic() + SECONDS
 
     def ends(self) -> bool:
         if time.monotonic() < self.next:
             return False
-        pid = str(self.process.pid)  # with what their ended children (-S) have used
-        said = subprocess.run(["ps", "-S", "-o", "cputimes=", "-p", pid, "--ppid", pid], text=True, capture_output=True)
-        before, self.used = self.used, sum(map(int, said.stdout.split()))
-        self.next = time.monotonic() + SECONDS
+        before, self.used, self.next = self.used, 0.0, time.monotonic() + SECONDS
+        for each in (self.process, *self.process.children(recursive=True)):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                self.used += sum(each.cpu_times()[:4])  # of its own, and of its children that have ended
         return self.used < before + LEAST
 
 

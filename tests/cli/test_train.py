@@ -69,7 +69,7 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
 
 def test_a_known_code_is_scored_on_seven_views(tmp_path):
     train("target=known", "target.name=sierpinski_triangle", "model.maps=3", f"output={tmp_path}", "tracking=none",
-          "evaluation.points_in_view=20000")
+          "evaluation.points_in_view=20000", "evaluation.resolution=32")
     folder = tmp_path / "fits" / "fit"
     rows = (folder / "per_view.csv").read_text().splitlines()
     assert len(rows) == 8 and rows[0].startswith("view,zoom,") and "f1,iou,psnr,ssim" in rows[0]

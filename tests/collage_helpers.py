@@ -22,7 +22,7 @@ from fractal_exp.ops.collage.reference import displacement_squared
 IDENTITY = torch.tensor([1.0, 0, 0, 1, 0, 0])
 PARAMS = CollageParams()
 CAMERA = PARAMS.camera
-DENSITY, COVERAGE, BINARY = (kind_of(name)(CAMERA) for name in ("density", "coverage", "binary"))
+DENSITY, BINARY = (kind_of(name)(CAMERA) for name in ("density", "binary"))
 FEW = {"search": {"restarts": 1, "moves": 1, "detail_moves": 1}, "moves": {"count": 0}, "rounds": 1,   # moves
        "growth": {"enabled": False}}
 BRIEF = {  # a search goes through all its steps, but does not polish what it has found for long
@@ -65,8 +65,9 @@ def problem(image: Tensor, **options) -> SearchProblem:
 
 
 def small(**options) -> Collage:
-    """A brief search of two restarts and few moves."""
-    few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2}, "moves": {"count": 2}, "rounds": 1, "previews": 1}
+    """A brief search of two restarts and few moves on coarse grids."""
+    few = {"search": {"restarts": 2, "moves": 3, "detail_moves": 2, "grid": 32, "detail_grid": 32},
+           "moves": {"count": 2}, "rounds": 1, "previews": 1}
     return Collage(**merged(merged(BRIEF, few), options))
 
 

@@ -218,7 +218,7 @@ def attack(counts, folder):
 
 
 def test_a_few_changed_files_are_read_or_refused(tmp_path):
-    attack(dict.fromkeys(KINDS, 6), tmp_path)
+    attack(dict.fromkeys(KINDS, 3), tmp_path)
 
 
 @pytest.mark.slow

@@ -75,7 +75,9 @@ def test_the_displacement_of_a_shift_and_of_a_growth_is_known():
     assert np.abs(points[0]).max() == pytest.approx(0.75, abs=0.05)
 
 
+@pytest.mark.slow
 def test_batches_depend_on_their_number_alone():
+    """Without which an interrupted training would give another network."""
     first, again = PerceptualTraining(**TINY), PerceptualTraining(**TINY)
     first.batch(0)
     assert all(map(torch.equal, first.batch(3), again.batch(3)))

@@ -44,7 +44,9 @@ def test_name_and_seed_make_the_picture(name):
     assert other.shape != first.shape or (other != first).any()
 
 
-@pytest.mark.parametrize("family", sorted(DEEPEST))
+@pytest.mark.parametrize("family", [
+    family if family in ("binary_tree_thinning", "carpet", "fern_dots", "koch_curve") else
+    pytest.param(family, marks=pytest.mark.slow) for family in sorted(DEEPEST)])
 def test_the_true_code_lies_on_its_picture(family):
     """Each lies within a pixel of the other; the thick trunk of a tree that thins out is one line of its truth."""
     drawn = DEEPEST[family].draw()
@@ -120,7 +122,8 @@ def test_published_maps_are_read_from_a_file(tmp_path, monkeypatch):
         density_maps.problem("published-001")
 
 
-@pytest.mark.parametrize("name", sorted(GROWTH))
+@pytest.mark.parametrize("name", [name if name in ("bush", "coral", "root") else
+                                  pytest.param(name, marks=pytest.mark.slow) for name in sorted(GROWTH)])
 def test_grown_shapes_can_be_read_and_follow_their_seed(name):
     first, again, other = (shapes()[name].make(seed) for seed in (0, 0, 1))
     assert (first == again).all() and (first != other).any()

@@ -35,8 +35,8 @@ def truth(code: IFS, view: View, side: int = 128, ground: float = 0.0) -> np.nda
     return 255 * on_ground(render(code, view, resolution=side, mode="colour"), (ground, ground, ground)).numpy()
 
 
-@pytest.mark.parametrize("thrower", ["cpu", "gpu"])
-@pytest.mark.parametrize("zoom", [1, 1e5])
+@pytest.mark.parametrize(("thrower", "zoom"), [
+    ("cpu", 1), ("gpu", 1e5), *(pytest.param(*case, marks=pytest.mark.slow) for case in (("cpu", 1e5), ("gpu", 1)))])
 def test_a_code_with_colours_is_shown_in_them_at_any_depth(path, open_page, thrower, zoom):
     view = View() if zoom == 1 else View(DEEP, zoom)
     (x, y), opened = view.center, open_page()
@@ -48,7 +48,7 @@ def test_a_code_with_colours_is_shown_in_them_at_any_depth(path, open_page, thro
     assert not opened.said
 
 
-@pytest.mark.parametrize("thrower", ["cpu", "gpu"])
+@pytest.mark.parametrize("thrower", ["cpu", pytest.param("gpu", marks=pytest.mark.slow)])
 def test_other_colours_are_chosen_by_keys_alone(path, open_page, thrower):
     opened = open_page((480, 400), device_scale_factor=0.25).go(f"file://{path}?thrower={thrower}")
     page = opened.page

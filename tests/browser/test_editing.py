@@ -147,7 +147,7 @@ def test_maps_are_bent_at_any_depth(fern, editing):
     assert not same(code_of(opened), moved)
 
 
-@pytest.mark.parametrize("size", [(360, 640), (700, 480), (1280, 800)])
+@pytest.mark.parametrize("size", [(360, 640), pytest.param((700, 480), marks=pytest.mark.slow), (1280, 800)])
 def test_nothing_overlaps_and_all_is_in_the_window(editing, size):
     opened = editing(size)
     select(opened, 1)

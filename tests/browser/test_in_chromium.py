@@ -17,7 +17,7 @@ from fractal_exp.suite import random_suite
 LEAST_F1 = 0.97
 MOST_CHI_SQUARE = 0.8                  # a part; two independent counts of points would have 1, of lit subpixels less
 BLOCK, SUBPIXELS, LEAST_COUNT = 8, 64, 20  # pixels a side of a part; in a pixel; lit in a part that counts
-MORE = [pytest.param("heighway_dragon", marks=pytest.mark.slow), pytest.param("maple_leaf", marks=pytest.mark.slow)]
+MORE = [pytest.param(name, marks=pytest.mark.slow) for name in ("suite-011", "heighway_dragon", "maple_leaf")]
 BY_LOT = {("maple_leaf", 1e6), ("suite-011", 1e6)}  # where words are drawn by lot, parts are less even than `render`'s
 
 
@@ -67,7 +67,7 @@ def test_a_page_from_a_file_says_nothing_and_asks_for_nothing(fern, open_page):
     assert not opened.page.is_visible("#poster")
 
 
-@pytest.mark.parametrize("name", ["fern", "suite-011", *MORE])
+@pytest.mark.parametrize("name", ["fern", *MORE])
 def test_stills_agree_with_render_at_any_zoom(name, tmp_path, open_page):
     code = named(name)
     path = code.save_html(tmp_path / "page.html")
@@ -89,7 +89,7 @@ def test_the_gpu_throws_the_same_picture_as_the_processor(fern, open_page):
     assert pictures[0].mean() == pytest.approx(pictures[1].mean(), rel=0.03)
 
 
-@pytest.mark.parametrize("name", ["fern", *MORE, pytest.param("suite-011", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["fern", *MORE])
 def test_no_view_on_the_attractor_is_black_down_to_a_billion(name, tmp_path, open_page):
     code = named(name)
     path = code.save_html(tmp_path / "page.html")
@@ -184,7 +184,7 @@ frame.removeAttribute("srcdoc");
 document.body.append(frame);</script>"""}
 
 
-@pytest.mark.parametrize("kind", FRAMES)
+@pytest.mark.parametrize("kind", ["srcdoc", pytest.param("blob", marks=pytest.mark.slow)])
 def test_a_sandboxed_frame_draws_and_offers_what_it_may_not_save(fern, open_page, tmp_path, kind):
     code, _ = fern
     (tmp_path / "notebook.html").write_text(

@@ -3,18 +3,34 @@
 import os
 import subprocess
 import sys
-import time
+import tempfile
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from commands import run_here
+from omegaconf import OmegaConf
 
 from fractal_exp import tracking
+from fractal_exp.cli import configuration
 from fractal_exp.cli import sweep as command
 from fractal_exp.studies import report
 
 TINY = ["scale=smoke", "resolution=32", "evaluation.resolution=32", "evaluation.points_in_view=20000", "iterations=6",
         "checkpoint_every=2", "anneal_every=3", "threads=1"]
+
+
+def jobs_of(name: str, *overrides: str) -> list[dict]:
+    """The resolved configuration of every job of a sweep."""
+    found = []
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as output:
+        # To compose a job takes a fifth of a second. Hydra does so once more before it launches any.
+        patch.setattr("hydra.plugins.sweeper.Sweeper.validate_batch_is_legal", lambda *_: None)
+        patch.setattr("fractal_exp.cli.jobs.run_job",
+                      lambda config: found.append(OmegaConf.to_container(configuration.resolve(config))))
+        status, printed = run_here(command, name, *overrides, "tracking=none", f"output={output}")
+    assert status == 1 and found, printed  # there are no results
+    return found
 
 
 def start(output: Path, *words: str, **environment: str) -> subprocess.Popen:
@@ -31,11 +47,3 @@ def stored(output: Path, study: str) -> tuple[report.Sweep, pd.DataFrame]:
     """The sweep, and all runs of the study."""
     uri = f"sqlite:///{output / 'mlflow.db'}"
     return report.read_sweep(uri, study), tracking.runs_frame(uri, study)
-
-
-def wait_for(condition, what: str, process: subprocess.Popen, seconds: float = 120):
-    deadline = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < deadline and process.poll() is None, f"{what} in vain: {process.communicate()[0]}"
-        time.sleep(0.01)
-    return found

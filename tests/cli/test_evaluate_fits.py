@@ -22,6 +22,7 @@ from fractal_exp.suite import random_suite, target
 from fractal_exp.targets import KnownCode
 
 TINY = ["scale=smoke", "iterations=4", "threads=1", "checkpoint_every=10"]
+COARSE = ["evaluation.resolution=32", "evaluation.points_in_view=20000"]
 SCORES = ["f1", "iou", "psnr", "ssim"]
 
 
@@ -46,7 +47,7 @@ def cross(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("probabilities", ["area", "published"])
+@pytest.mark.parametrize("probabilities", ["area", pytest.param("published", marks=pytest.mark.slow)])
 def test_the_fern_scores_the_same_in_train_and_evaluate(folder, probabilities):
     scores = train("target=known", f"target.probabilities={probabilities}", "name=fern", "tracking=none")
     kept = IFS.load(folder / "outputs" / "fits" / "fern" / "truth.json")
@@ -108,7 +109,7 @@ def test_fits_of_codes_and_of_pictures_are_judged_apart(folder, capsys):
 
 
 def test_unfinished_fits_are_named(folder, capsys):
-    train("target=known", "name=fern", "tracking=none")
+    train("target=known", "name=fern", "tracking=none", *COARSE)
     for name in ("begun", "fern2"):
         (folder / "outputs" / "fits" / name).mkdir()
         (folder / "outputs" / "fits" / name / "config.yaml").write_text("seed: 0")
@@ -119,7 +120,7 @@ def test_unfinished_fits_are_named(folder, capsys):
 @pytest.mark.slow
 def test_fits_that_found_no_code_are_named(folder, capsys):
     file = saved(folder / "weights", "super_resolution")
-    words = ["tracking=none", "target=suite", "evaluation.resolution=32", "evaluation.points_in_view=20000"]
+    words = ["tracking=none", "target=suite", *COARSE]
     train("method=super_resolution", f"weights.super_resolution={file}", "name=larger", *words)
     with pytest.raises(SystemExit):
         app.main(["outputs/fits"])
@@ -134,8 +135,8 @@ def test_fits_that_found_no_code_are_named(folder, capsys):
 
 
 def test_a_fit_with_other_weights_is_another_fit(folder):
-    words = ["method=neural_regression", "network_side=16", "name=fit", "tracking=none", "target=suite",
-             "evaluation.resolution=32", "evaluation.points_in_view=20000", "weights.neural_regression=weights"]
+    words = ["method=neural_regression", "network_side=16", "name=fit", "tracking=none", "target=suite", *COARSE,
+             "weights.neural_regression=weights"]
     saved(folder / "weights", "neural_regression")
     scores = train(*words)
     assert train(*words, "resume=true") == scores
@@ -145,7 +146,7 @@ def test_a_fit_with_other_weights_is_another_fit(folder):
 
 
 def test_a_run_keeps_its_truth(folder):
-    train("target=suite", "target.index=2", "name=two")
+    train("target=suite", "target.index=2", "name=two", *COARSE)
     uri = tracking.prepare_store(folder / "outputs")
     [run] = tracking.runs_frame(uri, "fits").itertuples()
     assert json.loads(tracking.read_artifact(uri, run.run_id, "truth.json"))["format"] == "fractal-exp/ifs"

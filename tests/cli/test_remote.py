@@ -13,7 +13,8 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from sweeps_helpers import start, wait_for
+from processes import wait_for
+from sweeps_helpers import start
 
 from fractal_exp import tracking
 from fractal_exp.studies import report

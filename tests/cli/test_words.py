@@ -11,6 +11,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 from PIL import Image
 from places import ROOT
+from sweeps_helpers import jobs_of
 
 from fractal_exp import InputError, codes, invert, render
 from fractal_exp.cli import commands, composed, configuration, interruption, sweep, words
@@ -236,18 +237,16 @@ def test_what_the_system_refuses_of_a_file_is_one_line(error, monkeypatch):
     assert not error.filename or "error: /x: No space left on device; free some space" in printed
 
 
-@pytest.mark.parametrize("study", [["seeds"], ["collage_ablation", "without=roots,nothing"], ["function_count"]])
-def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path, monkeypatch):
+@pytest.mark.parametrize("study", [["collage_ablation", "without=roots,nothing"], *(
+    pytest.param([name], marks=pytest.mark.slow) for name in ("seeds", "function_count"))])
+def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path):
     """Each job has a target of nothing but the picture's own settings, and the table speaks of it."""
-    jobs = []
-    monkeypatch.setattr("fractal_exp.cli.jobs.run_job", lambda config: jobs.append(configuration.resolve(config)))
-    run_here(sweep, *study, f"picture={tmp_path / 'leaf.png'}", "sweep.count=2", "tracking=none",
-             f"output={tmp_path}")
+    jobs = jobs_of(*study, f"picture={tmp_path / 'leaf.png'}", "sweep.count=2")
     assert len(jobs) > 1
     for job in jobs:
-        assert set(job.target) == set(OmegaConf.load(ROOT / "conf" / "target" / "image.yaml"))
-        assert job.target._target_.endswith("Picture")
-    assert len({(job.sweep.row, job.sweep.sample) for job in jobs}) == len(jobs)
+        assert set(job["target"]) == set(OmegaConf.load(ROOT / "conf" / "target" / "image.yaml"))
+        assert job["target"]["_target_"].endswith("Picture")
+    assert len({(job["sweep"]["row"], job["sweep"]["sample"]) for job in jobs}) == len(jobs)
 
 
 def test_an_error_after_a_signal_is_the_interruption_in_every_command(monkeypatch):

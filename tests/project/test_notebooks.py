@@ -23,7 +23,6 @@ QUICK = {  # values of the parameters that take moments: they show that everythi
                                                         "trajectories": 100, "length": 60}},
     "04_collage": {"resolution": 64, "options": SEARCH},
 }
-FIRST = "01_quickstart"  # what newcomers open; the others are slow tests
 
 
 def parameters(notebook):
@@ -52,8 +51,8 @@ def kernel() -> Iterator[KernelManager]:
     manager.shutdown_kernel(now=True)
 
 
-@pytest.mark.parametrize("path", [pytest.param(path, id=path.stem, marks=[] if path.stem == FIRST else pytest.mark.slow)
-                                  for path in NOTEBOOKS])
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path, request, tmp_path, kernel):
     notebook = nbformat.read(path, as_version=4)
     quick = dict(QUICK[path.stem])

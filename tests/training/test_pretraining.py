@@ -166,7 +166,8 @@ def test_a_fit_is_the_same_with_and_without_the_recipe():
 SMOKE = ["task=pretrain", "scale=smoke", "threads=1"]
 
 
-@pytest.mark.parametrize("name", TRAININGS)
+@pytest.mark.parametrize("name", ["neural_regression", "super_resolution",
+                                  pytest.param("amortized", marks=pytest.mark.slow)])
 def test_the_command_trains_a_network_that_a_fit_takes(name, tmp_path, capsys, monkeypatch):
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     scores = run(*SMOKE, f"method={name}", f"output={tmp_path}")

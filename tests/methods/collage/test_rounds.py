@@ -7,6 +7,7 @@ import torch
 from collage_helpers import measure_search, objective, problem, tied
 from collage_helpers import small as few
 
+from fractal_exp import suite
 from fractal_exp.ifs import affine
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
@@ -15,6 +16,12 @@ from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 
 TURN = torch.tensor([[0.0, -0.97, 0.98, 0, 0.1, 0]])  # of a square, say, about its middle
+
+
+@pytest.fixture(scope="module")
+def triangle(triangle):
+    """Smaller than the usual one."""
+    return triangle[0], suite.target(triangle[0], 64)
 
 
 def small(**options):

@@ -163,7 +163,7 @@ def test_a_film_counts_its_frames_on_any_terminal(tmp_path, size):
     """An interruption is answered soon, and leaves nothing of a film of one file."""
     pid, terminal = pty.fork()
     if pid == 0:
-        os.execv(sys.executable, [sys.executable, "-m", "fractal_exp.cli.render", "fern", str(tmp_path / "a.mp4"),
+        os.execv(sys.executable, [sys.executable, "-m", "fractal_exp.cli", "render", "fern", str(tmp_path / "a.mp4"),
                                   "--size", "64", "--points", "1e4", "--seconds", "1000", "--center", "0.3", "0.7"])
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", *size, 0, 0))
     told = b""

@@ -204,6 +204,11 @@ class State:
             parts["optimizer"] = moments({str(i): value for i, value in enumerate(self.network.parameters())})
         tensors = saved.like({f"{part}/{name}": value for part, of in parts.items() for name, value in of.items()})
         kept = {part: {name: tensors[f"{part}/{name}"] for name in of} for part, of in parts.items()}
+        for name, own in parts["network"].items():  # tables of positions are no weights: nothing trains them
+            if not own.is_floating_point() and own.ndim and not all(
+                    torch.equal(kept[part][name], own) for part in ("network", "best") if part in kept):
+                raise InputError(f"the checkpoint has another {name}, which no training changes; start afresh with "
+                                 "resume=false")
         adam: dict[int, dict[str, Tensor]] = {}
         for name, value in kept.get("optimizer", {}).items():
             number, _, key = name.partition("/")

@@ -1,7 +1,6 @@
 """Texts made to be slow, or large in memory, for whoever reads them; how time and memory grow with their length."""
 
 import gc
-import math
 import time
 import tracemalloc
 
@@ -9,9 +8,10 @@ from fractal_exp import InputError
 from fractal_exp.ifs.formats import FORMATS, choose
 from fractal_exp.runtime.files import parse_json
 
-SHORTEST = 2**10       # bytes, of the first text of each kind
-ENOUGH = 0.25          # seconds of the processor's time after which no longer text is tried
-MEASURABLE = 0.002     # seconds
+SHORTEST = 2**9    # bytes, of the first text of each kind
+ENOUGH = 0.1       # seconds of the processor's time after which no longer text is tried
+MEASURED = 0.05    # seconds for which a text is read again and again: some clocks tick only a hundred times a second
+SHORTER = 8        # times, than the longest text, is the text that it is compared with
 ROW, XFORM = "0.5 0 0 0.5 0 0 1\n", '<xform weight="1" linear="1" coefs=".5 0 0 .5 0 0"/>'
 
 
@@ -102,24 +102,22 @@ def reading(reader, kind, size):
 def seconds(work):
     """The processor's time for it, without the garbage collector's rounds, which come when they come."""
     gc.disable()
-    started = time.process_time()
-    work()
-    took = time.process_time() - started
+    started, times = time.process_time(), 0
+    while times == 0 or time.process_time() - started < MEASURED:
+        work()
+        times += 1
     gc.enable()
-    return took
+    return (time.process_time() - started) / times
 
 
 def growth(reader, kind, longest):
-    """How many times longer a byte takes in the longest text than in the quickest that can be measured; its length in
-    bytes, and the time for all of it. Texts grow until a reading takes long enough, or up to the longest."""
-    size, best, took = SHORTEST, math.inf, 0.0
-    while True:
-        work = reading(reader, kind, size)
-        took = min(seconds(work) for _ in range(3 if took < ENOUGH / 4 else 1))
-        best = min(best, took / size) if took >= MEASURABLE else best
-        if took >= ENOUGH or 2 * size > longest:
-            return (took / size / best if best < math.inf else 1.0), size, took
-        size *= 2
+    """How many times longer a byte takes in a long text than in one of an eighth of it: about 1 where the time grows
+    with the length, and 8 where it grows with its square; the length in bytes, and the time for all of it. The long
+    text is the first to take long enough, or the longest."""
+    size = SHORTEST
+    while (took := seconds(reading(reader, kind, size))) < ENOUGH and SHORTER * size <= longest:
+        size *= SHORTER
+    return took / seconds(reading(reader, kind, size // SHORTER)) / SHORTER, size, took
 
 
 def memory(reader, kind, size):

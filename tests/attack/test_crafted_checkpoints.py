@@ -20,7 +20,7 @@ from fractal_exp.methods.population.evolutionary import Evolutionary
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.training.loop import train
 
-FEW = 25  # crafted checkpoints of each kind in the quick tests
+FEW = 12  # crafted checkpoints of each kind in the quick tests
 SMALL = {"population": 8, "maps": 3, "generations": 6}
 HUGE = 10**400
 SWAPS = {"of another shape": lambda tensor: torch.zeros(7, 5), "empty": lambda tensor: tensor.new_zeros(0),

@@ -50,7 +50,8 @@ class Command:
         arguments = [sys.executable, "-c", SMALL, "--port", "0", "--no-browser", "--output", str(output)]
         environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"}
         self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                                        env=environment, start_new_session=True)
+                                        env=environment, start_new_session=True,
+                                        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
         found = re.search(r"http://127.0.0.1:(\d+)/([\w-]+)/", self.process.stdout.readline())
         self.token, self.page = found[2], Studio(int(found[1]), output)
 

@@ -59,7 +59,7 @@ def test_an_unknown_format_is_refused_before_anything_is_written(tmp_path, name,
 def test_a_million_maps_are_refused(tmp_path, suffix):
     path = tmp_path / f"big{suffix}"
     path.write_text(million(suffix))
-    with pytest.raises(InputError, match="a code has from 1 to 10000 maps, got 1000"):
+    with pytest.raises(InputError, match="a code has from 1 to 10000 maps"):
         IFS.load(path)
 
 

@@ -17,14 +17,14 @@ def write(found: Inversion, folder: Path) -> list[str]:
     """Write a result into a folder, and return the names of the files.
 
     code.json, the code alone; inversion.json, the code and all that is known of it; target.png, the picture as the
-    method saw it; redrawn.png, the code drawn like the picture; rendering.png, the code alone, in colour if it has any;
-    code.html, a page, unless the code is too large for one; and overlay.png, the picture with the differences marked,
-    unless it has more than 4096 px a side. Raises `InputError` if a file cannot be written.
+    method saw it; redrawn.png, the code drawn like the picture, and rendering.png, the code alone, both in colour if it
+    has any; code.html, a page, unless the code is too large for one; and overlay.png, the picture with the differences
+    marked, unless it has more than 4096 px a side. Raises `InputError` if a file cannot be written.
     """
     found.save(folder)
-    mode = "occupancy" if found.code.colours is None else "colour"
-    found.render(resolution=SIDE, mode=mode, path=folder / RENDERING)
-    write_image(folder / REDRAWN, found.redrawn())
+    colour = found.code.colours is not None
+    found.render(resolution=SIDE, mode="colour" if colour else "occupancy", path=folder / RENDERING)
+    write_image(folder / REDRAWN, found.redrawn(colour=colour))
     names = [CODE, INVERSION, TARGET, REDRAWN, RENDERING]
     if len(found.code) <= MOST_MAPS:
         found.code.save_html(folder / PAGE)

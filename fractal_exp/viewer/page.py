@@ -95,8 +95,8 @@ def _plain(view: View) -> dict[str, float]:
 
 
 def _packed(code: IFS) -> dict[str, Any]:
-    """What the page holds of a code: rows a b c d e f, probabilities and colours as float32 in base 64, and its notes on the
-    title, the name and the ground of its colours.
+    """What the page holds of a code: rows a b c d e f, probabilities and colours as float32 in base 64, and its notes
+    on the title, the name and the ground of its colours.
 
     Written out, a thousand maps would be too long for a page.
     """

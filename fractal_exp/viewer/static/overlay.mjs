@@ -3,6 +3,7 @@
 import { KINDS, clipped, corners, endsOf, imageOf, places } from "./handles.mjs";
 
 export const COLOURS = 6; // of maps, in page.css
+const MANY = 12; // maps, beyond which those that are not selected are outlines alone
 const STEP = 2, LEAP = 20; // pixels of an arrow key, and with Shift
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const ALONG = "M-6 0H6M3-3 6 0 3 3M-3-3-6 0-3 3";
@@ -19,7 +20,7 @@ const SHAPES = { // about the handle's middle
 export class Overlay {
   constructor(svg, surface, hands) {
     Object.assign(this, { svg, hands, bodies: [], shown: -1 });
-    [this.lower, this.upper] = [this.make("g", svg), this.make("g", svg)];
+    [this.lower, this.upper] = [this.make("g", svg, { class: "bodies" }), this.make("g", svg)];
     this.line = this.make("polygon", this.upper, { class: "held" });
     this.stem = this.make("path", this.upper, { class: "stem" });
     this.handles = Object.fromEntries(Object.keys(KINDS).map((kind) => [kind, this.handle(kind)]));
@@ -93,8 +94,10 @@ export class Overlay {
     for (const [kind, handle] of Object.entries(this.handles)) {
       handle.setAttribute("transform", `translate(${pair(at[kind])})${turned(kind, at)}`);
     }
+    this.lower.classList.toggle("many", rows.length > MANY);
     if (this.shown === selected) return;
     this.shown = selected;
+    this.lower.append(this.bodies[selected].group); // above the others
     this.upper.setAttribute("class", `map map-${selected % COLOURS}`);
     for (const [kind, handle] of Object.entries(this.handles)) {
       handle.setAttribute("aria-label", `${KINDS[kind]}: map ${selected + 1}, arrow keys`);

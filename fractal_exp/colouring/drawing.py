@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
@@ -29,6 +30,7 @@ def in_colours(levels: Tensor, code: IFS, ground: tuple[float, float, float], se
     no colours.
     """
     drawn = mean_colours(code, len(levels), seed)
-    rows, columns = distance_transform_edt(drawn[..., 3] == 0, return_distances=False, return_indices=True)
+    bare = drawn[..., 3] == 0
+    rows, columns = np.asarray(distance_transform_edt(bare, return_distances=False, return_indices=True))
     cover = torch.from_numpy(cover_of(levels.numpy())).to(drawn.dtype)
     return on_ground(torch.cat([drawn[rows, columns, :3], cover[..., None]], -1), ground)

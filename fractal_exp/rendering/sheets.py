@@ -145,7 +145,7 @@ def silhouette(code: IFS, view: View, side: int) -> bytes:
 
 
 def png(image: Tensor | np.ndarray) -> bytes:
-    """An image (H,W) in [0,1], or (H,W,3) uint8, as the bytes of a PNG."""
+    """An image (H,W) or (H,W,3) in [0,1], or (H,W,3) uint8, as the bytes of a PNG."""
     pixels = image if isinstance(image, np.ndarray) else np.rint(255 * image.numpy()).astype(np.uint8)
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, format="PNG")

@@ -31,6 +31,7 @@ class Settings(Params):
     seconds: Annotated[float, Field(ge=1, le=MOST_SECONDS)] | None = None
     maps: Annotated[int, Field(ge=2, le=MOST_MAPS)] | None = None
     levels: Levels = "auto"
+    colour: bool = False
 
 
 class _Message(BaseModel):
@@ -106,7 +107,17 @@ class Choose(_Message):
         return session.choose(self.index)
 
 
-Message = Plain | Read | Search | Edit | Choose
+class Colour(_Message):
+    """yes: whether codes have the colours of the picture, the present one and those to come."""
+
+    do: Literal["colour"]
+    yes: bool
+
+    def carry_out(self, session: Session) -> Did:
+        return session.colour(self.yes)
+
+
+Message = Plain | Read | Search | Edit | Choose | Colour
 _any: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="do")])
 
 

@@ -162,12 +162,12 @@ async def _saved(request: Request) -> Response:
 
 async def _image(request: Request) -> Response:
     session: Session = request.app.state.session
-    picture, which = session.picture, request.path_params["which"]
-    if picture is None or which not in ("target", "given"):
+    make = session.image(request.path_params["which"])
+    if make is None:
         return PlainTextResponse("there is no such picture\n", 404)
     try:
         async with session.reading:
-            png = await asyncio.to_thread(getattr, picture, f"{which}_png")
+            png = await asyncio.to_thread(make)
     except InputError as error:  # another one took its place meanwhile
         return PlainTextResponse(f"{error}\n", 404)
     return Response(png, media_type="image/png")

@@ -20,6 +20,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..ifs.code import IFS
+from ..runtime.extras import need
 from ..runtime.files import write_atomically
 from . import saving
 from .keeping import Folder, unfinished
@@ -167,6 +168,16 @@ class Session(Standing):
         self._show(self.curve[index].code)
         self._set_free(self.task)
 
+    def colour(self, yes: bool) -> None:
+        """Give codes the colours of the picture, this one and those to come, or none."""
+        self._check_free("change the colours", "judge")
+        self._picture()
+        if yes:
+            need("skimage")
+        self.settings, self.judged = self.settings.updated(colour=yes), 0
+        self._forget()
+        self._set_free(self.task)
+
     def back(self) -> None:
         """Take the code before the last search, choice or work by hand."""
         self._go(self.past, self.ahead, "before")
@@ -236,8 +247,9 @@ class Session(Standing):
     def _search(self, task: str, begin: str | IFS, seconds: float | None) -> None:
         if begin != "again":
             self.polishing = task == "polish"
-        options = self.settings.model_dump(exclude={"seconds"}, exclude_none=True)
-        find = Find(self._target(), self.folder.checkpoint, options, seconds, begin, self.polishing, beat=self.code)
+        options = self.settings.model_dump(exclude={"seconds", "colour"}, exclude_none=True)
+        find = Find(self._target(), self.folder.checkpoint, options, seconds, begin, self.polishing, beat=self.code,
+                    colour=self.settings.colour)
         if self.task == "judge":  # a code that was changed a moment ago
             self.waiting = find
         else:
@@ -253,7 +265,7 @@ class Session(Standing):
         code = self.code
         if task == "" and code is not None and self.judged != self.version["code"] and not self.closing:
             self.task, self.judged = "judge", self.version["code"]
-            self.worker.do(Judge(self._target(), code))
+            self.worker.do(Judge(self._target(), code, self.settings.colour))
         self._keep()
         self.tell()
 
@@ -285,7 +297,7 @@ class Session(Standing):
             self.can_go_on = done.interrupted
             if found is not None:
                 self.seconds += found.seconds
-                self._show(found.code)
+                self._show(replace(found.code, colours=None))
                 self._know(replace(found, seconds=self.seconds))
                 self.curve = found.curve or self.curve
         elif found is not None and self.judged == self.version["code"]:  # else it was changed meanwhile

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ..errors import InputError
@@ -11,6 +13,7 @@ from ..images.levels import decided
 from ..images.reading import ReadImage
 from ..inversion import Inversion
 from ..methods.base import CurvePoint
+from ..rendering.sheets import png
 from .keeping import Folder, State
 from .messages import Settings, plain
 from .reading import Picture, Reading
@@ -28,7 +31,7 @@ class Standing:
         self.task = ""                        # "find", "polish", "judge", "read", "save", or nothing
         self.picture: Picture | None = None
         self.version = {"picture": 0, "code": 0}
-        self.code: IFS | None = None
+        self.code: IFS | None = None          # without colours; they belong to what is known of it
         self.mark = ""                        # of the page whose hands made the code
         self.likeness: float | None = None    # F1 within a pixel of `code`, the one figure that is shown
         self.found: Inversion | None = None   # what is known of `code`, once it was judged
@@ -48,7 +51,8 @@ class Standing:
             "told": "state", "ready": self.ready, "task": self.task, "stopping": self.stopping, "why": self.why,
             "picture": self.picture and self.picture.facts(), "version": dict(self.version),
             "code": None if self.code is None else plain(self.code), "mark": self.mark, "likeness": likeness,
-            "judged": found is not None, "verdict": verdict and {
+            "coloured": found is not None and found.code.colours is not None,
+            "apart": found and found.likeness.colour, "judged": found is not None, "verdict": verdict and {
                 "kind": verdict.kind, "words": verdict.words, "change": self._change(),
                 "remedy": "" if verdict.change else verdict.remedy},  # what is an argument is no action of the page
             "can_go_on": self.can_go_on, "saved": self.saved, "settings": self.settings.model_dump(),
@@ -56,6 +60,16 @@ class Standing:
             "back": bool(self.past), "forth": bool(self.ahead),
             "offer": self.offers[0].about if self.offers and self.picture is None else None,
         }
+
+    def image(self, which: str) -> Callable[[], bytes] | None:
+        """What makes the PNG "target" or "given" of the picture, or "redrawn", the code in its colours; None where
+        there is none. It takes a while."""
+        picture, found = self.picture, self.found
+        if which == "redrawn" and found is not None and found.code.colours is not None:
+            return lambda: png(found.redrawn(colour=True))
+        if which in ("target", "given") and picture is not None:
+            return partial(getattr, picture, f"{which}_png")
+        return None
 
     def _know(self, found: Inversion) -> None:
         self.found, self.likeness, self.judged = found, found.likeness.f1_1px, self.version["code"]

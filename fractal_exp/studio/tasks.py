@@ -14,8 +14,9 @@ import torch
 from ..api import invert
 from ..ifs.affine import from_code
 from ..ifs.code import IFS
+from ..images.painted import Painted
 from ..images.reading import ReadImage
-from ..inversion import Inversion, Work, conclude
+from ..inversion import Inversion, Work, coloured, conclude
 from ..inversion.road import INTERRUPTED
 from ..likeness import WITHIN_NOISE, Likeness
 from ..methods.base import CodeReconstruction, Progress
@@ -72,7 +73,8 @@ class Find:
     """Search the code of a picture, or go on with a search that was stopped.
 
     path: of the checkpoint; options: of `invert`; begin: "anew", "again" (from the checkpoint), or a code to improve;
-    polishing: whether the search began with a code; beat: a code, and nothing worse is to come of the search.
+    polishing: whether the search began with a code; beat: a code, and nothing worse is to come of the search; colour:
+    whether the code gets the picture's colours.
     """
 
     picture: ReadImage
@@ -82,6 +84,7 @@ class Find:
     begin: str | IFS = "anew"
     polishing: bool = False
     beat: IFS | None = None
+    colour: bool = False
 
     def run(self, tell: Tell) -> Done:
         """Search, and tell of it. Raises `InputError`, before any work, on options that `invert` refuses."""
@@ -94,7 +97,7 @@ class Find:
         telling = _Telling(tell, self.picture, self.seconds, self.beat)
         try:
             found = invert(self.picture, seconds=self.seconds, on_step=telling, keep_interrupted=True,
-                           checkpoint=checkpoint, **options)
+                           checkpoint=checkpoint, colour=self.colour, **options)
         except KeyboardInterrupt:  # before there was any code
             return Done(interrupted=True)
         return Done(self._at_best(found, telling.best), interrupted=found.stopped == INTERRUPTED)
@@ -105,19 +108,26 @@ class Find:
             return found
         work = Work(CodeReconstruction(best.code, curve=found.curve), found.history, stopped=found.stopped,
                     seconds=found.seconds)
-        return conclude(work, self.picture, name=found.method, options=found.options)
+        return _concluded(work, self.picture, self.colour, name=found.method, options=found.options)
 
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """Judge a code that somebody made, as `invert` judges those that it finds."""
+    """Judge a code that somebody made, as `invert` judges those that it finds. colour: as for `Find`."""
 
     picture: ReadImage
     code: IFS
+    colour: bool = False
 
     def run(self, tell: Tell) -> Done:
         """The code with its likeness and its verdict."""
-        return Done(conclude(Work(CodeReconstruction(self.code), stopped=BY_HAND), self.picture, name="hand"))
+        return Done(_concluded(Work(CodeReconstruction(self.code), stopped=BY_HAND), self.picture, self.colour,
+                               name="hand"))
+
+
+def _concluded(work: Work, picture: ReadImage, colour: bool, **about: Any) -> Inversion:
+    found = conclude(work, picture, **about)
+    return coloured(found, Painted.of(picture)) if colour else found
 
 
 Task = Find | Judge

@@ -220,6 +220,63 @@ def test_a_code_of_another_picture_asks_first_and_what_may_help_is_a_button(crop
     assert "=" not in page.inner_text("#remedy") and re.search(r"\bmay\b|Search|Read|^$", page.inner_text("#do-mend"))
 
 
+MANY = [[0.1, 0, 0, 0.1, 0.2 * (k % 8) - 0.7, 0.2 * (k // 8) - 0.7] for k in range(64)]
+WHERE = """(number) => {
+  const group = [...document.querySelectorAll("#maps .bodies > .map")].find((each) => each.textContent === number);
+  const { left, top, width, height } = group.querySelector(".halo + polygon").getBoundingClientRect();
+  return [left + width / 2, top + height / 2];
+}"""
+FAINT = """() => [...document.querySelectorAll("#maps .bodies > .map")].filter((each) =>
+  getComputedStyle(each).opacity < 0.5).map((each) => Number(each.textContent))"""
+
+
+def test_of_many_maps_a_click_selects_one_and_the_others_are_dimmed(cropping):
+    page = cropping
+    page.fill("#seconds", "1")
+    page.click("#do-find")
+    until(page, "#verdict", ".")
+    page.wait_for_selector("#do-edit:enabled")
+    page.click("#do-edit")
+    page.click("#maps-import")
+    page.fill("#in-text", json.dumps({"format": "fractal-exp/ifs", "version": 1, "offset": [row[4:] for row in MANY],
+                                      "linear": [[row[:2], row[2:4]] for row in MANY]}))
+    page.click("#in-read")
+    until(page, "#map-count", "^64$")
+    for number in ("37", "20"):
+        page.mouse.click(*page.evaluate(WHERE, number))
+        page.wait_for_selector(f"#handle-move[aria-label*='map {number},']")
+        assert page.input_value("#which") == str(int(number) - 1)
+        assert sorted(page.evaluate(FAINT)) == [k for k in range(1, 65) if str(k) != number]
+        last = page.evaluate("document.querySelector('#maps .bodies').lastChild.textContent")
+        assert last == number, "nothing lies over it"
+
+
+def test_colours_are_asked_for_by_a_box_and_shown_beside_the_code(studio, open_page):
+    page = open_page((1280, 860), **COARSE).page
+    page.goto(studio[0])
+    page.wait_for_selector("#file:enabled")
+    page.on("dialog", lambda dialog: dialog.accept())
+    drawing = Image.new("RGB", (120, 120), "white")
+    ImageDraw.Draw(drawing).polygon([(60, 10), (110, 100), (10, 100)], fill=(200, 30, 60))
+    buffer = io.BytesIO()
+    drawing.save(buffer, "PNG")
+    page.set_input_files("#file", {"name": "red.png", "mimeType": "image/png", "buffer": buffer.getvalue()})
+    until(page, "#picture-name", "red.png")
+    page.fill("#seconds", "1")
+    page.click("#do-find")
+    until(page, "#verdict", ".")
+    assert not page.is_checked("#colour") and page.is_hidden("#in-colour") and page.is_hidden("#apart-line")
+    page.check("#colour")
+    page.wait_for_selector("#in-colour:not([hidden])", timeout=PATIENCE)
+    assert float(until(page, "#apart", r"\d")) < 20
+    page.reload()
+    page.wait_for_selector("#in-colour:not([hidden])")
+    assert page.is_checked("#colour") and page.evaluate("document.getElementById('redrawn').decode()") is None
+    assert page.evaluate("document.getElementById('redrawn').naturalWidth") == SIDE
+    page.uncheck("#colour")
+    page.wait_for_selector("#in-colour", state="hidden")
+
+
 @pytest.mark.parametrize("size", [(390, 844), (1280, 800)])
 def test_nothing_is_wider_than_the_window_and_every_control_has_a_name(studio, open_page, size):
     opened = open_page(size, **COARSE)

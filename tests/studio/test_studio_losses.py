@@ -255,3 +255,6 @@ def test_a_search_ends_with_the_best_code_by_the_figure_that_was_shown(tmp_path,
     shown = [word.likeness.f1_1px for word in told if isinstance(word, tasks.Best)]
     assert shown == sorted(shown) and done.found.likeness.f1_1px >= max(shown, default=0)
     assert np.isclose(done.found.likeness.noise_ratio, 1, atol=0.3)
+    assert done.found.code.colours is None
+    done = tasks.Find(target, tmp_path / "search", beat=TRUE, colour=True).run(lambda _: None)
+    assert done.found.code.linear.equal(TRUE.linear) and done.found.code.colours is not None

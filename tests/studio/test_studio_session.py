@@ -1,5 +1,6 @@
 """One session of the studio: a picture is read, its code found, stopped, gone on with, edited, polished and saved."""
 
+import io
 import json
 import math
 import multiprocessing
@@ -8,8 +9,10 @@ import signal
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 from studio_helpers import SIDE, TOKEN, free, judged, rows, served
 
 from fractal_exp import IFS, api, codes
@@ -110,6 +113,40 @@ def test_no_message_jams_the_session(studio, tab, triangle):
         assert time.process_time() - began < 2 and len(why) < 1000, sent[:100]
     tab.do("edit", code=rows([[.5, 0, 0, .5, 0, 0], [.5, 0, 0, .5, .3, 0]]))
     assert tab.until(judged)["version"]["code"] == before["version"]["code"] + 1
+
+
+def red_on_white(triangle: bytes) -> bytes:
+    """The same picture, red on white."""
+    light = np.asarray(Image.open(io.BytesIO(triangle)).convert("L"))
+    buffer = io.BytesIO()
+    Image.fromarray(np.dstack([np.full_like(light, 255), 255 - light, 255 - light])).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def test_a_code_has_the_colours_of_its_picture_while_they_are_asked_for(studio, tab, triangle):
+    studio.send(red_on_white(triangle), "red.png")
+    tab.until(lambda state: free(state) and state["picture"])
+    tab.do("edit", code=plain(attractor.normalize(codes.known("sierpinski_triangle"))))
+    grey = tab.until(judged)
+    assert not grey["coloured"] and studio.ask("GET", f"/{TOKEN}/redrawn.png")[0] == 404
+    tab.do("colour", yes=True)
+    state = tab.until(lambda state: judged(state) and state["coloured"])
+    assert state["apart"] < 10 and state["settings"]["colour"] and state["version"] == grey["version"]
+    drawn = np.asarray(Image.open(io.BytesIO(studio.ask("GET", f"/{TOKEN}/redrawn.png")[1]))).astype(int)
+    assert drawn[0, 0].tolist() == [255, 255, 255] and (drawn[..., 0] - drawn[..., 1:].mean(-1)).max() > 100
+    tab.do("save")
+    saved = Path(tab.until(lambda state: free(state) and state["saved"])["saved"]["folder"])
+    colours = IFS.load(saved / "code.json").colours
+    assert (colours.rgb[:, :1] - colours.rgb[:, 1:]).min() > 0.25
+    assert np.asarray(Image.open(saved / "redrawn.png")).shape == (SIDE, SIDE, 3)
+    tab.do("find", settings={"maps": 3, "seconds": 3, "colour": True})  # and a search has them at its end
+    tab.until(lambda state: state["task"] == "find")
+    assert tab.until(judged)["coloured"]
+    tab.do("colour", yes=False)
+    state = tab.until(judged)
+    assert not state["coloured"] and state["apart"] is None and not state["saved"]
+    for yes in ("yes", None, 1):
+        assert "valid boolean" in tab.refused("colour", yes=yes)
 
 
 def test_from_a_picture_to_a_saved_code_with_a_stop_and_a_closed_page_between(studio, tab, triangle):

@@ -119,11 +119,17 @@ function showOffer() {
 }
 
 function showScores() {
-  const { likeness, verdict, code, curve } = state;
+  const { likeness, verdict, code, curve, coloured, apart, judged, settings, version } = state;
   const short = (share) => (typeof share === "number" ? share.toFixed(3) : "–");
   $("scores").hidden = $("legend").hidden = !code;
   $("f1").textContent = short(likeness);
   $("map-count").textContent = code ? code.linear.length : "–";
+  $("colour").checked = settings.colour;
+  $("apart-line").hidden = !(judged && settings.colour);
+  $("apart").textContent = coloured ? apart?.toFixed(1) ?? "–" : "none found";
+  $("in-colour").hidden = !coloured;
+  const source = `redrawn.png?version=${version.code}`; // none anew for the same code
+  if (coloured && $("redrawn").getAttribute("src") !== source) $("redrawn").src = source;
   $("verdict").textContent = verdict?.words ?? "";
   $("remedy").textContent = verdict?.remedy ? `May help: ${verdict.remedy}` : "";
   const [change] = Object.entries(verdict?.change ?? {});
@@ -160,7 +166,8 @@ function numberIn(id) {
 }
 
 function settings() {
-  return { seconds: numberIn("seconds"), maps: numberIn("count"), levels: $("levels").value };
+  const colour = $("colour").checked;
+  return { seconds: numberIn("seconds"), maps: numberIn("count"), levels: $("levels").value, colour };
 }
 
 function read() {
@@ -189,6 +196,10 @@ function listen() {
   $("file").addEventListener("change", () => send($("file").files[0]));
   $("reading").addEventListener("change", ({ target }) => {
     if (!target.closest("#part-fields")) read();
+  });
+  $("colour").addEventListener("change", () => {
+    stage.flush();
+    channel.ask("colour", { yes: $("colour").checked });
   });
   $("curve").addEventListener("change", () => {
     if ($("curve").value) channel.ask("choose", { index: Number($("curve").value) });

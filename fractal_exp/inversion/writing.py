@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..images.reading import write_image
+from ..rendering.tone import usual_mode
 from ..viewer.page import MOST_MAPS
 from .result import CODE, INVERSION, TARGET, Inversion
 
@@ -17,13 +18,12 @@ def write(found: Inversion, folder: Path) -> list[str]:
     """Write a result into a folder, and return the names of the files.
 
     code.json, the code alone; inversion.json, the code and all that is known of it; target.png, the picture as the
-    method saw it; redrawn.png, the code drawn like the picture; rendering.png, the code alone, in colour if it has any;
-    code.html, a page, unless the code is too large for one; and overlay.png, the picture with the differences marked,
-    unless it has more than 4096 px a side. Raises `InputError` if a file cannot be written.
+    method saw it; redrawn.png, the code drawn like the picture; rendering.png, the code alone, in its colours or with
+    its tone if it has any; code.html, a page, unless the code is too large for one; and overlay.png, the picture with
+    the differences marked, unless it has more than 4096 px a side. Raises `InputError` if a file cannot be written.
     """
     found.save(folder)
-    mode = "occupancy" if found.code.colours is None else "colour"
-    found.render(resolution=SIDE, mode=mode, path=folder / RENDERING)
+    found.render(resolution=SIDE, mode=usual_mode(found.code), path=folder / RENDERING)
     write_image(folder / REDRAWN, found.redrawn())
     names = [CODE, INVERSION, TARGET, REDRAWN, RENDERING]
     if len(found.code) <= MOST_MAPS:

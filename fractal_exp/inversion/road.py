@@ -83,8 +83,9 @@ def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, 
     return Inversion(
         code=replace(found.code, meta=with_tone(found.code, tone)), target=target,
         source=target.image if target.source is None else target.source, likeness=likeness, verdict=verdict,
-        camera=camera, history=work.stages, stopped=work.stopped, seconds=work.seconds, method=name, options=options, notes=(*target.notes, *found.notes),
-        warnings=warnings_of(target, verdict, likeness, work.stopped), curve=found.curve)
+        camera=camera, history=work.stages, stopped=work.stopped, seconds=work.seconds, method=name,
+        options=options, notes=(*target.notes, *found.notes), curve=found.curve,
+        warnings=warnings_of(target, verdict, likeness, work.stopped))
 
 
 def coloured(shape: Inversion, painted: Painted, seed: int = 0) -> Inversion:

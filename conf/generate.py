@@ -15,7 +15,7 @@ from typing import Any
 from fractal_exp.errors import InputError, did_you_mean
 from fractal_exp.runtime.params import as_yaml
 
-FILES = {  # file -> module and class, what stands above its parameters, and the settings that stand elsewhere
+COMPARED = {  # file -> module and class, what stands above its parameters, and the settings that stand elsewhere
     "method/evolutionary": ("methods.population.evolutionary:Evolutionary",
                             "Evolutionary programming (Nettleton and Garigliano 1994).", {}),
     "method/cuckoo": ("methods.population.cuckoo:Cuckoo", "Cuckoo search (Quirce et al. 2017).", {}),
@@ -40,6 +40,9 @@ FILES = {  # file -> module and class, what stands above its parameters, and the
                                      "The training of the network of super_resolution, at the size of the paper.", {
                                          "factor": "${method.factor}", "width": "${method.width}"}),
 }
+FILES = COMPARED | {"method/collage": (
+    "methods.collage.method:Collage",
+    "Collage search finds the maps of a code one by one, from the measure that the image shows.", {})}
 
 
 def hydra_config(file: str) -> str:
@@ -50,10 +53,11 @@ def hydra_config(file: str) -> str:
     place, about, elsewhere = FILES[file]
     kind, (group, name) = resolve_name(f"fractal_exp.{place}"), file.split("/")
     settings, given = _settings(kind, group, name)
-    source = place.partition(":")[0].replace(".", "/")
+    source = kind.Params.__module__.replace(".", "/")
+    page = "comparisons" if file in COMPARED else "method"
     return "\n".join([
-        f"# {about} See docs/comparisons.md.",
-        f"# Made from fractal_exp/{source}.py, which states every parameter once; do not edit it here.",
+        f"# {about} See docs/{page}.md.",
+        f"# Made from {source}.py, which states every parameter once; do not edit it here.",
         f"_target_: {kind.__module__}.{kind.__qualname__}", "_convert_: all", *settings,
         as_yaml(kind.Params(), given | elsewhere), ""])
 
@@ -62,10 +66,10 @@ def _settings(kind: Any, group: str, name: str) -> tuple[list[str], dict[str, st
     """The lines before the parameters, and the parameters that the configuration sets elsewhere."""
     if group == "pretraining":
         return ["seed: ${seed}"], {}
-    if hasattr(kind, "unit"):
-        return (["seconds: ${seconds}", "seed: ${seed}", "device: ${device}", "previews: 10"],
-                {kind.unit: f"${{budgets.{name}}}"})
-    return ["seconds: ${seconds}", "device: ${device}"], {"weights": f"${{weights.{name}}}"}
+    if f"pretraining/{name}" in FILES:
+        return ["seconds: ${seconds}", "device: ${device}"], {"weights": f"${{weights.{name}}}"}
+    return (["seconds: ${seconds}", "seed: ${seed}", "device: ${device}", "previews: 10"],
+            {kind.unit: f"${{budgets.{name}}}"} if hasattr(kind, "unit") else {})
 
 
 if __name__ == "__main__":

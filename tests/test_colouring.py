@@ -8,12 +8,12 @@ import torch
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, Colours, InputError, codes, invert, render
-from fractal_exp.colouring import colour_error, fitted
+from fractal_exp.colouring import colour_error, fitted, in_colours
 from fractal_exp.colouring.fitting import _sampled
 from fractal_exp.ifs import attractor
 from fractal_exp.images import read_target
 from fractal_exp.images.painted import Painted
-from fractal_exp.inversion import Inversion
+from fractal_exp.inversion import Inversion, write
 from fractal_exp.methods.base import CodeReconstruction, Method
 from fractal_exp.rendering.colour import on_ground, own_ground
 
@@ -128,6 +128,32 @@ def test_invert_with_colour_keeps_the_shape(knows, picture, tmp_path):
     coloured.render(resolution=64, mode="colour", path=tmp_path / "fern.png")
     pixels = np.asarray(Image.open(tmp_path / "fern.png"))
     assert pixels.shape == (64, 64, 3) and pixels[0, 0].tolist() == [255, 255, 255]
+
+
+def test_a_code_with_colours_is_redrawn_in_them_on_the_ground_of_its_picture(knows, picture, tmp_path):
+    found = invert(picture, resolution=192, frame="keep", colour=True)
+    write(found, tmp_path)
+    redrawn = np.asarray(Image.open(tmp_path / "redrawn.png")).astype(float)
+    assert redrawn.shape == picture.shape and redrawn[0, 0].tolist() == [255, 255, 255]
+    grey = 255 * (1 - found.redrawn().numpy()[..., None])
+    shape = found.target.image.numpy() > 0.2
+    assert np.abs(redrawn - picture)[shape].mean() < 0.7 * np.abs(grey - picture)[shape].mean()
+    assert found.redrawn().shape == (192, 192), "what is compared with the target stays grey"
+    with pytest.raises(InputError, match="colours"):
+        replace(found, code=FERN).redrawn(colour=True)
+
+
+def test_ink_beside_the_points_has_the_colour_of_the_nearest_point():
+    """Two points, red on the left and blue on the right, drawn with a pen as wide as half of the canvas."""
+    halves = IFS(torch.zeros(2, 2, 2), torch.tensor([[-0.5, 0.0], [0.5, 0.0]]), colours=Colours(
+        [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [1.0, 1.0]))
+    drawn = in_colours(torch.ones(16, 16), halves, (1.0, 1.0, 1.0))
+    assert drawn[:, :8].reshape(-1, 3).unique(dim=0).tolist() == [[1, 0, 0]]
+    assert drawn[:, 9:].reshape(-1, 3).unique(dim=0).tolist() == [[0, 0, 1]]
+    dark = torch.zeros(16, 16)
+    assert in_colours(dark, halves, (0.0, 0.5, 1.0)).reshape(-1, 3).unique(dim=0).tolist() == [[0, 0.5, 1]]
+    aside = replace(halves, offset=halves.offset + 5)
+    assert in_colours(dark, aside, (1.0, 1.0, 1.0)).eq(1).all()
 
 
 def test_colour_is_checked_before_any_work(picture, monkeypatch):

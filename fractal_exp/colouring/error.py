@@ -6,10 +6,8 @@ import numpy as np
 
 from ..ifs.code import IFS
 from ..images.painted import Painted
-from ..rendering.still import points_per_view, render_with_info
 from ..runtime.extras import need
-
-POINTS_AT_MOST = points_per_view(1024)
+from .drawing import mean_colours
 
 
 def colour_error(code: IFS, painted: Painted, seed: int = 0) -> float | None:
@@ -24,10 +22,7 @@ def colour_error(code: IFS, painted: Painted, seed: int = 0) -> float | None:
     need("skimage")
     from skimage.color import deltaE_ciede2000, rgb2lab
 
-    side = len(painted.lit)
-    image, _ = render_with_info(code, resolution=side, supersample=1, seed=seed, mode="colour",
-                                points_in_view=min(points_per_view(side), POINTS_AT_MOST))
-    drawn = image.numpy()
+    drawn = mean_colours(code, len(painted.lit), seed).numpy()
     both = painted.lit & (drawn[..., 3] > 0)
     if not both.any():
         return None

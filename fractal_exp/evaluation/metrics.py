@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import torch
 from torch import Tensor
 from torch.nn.functional import max_pool2d
@@ -12,8 +14,9 @@ from ..runtime.extras import need
 
 MSE_FLOOR = 1e-10            # PSNR of equal images: 100 dB
 SSIM_WINDOW = 11             # of sigma 1.5
-SMALLEST = 13                # pixels a side, of which the window fits into the inner crop
 CROP = 8                     # an eighth of the image is cut off on each side
+# Pixels a side, from which on the window fits into the inner crop.
+SMALLEST = next(side for side in count(SSIM_WINDOW) if side - 2 * (side // CROP) >= SSIM_WINDOW)
 
 
 def inner_crop(images: Tensor) -> Tensor:
@@ -85,7 +88,7 @@ def compare(images: Tensor, truth: Tensor) -> dict[str, Tensor]:
     """All metrics by name, (B,) each, of the inner crops of images (B,R,R) against truth (B,R,R), both in [0,1].
 
     They are NaN for `empty_pairs`: two black pictures agree, but say nothing about a method. Raises `InputError` if the
-    shapes differ, images are not finite or leave [0,1], or have less than 13 px a side.
+    shapes differ, images are not finite or leave [0,1], or have fewer than `SMALLEST` px a side.
     """
     _check(images, truth)
     if images.shape[-1] < SMALLEST:

@@ -40,10 +40,9 @@ class Painted:
     def of(cls, picture: ReadImage) -> Painted:
         """The colours of the picture that a target was read from.
 
-        The cover is the picture's opacity where it has any. Otherwise it is estimated: a pixel among others about as
-        far from the ground's colour is covered wholly, and one at an edge by its distance from the ground's colour over
-        the largest distance nearby. A picture that was given without its source is its target, in greys. Raises
-        `InputError` if the picture cannot be read again or has another size now.
+        The cover is the picture's opacity where it has any; otherwise `cover_of` estimates it. A picture that was given
+        without its source is its target, in greys. Raises `InputError` if the picture cannot be read again or has
+        another size now.
         """
         target = picture.image.numpy()
         step = max(1, min(FINEST, int(1 / max(picture.scale, 1e-6)), MOST_SIDE // len(target)))
@@ -67,16 +66,22 @@ class Painted:
     @classmethod
     def _opaque(cls, seen: np.ndarray, level: np.ndarray, ground: np.ndarray) -> Painted:
         away = np.linalg.norm(seen - ground, axis=-1) * (level > UNSEEN)
-        nearby = maximum_filter(away, 5)
-        inside = minimum_filter(away, 3) >= ALIKE * maximum_filter(away, 3)
-        cover = np.where(inside, 1.0, away / np.maximum(nearby, UNLIKE)) * (away > UNLIKE)
-        return cls(seen.astype(np.float32), ground, cover.astype(np.float32), cover > COVERED)
+        cover = cover_of(away)
+        return cls(seen.astype(np.float32), ground, cover, cover > COVERED)
 
     @property
     def is_grey(self) -> bool:
         """Whether the shape has no colours but greys."""
         shape = self.seen[self.lit]
         return not len(shape) or float(np.ptp(shape, axis=-1).max()) <= GREY
+
+
+def cover_of(away: np.ndarray) -> np.ndarray:
+    """The share of each pixel (H,W) that a shape covers, in [0,1]. away: how far the pixel is from the ground's colour.
+    One among others about as far is covered wholly, and one at an edge by its distance over the largest nearby."""
+    inside = minimum_filter(away, 3) >= ALIKE * maximum_filter(away, 3)
+    cover = np.where(inside, 1.0, away / np.maximum(maximum_filter(away, 5), UNLIKE)) * (away > UNLIKE)
+    return cover.astype(np.float32)
 
 
 def _placed(pixels: Bands, picture: ReadImage, channel: int, side: int) -> np.ndarray:

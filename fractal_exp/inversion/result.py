@@ -12,6 +12,7 @@ import numpy as np
 from torch import Tensor
 
 from ..cameras.camera import Camera, parse_camera
+from ..colouring import in_colours
 from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..images.checks import MIN_SIDE
@@ -79,14 +80,19 @@ class Inversion:
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
                                     supersample=supersample, seed=seed, mode=mode)
         if path is not None:
-            level = float(self.target.inverted)  # for the codes of older versions, which do not tell their ground
-            ground = own_ground(self.code, (level, level, level))
-            write_image(path, on_ground(image, ground) if mode == "colour" else image)
+            write_image(path, on_ground(image, self._ground) if mode == "colour" else image)
         return image
 
-    def redrawn(self, *, seed: int = 0) -> Tensor:
-        """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as they were found."""
-        return redrawn(self.code, self.target, self.camera, params=known_camera(self.options), seed=seed)
+    @property
+    def _ground(self) -> tuple[float, float, float]:
+        level = float(self.target.inverted)  # for the codes of older versions, which do not tell their ground
+        return own_ground(self.code, (level, level, level))
+
+    def redrawn(self, *, seed: int = 0, colour: bool = False) -> Tensor:
+        """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as they were found. colour:
+        (R,R,3) instead, in the code's colours on the picture's ground. Raises `InputError` if the code has none."""
+        levels = redrawn(self.code, self.target, self.camera, params=known_camera(self.options), seed=seed)
+        return in_colours(levels, self.code, self._ground, seed) if colour else levels
 
     def overlay(self, path: str | Path | None = None, *, opacity: float = 0.8) -> Image:
         """The given picture in faded greys with the differences of what the code draws: orange where it lacks light of

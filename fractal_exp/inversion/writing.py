@@ -18,13 +18,14 @@ def write(found: Inversion, folder: Path) -> list[str]:
     """Write a result into a folder, and return the names of the files.
 
     code.json, the code alone; inversion.json, the code and all that is known of it; target.png, the picture as the
-    method saw it; redrawn.png, the code drawn like the picture; rendering.png, the code alone, in its colours or with
-    its tone if it has any; code.html, a page, unless the code is too large for one; and overlay.png, the picture with
-    the differences marked, unless it has more than 4096 px a side. Raises `InputError` if a file cannot be written.
+    method saw it; redrawn.png, the code drawn like the picture, and rendering.png, the code alone, both in colour if it
+    has any, and else with its tone; code.html, a page, unless the code is too large for one; and overlay.png, the
+    picture with the differences marked, unless it has more than 4096 px a side. Raises `InputError` if a file cannot be
+    written.
     """
     found.save(folder)
     found.render(resolution=SIDE, mode=usual_mode(found.code), path=folder / RENDERING)
-    write_image(folder / REDRAWN, found.redrawn())
+    write_image(folder / REDRAWN, found.redrawn(colour=found.code.colours is not None))
     names = [CODE, INVERSION, TARGET, REDRAWN, RENDERING]
     if len(found.code) <= MOST_MAPS:
         found.code.save_html(folder / PAGE)

@@ -66,6 +66,8 @@ class Plain(_Message):
 
 
 class Read(_Message):
+    """reading: fields of `Reading`, how the picture of the session is read anew."""
+
     do: Literal["read"]
     reading: dict[str, Any]
 
@@ -74,6 +76,8 @@ class Read(_Message):
 
 
 class Search(_Message):
+    """A search from the beginning, or a polish of the code as it is; settings: fields of `Settings`."""
+
     do: Literal["find", "polish"]
     settings: dict[str, Any] = {}
 
@@ -93,6 +97,8 @@ class Edit(_Message):
 
 
 class Choose(_Message):
+    """index: of a code of the curve, which becomes the session's code."""
+
     do: Literal["choose"]
     index: int
 

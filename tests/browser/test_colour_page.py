@@ -89,6 +89,33 @@ def test_a_ground_of_ones_own_and_a_link_that_keeps_it(path, open_page):
     assert seen(opened)[0, 0].tolist() == [0, 0, 0]
 
 
+def test_a_code_with_colours_stands_on_the_ground_that_they_were_found_on(tmp_path, open_page):
+    found = replace(FERN, meta={"ground": "#fff8e7"})
+    opened = open_page((900, 600), **COARSE).go(f"file://{found.save_html(tmp_path / 'found.html')}")
+    page, ground = opened.page, [0xff, 0xf8, 0xe7]
+    assert seen(opened)[0, 0].tolist() == ground
+    page.keyboard.press("p")
+    page.select_option("#by", "plain")
+    opened.drawn()
+    page.keyboard.press("Escape")
+    assert seen(opened)[0, 0].tolist() == [0, 0, 0], "white ink would not be seen on it"
+    page.keyboard.press("e")
+    page.keyboard.press("x")
+    exported = json.loads(page.input_value("#out-text"))
+    assert exported["meta"]["ground"] == "#fff8e7"
+    page.keyboard.press("Escape")
+    for named, expected in (("navy", [0, 0, 128]), ("no colour", [0, 0, 0])):
+        page.keyboard.press("o")
+        page.fill("#in-text", json.dumps(exported | {"meta": {"ground": named}}))
+        page.click("#in-read")
+        page.keyboard.press("p")
+        page.select_option("#by", "own")
+        page.keyboard.press("Escape")
+        opened.drawn()
+        assert seen(opened)[0, 0].tolist() == expected, named
+    assert not opened.said
+
+
 def test_a_code_without_colours_offers_none_until_one_with_colours_is_imported(tmp_path, open_page):
     plain = replace(FERN, colours=None).save_html(tmp_path / "plain.html")
     opened = open_page((900, 600), **COARSE).go(f"file://{plain}")

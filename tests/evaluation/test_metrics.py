@@ -47,7 +47,7 @@ def test_compare_looks_at_the_inner_part_only():
 @pytest.mark.parametrize(("a", "b", "message"), [
     (torch.zeros(1, 16, 16), torch.zeros(1, 32, 32), r"\(1, 16, 16\) and \(1, 32, 32\)"),
     (torch.zeros(16, 16), torch.zeros(16, 16), r"shape \(B, H, W\)"),
-    (torch.zeros(1, 8, 8), torch.zeros(1, 8, 8), "13 px"),
+    (torch.zeros(1, 12, 12), torch.zeros(1, 12, 12), "13 px"),
     (torch.full((1, 32, 32), float("nan")), torch.zeros(1, 32, 32), "NaN"),
     (torch.zeros(1, 32, 32), torch.full((1, 32, 32), 255.0), r"truth to compare must lie in \[0, 1\].*; divide it by"),
     (torch.full((1, 32, 32), -1.0), torch.zeros(1, 32, 32), r"; of numbers in \[-1, 1\], take \(x \+ 1\) / 2"),
@@ -55,6 +55,12 @@ def test_compare_looks_at_the_inner_part_only():
 def test_images_that_cannot_be_compared(a, b, message):
     with pytest.raises(InputError, match=message):
         metrics.compare(a, b)
+
+
+def test_the_window_of_ssim_fits_into_every_image_that_is_not_too_small():
+    for side in range(13, 34):
+        image = torch.rand(1, side, side)
+        assert float(metrics.compare(image, image)["ssim"]) == pytest.approx(1), side
 
 
 def test_f1_within_a_pixel_forgives_a_pixel():

@@ -6,7 +6,7 @@ from pathlib import Path
 import fractal_exp.conf
 import pytest
 from configured import plain
-from fractal_exp.conf.generate import FILES, hydra_config
+from fractal_exp.conf.generate import COMPARED, hydra_config
 from places import ROOT
 from rivals_helpers import TARGET
 
@@ -23,8 +23,8 @@ from fractal_exp.targets import Target
 
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
 PAGE = (ROOT / "docs" / "comparisons.md").read_text()
-NETWORKS = [file.split("/")[1] for file in FILES if file.startswith("pretraining/")]
-each_method = pytest.mark.parametrize("name", [name for group, name in (file.split("/") for file in FILES)
+NETWORKS = [file.split("/")[1] for file in COMPARED if file.startswith("pretraining/")]
+each_method = pytest.mark.parametrize("name", [name for group, name in (file.split("/") for file in COMPARED)
                                                if group == "method" and name not in NETWORKS])
 
 

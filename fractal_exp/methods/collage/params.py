@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...cameras.params import CameraParams, Factor
 from ...ops.collage.reference import MAX_STEPS
-from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, as_yaml, check_order
+from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, check_order
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
 
@@ -325,21 +325,3 @@ class CollageParams(Params):
         """Whether the user asks for so many maps that growth starts without a search."""
         asked = self.maps or (self.bytes or 0) // BYTES_OF_A_MAP
         return self.growth.enabled and asked >= self.growth.at_once
-
-
-def hydra_config() -> str:
-    """conf/method/collage.yaml: `python -m fractal_exp.methods.collage.params > conf/method/collage.yaml`."""
-    return f"""# Collage search finds the maps of a code one by one, from the measure that the image shows.
-# This file is generated from the parameter classes in fractal_exp/methods/collage/params.py. Do not edit it.
-_target_: fractal_exp.methods.collage.method.Collage
-_convert_: all
-seconds: ${{seconds}}
-seed: ${{seed}}
-device: ${{device}}
-previews: 10
-{as_yaml(CollageParams(), {})}
-"""
-
-
-if __name__ == "__main__":
-    print(hydra_config(), end="")

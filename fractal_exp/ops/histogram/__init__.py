@@ -26,7 +26,8 @@ from numba import get_num_threads
 from torch import Tensor
 
 from . import cpu as kernels
-from .cpu import COUNTED, DRY, GUIDE_BITS
+from .cpu import COUNTED, DRY
+from .pool import GUIDE_BITS
 
 TASKS = 64   # shares of the work, each with its own random stream: no result depends on the number of threads
 FEWER = 16   # shares for a tree that reuses points, because each share makes its own points; more threads stay idle

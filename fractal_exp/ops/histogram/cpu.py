@@ -1,30 +1,23 @@
-"""The numba kernels of `histogram`: random points of an invariant measure under the words of its address tree, float64,
+"""The numba kernels of `histogram`: points of an invariant measure under the words of its address tree, float64,
 multi-threaded."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import get_thread_id, int32, njit, prange, uint64
 
 from ...runtime.jit import kernel
+from .pool import APART, fill, new_pool, poisson, warm_up
 
-ORBITS = 16          # chaos games that a task keeps going, to hide the latency of a step
-BURN_IN = 256        # steps that lead from a fixed point to the invariant measure
-APART = 72           # numbers between a pool's rows; at a power of two, each would push the other out of the cache
-LEAST_POOL, LARGEST_POOL = 256, 1 << 14  # points of the invariant measure that a task keeps, powers of two
-REFILLS = 8          # how often a task comes by new ones, at most, before the largest pool is too small for that
 SHARES = 8           # a word is split until its points are so small a part of those kept: none lies twice under it
 LEVELS = 512         # but no deeper below the word that the task began with
-GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
 FEW = 64.0           # expected points under a word, below which throwing them is cheaper than a look at its children
 SMALL = 1 / 8        # of the window's side: words that reach no further are drawn and tested, not split
 BATCH = 256          # points of a word that are placed at a time
 CUT = 4096           # words are split until each holds at most this fraction of the window's points
 MAX_DEPTH = 20_000   # of a word; deeper ones likewise
-GUIDE_BITS = 12      # the guide table inverts the cumulative probabilities to within one of its 4096 steps
 
 # What becomes of a point: nothing, a 1 in its pixel, one more in its pixel, or a 1 in its part of a pixel and its
 # colour added to the pixel's.
@@ -32,9 +25,6 @@ DRY, LIT, COUNTED, COLOURED = 0, 1, 2, 3
 COLOUR_UNIT = 65536.0  # of a colour's 1 in the sums, which are integers: no order of adding them changes the result
 PLACE, WITH_COLOUR = 8, 12  # numbers of a word without and with a colour
 
-GOLDEN = uint64(0x9E3779B97F4A7C15)
-MIX_1 = uint64(0xBF58476D1CE4E5B9)
-MIX_2 = uint64(0x94D049BB133111EB)
 
 
 class Tree(NamedTuple):
@@ -59,60 +49,6 @@ class Canvas(NamedTuple):
     factor: int
 
 
-@njit(inline="always")
-def _random(state):
-    """The next state and 64 random bits: SplitMix64 (Steele, Lea and Flood 2014)."""
-    state = state + GOLDEN
-    z = (state ^ (state >> uint64(30))) * MIX_1
-    z = (z ^ (z >> uint64(27))) * MIX_2
-    return state, z ^ (z >> uint64(31))
-
-
-@njit(inline="always")
-def _pick(bits, thresholds, guide):
-    """The map that 32 random bits stand for."""
-    i = int(guide[bits >> uint64(64 - GUIDE_BITS)])
-    while bits >> uint64(32) >= thresholds[i]:
-        i += 1
-    return i
-
-
-@njit(inline="always")
-def _step(maps, i, x, y):
-    return maps[i, 0] * x + (maps[i, 1] * y + maps[i, 4]), maps[i, 2] * x + (maps[i, 3] * y + maps[i, 5])
-
-
-@njit
-def poisson(mean, state):
-    """A Poisson variate: by a product of uniforms below 12, else by transformed rejection (PTRS, Hörmann 1993)."""
-    unit = 2.0**-53
-    if mean < 12.0:
-        limit, count, product = math.exp(-mean), -1, 1.0
-        while count < 0 or product > limit:
-            state, bits = _random(state)
-            product *= (float(bits >> uint64(11)) + 0.5) * unit
-            count += 1
-        return state, count
-    root, log_mean = math.sqrt(mean), math.log(mean)
-    b = 0.931 + 2.53 * root
-    a = -0.059 + 0.02483 * b
-    inverse_alpha = 1.1239 + 1.1328 / (b - 3.4)
-    certain = 0.9277 - 3.6224 / (b - 2)
-    while True:
-        state, bits = _random(state)
-        u = (float(bits >> uint64(11)) + 0.5) * unit - 0.5
-        state, bits = _random(state)
-        v = (float(bits >> uint64(11)) + 0.5) * unit
-        edge = 0.5 - abs(u)
-        k = math.floor((2 * a / edge + b) * u + mean + 0.43)
-        if edge >= 0.07 and v <= certain:
-            return state, int(k)
-        if k < 0 or (edge < 0.013 and v > edge):
-            continue
-        if math.log(v * inverse_alpha / (a / (edge * edge) + b)) <= k * log_mean - mean - math.lgamma(k + 1):
-            return state, int(k)
-
-
 @njit
 def place(a, b, c, d, x, y, hull, size):
     """Where a word's parallelogram lies, -1 beside the window [0,size]², 1 within it, 0 across its edge, and how far
@@ -133,71 +69,6 @@ def place(a, b, c, d, x, y, hull, size):
     if abs(p1 * dy - q1 * dx) > area + half * (abs(p1) + abs(q1)):
         return -1, reach
     return 0, reach
-
-
-@njit
-def _colour(colours, i, point):
-    """Give a point (5,) of place and colour the colour that it has after map i."""
-    for channel in range(3):
-        point[2 + channel] = colours[i, 0] * point[2 + channel] + colours[i, 1 + channel]
-
-
-@njit
-def _warm_up(tree, state):
-    """ORBITS points of the invariant measure, (ORBITS,2), or (ORBITS,5) with their colours."""
-    maps, colours = tree.maps, tree.colours
-    orbits = np.zeros((ORBITS, 5 if len(colours) else 2))
-    if len(colours):  # from the mean colour on, which slow blends would take long to reach
-        given = np.zeros(4)
-        for i in range(len(colours)):
-            given[0] += tree.mass[i] * (1 - colours[i, 0])
-            for channel in range(1, 4):
-                given[channel] += tree.mass[i] * colours[i, channel]
-        for j in range(ORBITS):
-            for channel in range(3):
-                orbits[j, 2 + channel] = given[1 + channel] / given[0]
-    for j in range(ORBITS):
-        x = y = 0.0
-        for _ in range(BURN_IN):
-            state, bits = _random(state)
-            i = _pick(bits, tree.thresholds, tree.guide)
-            x, y = _step(maps, i, x, y)
-            if len(colours):
-                _colour(colours, i, orbits[j])
-        orbits[j, 0], orbits[j, 1] = x, y
-    return state, orbits
-
-
-@njit
-def _new_pool(expected, width):
-    """Room for points (width,P + APART) of the invariant measure, for a task of which so many are expected."""
-    size = LEAST_POOL
-    while size < LARGEST_POOL and REFILLS * size <= expected:
-        size *= 2
-    return np.empty((width, size + APART))
-
-
-@njit
-def _fill(pool, tree, state, orbits):
-    """The next points of the orbits into the pool (2 or 5,P + APART); the next random state. Those that follow each
-    other in an orbit are alike where a map is slow, and would make a word's points clump: they are put .38 P from each
-    other."""
-    maps, colours = tree.maps, tree.colours
-    size = pool.shape[1] - APART
-    length, stride = size // ORBITS, int(GOLDEN_RATIO * size) | 1
-    for k in range(size):
-        j = k & (ORBITS - 1)
-        state, bits = _random(state)
-        i = _pick(bits, tree.thresholds, tree.guide)
-        x, y = _step(maps, i, orbits[j, 0], orbits[j, 1])
-        orbits[j, 0], orbits[j, 1] = x, y
-        shuffled = (j * length + k // ORBITS) * stride & (size - 1)
-        pool[0, shuffled], pool[1, shuffled] = x, y
-        if len(colours):
-            _colour(colours, i, orbits[j])
-            for channel in range(2, 5):
-                pool[channel, shuffled] = orbits[j, channel]
-    return state
 
 
 @njit
@@ -319,8 +190,8 @@ def _sample(jobs, tree, size, budget, state, canvas, plane, mode, reuse, done):
     """Work off a task's words, depth first; `done` (4,) receives its tally."""
     maps, mass, colours = tree.maps, tree.mass, tree.colours
     n, width = len(maps), jobs.shape[1]
-    state, orbits = _warm_up(tree, state)
-    pool, uses = _new_pool(jobs[:, 7].sum(), orbits.shape[1]), reuse
+    state, orbits = warm_up(tree, state)
+    pool, uses = new_pool(jobs[:, 7].sum(), orbits.shape[1]), reuse
     capacity, deepest, places = pool.shape[1] - APART, 0.0, np.empty(BATCH, np.int32)
     at = capacity
     word, stack, top, job = np.empty(width), np.empty((64 * n, width)), 0, 0
@@ -346,7 +217,7 @@ def _sample(jobs, tree, size, budget, state, canvas, plane, mode, reuse, done):
                 if at == capacity:
                     at, uses = 0, uses + 1
                     if uses >= reuse:
-                        state, uses = _fill(pool, tree, state, orbits), 0
+                        state, uses = fill(pool, tree, state, orbits), 0
                 taken = min(count, capacity - at)
                 done[0] += _throw(pool, at, at + taken, word, size, canvas, plane, mode, places)
                 at, count = at + taken, count - taken

@@ -21,7 +21,8 @@ from torch import Tensor
 from ..chaos.cpu_kernels import next_state, start
 from ..cuda_launch import blocks_of, launch
 from . import AddressTree, Window
-from .cpu import BURN_IN, COUNTED, CUT, GOLDEN_RATIO, GUIDE_BITS, LIT
+from .cpu import COUNTED, CUT, LIT
+from .pool import BURN_IN, GOLDEN_RATIO, GUIDE_BITS
 
 THREADS = 128
 FEWEST = 64           # points a thread throws, at the least: it takes many more steps before the first, from anywhere

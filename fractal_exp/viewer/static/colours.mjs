@@ -29,6 +29,15 @@ export function rgbOf(text) {
   return [0, 2, 4].map((at) => parseInt(digits.slice(at, at + 2), 16) / 255);
 }
 
+/** The ground that a code's colours were found on, "#rrggbb", by the note of it; null without one that is a colour. */
+export function ownGround({ colours, meta }) {
+  if (!colours || typeof meta.ground !== "string") return null;
+  const pen = document.createElement("canvas").getContext("2d");
+  pen.fillStyle = "transparent";
+  pen.fillStyle = meta.ground; // which does nothing where it is no colour
+  return /^#[0-9a-f]{6}$/.test(pen.fillStyle) ? pen.fillStyle : null;
+}
+
 /** A colour [r, g, b] of a palette at a place in [0,1]. */
 export function colourAt(palette, place) {
   const stops = stopsOf(palette), along = Math.min(Math.max(place, 0), 1) * (STOPS - 1);

@@ -2,7 +2,7 @@
 
 import { ready, unpacked } from "./code.mjs";
 import { Colouring } from "./colouring.mjs";
-import { PLAIN, fromLink, rgbOf, toLink } from "./colours.mjs";
+import { PLAIN, fromLink, ownGround, rgbOf, toLink } from "./colours.mjs";
 import { Editor } from "./editor.mjs";
 import { keyMove, listenToPointers } from "./gestures.mjs";
 import { Notebook } from "./notebook.mjs";
@@ -26,6 +26,7 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)"), dark = matchMedia("
 let home = given.home;
 let view = fromFragment(location.hash, least()) ?? given.view;
 let glide = null, swapped = false, picture = null, editor = null, colouring = null, notebook = null;
+let found = null; // the ground of the code's own colours
 let writing = 0;
 
 /** The least zoom. */
@@ -130,6 +131,7 @@ const page = {
   draw(code) {
     picture.follow(ready(code));
     colouring.offer(Boolean(code.colours));
+    stand(code);
     notebook?.send(code);
   },
   open(to, { meta, rows }) {
@@ -182,10 +184,18 @@ function coloured(choice) {
   writing ||= setTimeout(writeAddress, ADDRESS_EVERY);
 }
 
+/** Take the ground of a code's own colours. */
+function stand(code) {
+  const before = found;
+  found = ownGround(code);
+  if (found !== before) paint();
+}
+
 function paint() {
   const light = dark.matches === swapped;
   document.documentElement.style.colorScheme = light ? "light" : "dark";
-  const [ground, ink] = light ? [[1, 1, 1], [0, 0, 0]] : [[0, 0, 0], [1, 1, 1]], own = colouring?.choice.ground;
+  const [ground, ink] = light ? [[1, 1, 1], [0, 0, 0]] : [[0, 0, 0], [1, 1, 1]], choice = colouring?.choice;
+  const own = choice?.ground ?? (choice?.by === "own" ? found : null);
   picture?.paint(own ? rgbOf(own) : ground, ink);
   $("do-swap").setAttribute("aria-pressed", String(swapped));
 }
@@ -247,6 +257,7 @@ function start() {
   const chosen = fromLink(location.hash, usual, Boolean(code.colours));
   colouring = new Colouring(chosen, Boolean(code.colours), coloured);
   picture.choose(chosen);
+  stand(code);
   editor = new Editor(code, home, surface, page);
   if (given.live) {
     notebook = new Notebook({ show: (read, first) => editor.replace(read, { undoable: !first }), refuse: note });

@@ -8,6 +8,7 @@ import fractal_exp.conf
 import pytest
 import yaml
 from collage_helpers import image_search, merged, small, tied
+from fractal_exp.conf.generate import hydra_config
 from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
@@ -15,7 +16,7 @@ from fractal_exp import InputError, suite
 from fractal_exp.cli import configuration
 from fractal_exp.ifs import affine
 from fractal_exp.methods.collage.moves.search import MOVES
-from fractal_exp.methods.collage.params import CollageParams, hydra_config
+from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.runtime.params import Params
 
 CONF = Path(next(iter(fractal_exp.conf.__path__)))
@@ -39,8 +40,8 @@ def leaves(node: dict, prefix: str = "") -> dict:
 
 
 def test_hydra_has_every_parameter_with_its_docstring():
-    assert (CONF / "method" / "collage.yaml").read_text() == hydra_config(), (
-        "python -m fractal_exp.methods.collage.params > conf/method/collage.yaml")
+    assert (CONF / "method" / "collage.yaml").read_text() == hydra_config("method/collage"), (
+        "python -m fractal_exp.conf.generate method/collage > conf/method/collage.yaml")
     settings = leaves(composed()["method"])
     for name, info in CollageParams.leaves():
         assert info.description, name

@@ -150,14 +150,13 @@ def _rows(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iter
 
 def _softened(bands: Iterable[torch.Tensor]) -> Iterator[torch.Tensor]:
     """Bands of rows, softened as the whole image would be: each with the rows beside it."""
-    above, held = None, None
+    above = held = torch.empty(0, 0)
     for band in bands:
-        if held is not None:
+        if len(held):
             yield softened(torch.cat([above, held, band[:1]]))[1:-1]
-            above = held[-1:]
+        above = held[-1:] if len(held) else torch.zeros_like(band[:1])
         held = band.clone()
-        above = torch.zeros_like(held[:1]) if above is None else above
-    if held is not None:
+    if len(held):
         yield softened(torch.cat([above, held]))[1:]
 
 

@@ -22,7 +22,8 @@ from ..rendering.film import check_film, forecast, frames, write_film
 from ..rendering.film_formats import NAMES, format_of, is_film
 from ..rendering.morph import morph_path
 from ..rendering.png import PngWriter
-from ..rendering.still import CHANNELS, render, render_tiles, tile_side, tone_map, white_level
+from ..rendering.still import CHANNELS, TONE, render, render_tiles, tile_side
+from ..rendering.tone import softened, tone_map, tone_of, usual_mode, white_level
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
 from .code_names import read_code
@@ -30,7 +31,7 @@ from .commands import LARGEST
 
 Item = TypeVar("Item")
 STILLS = {"bits": 8, "transparent": False}
-COLOUR = "colour"
+COLOUR, OCCUPANCY, COUNTING = "colour", "occupancy", ("density", TONE)
 FILMS = {"seconds": None, "fps": None}
 ZOOMS = {"start_zoom": 1.0}
 MORPHS = {"loop": False}
@@ -43,11 +44,11 @@ def draw(options: argparse.Namespace) -> None:
     threads.use()
     started = time.perf_counter()
     _refuse_unused(options)
+    codes = [read_code(text, options.frame) for text in options.code]
+    _choose_mode(codes, options)
     for name, value in DEFAULTS.items():
         if getattr(options, name) is None:
             setattr(options, name, value)
-    codes = [read_code(text, options.frame) for text in options.code]
-    _choose_colours(codes, options)
     if options.points is not None:
         if not (math.isfinite(options.points) and options.points >= 1):
             raise InputError(f"--points must be a number of at least 1, got {options.points}")
@@ -56,10 +57,17 @@ def draw(options: argparse.Namespace) -> None:
     print(f"{path} ({time.perf_counter() - started:.1f} s)")
 
 
-def _choose_colours(codes: Sequence[IFS], options: argparse.Namespace) -> None:
-    """Set the mode, if none is given, and the ground. Raises `InputError` on a background that would change nothing."""
-    coloured = all(code.colours is not None for code in codes)
-    options.mode = options.mode or (COLOUR if coloured else "occupancy")
+def _choose_mode(codes: Sequence[IFS], options: argparse.Namespace) -> None:
+    """Set the mode, if none is given, and the ground. Raises `InputError` on a background or parts of pixels that would
+    change nothing, and on tones that no code has."""
+    coloured, usual = all(code.colours is not None for code in codes), {usual_mode(code) for code in codes}
+    options.mode = options.mode or (usual.pop() if len(usual) == 1 else OCCUPANCY)
+    if options.mode == TONE:
+        for code in codes:
+            tone_of(code)
+    if options.supersample is not None and options.mode in COUNTING:
+        raise InputError(f"--supersample changes nothing with --mode {options.mode}; leave it out"
+                         + (f", or add --mode {OCCUPANCY}" if options.mode == TONE else ""))
     if options.background is not None and options.mode != COLOUR:
         raise InputError(f"--background changes nothing with --mode {options.mode}; leave it out"
                          + ("" if coloured else ", or find the code with fractal-invert --colour"))
@@ -78,8 +86,6 @@ def _refuse_unused(options: argparse.Namespace) -> None:
                          "out")
     unused = {name: f"is for stills; {options.out} is a film" for name in STILLS} if film else {
         name: f"is for films; {options.out} is a still" for name in FILMS | ZOOMS | MORPHS}
-    if options.mode == "density":
-        unused["supersample"] = "changes nothing with --mode density"
     if several:
         unused |= {name: "is for a zoom into one code, not for a morph" for name in ("center", "zoom", "seed", *ZOOMS)}
     elif film:
@@ -110,29 +116,48 @@ def draw_still(code: IFS, options: argparse.Namespace) -> Path:
 
 
 def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iterator[np.ndarray]:
-    """The image as bands of whole rows, each as high as a tile."""
-    drawing = {"points_in_view": options.points, "supersample": options.supersample, "seed": options.seed,
-               "mode": options.mode}
-    # One white level for all tiles, from a small picture of the whole view.
-    small = render(code, view, resolution=min(size, 512), mode="density") if options.mode == "density" else None
-    white = None if small is None else white_level(small)
-    side = tile_side(size, options.supersample, options.mode)
+    """The picture as bands of whole rows, each as high as a tile: density with a tone, colours on their ground."""
+    rows = _rows(code, view, size, options)
+    if options.mode in COUNTING:  # one white level or exposure for all tiles, from a small picture of the whole view
+        small = render(code, view, resolution=min(size, 512), mode="density")
+        if options.mode == TONE:
+            tone, rows = tone_of(code), _softened(rows)
+            exposure = tone.exposure(softened(small))
+            finished = (tone.grey(each, exposure) for each in rows)
+        else:
+            white = white_level(small)
+            finished = (tone_map(each, white) for each in rows)
+    elif options.mode != COLOUR or options.transparent:
+        finished = rows
+    else:
+        finished = (on_ground(each, options.ground) for each in rows)
+    return (each.numpy() for each in finished)
+
+
+def _rows(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iterator[torch.Tensor]:
+    """What `render_tiles` draws, as bands of whole rows."""
+    mode = "density" if options.mode in COUNTING else options.mode
+    side = tile_side(size, options.supersample, mode)
     across = math.ceil(size / side)
-    band = np.empty((side, across * side, *CHANNELS.get(options.mode, ())), np.float32)
-    tiles = render_tiles(code, view, resolution=size, **drawing)
+    band = np.empty((side, across * side, *CHANNELS.get(mode, ())), np.float32)
+    tiles = render_tiles(code, view, resolution=size, points_in_view=options.points, supersample=options.supersample,
+                         seed=options.seed, mode=mode)
     for tile in _with_progress(tiles, across * across, "tile") if across > 1 else tiles:
         band[:, tile.column:tile.column + side] = tile.pixels
         if tile.column + side >= size:
-            rows = band[:size - tile.row, :size]
-            yield _finished(rows, white, options)
+            yield torch.from_numpy(band[:size - tile.row, :size])
 
 
-def _finished(rows: np.ndarray, white: float | None, options: argparse.Namespace) -> np.ndarray:
-    """Rows as they are written: density with its tone, colours on their ground."""
-    if white is not None:
-        return tone_map(torch.from_numpy(rows), white).numpy()
-    plain = options.mode != COLOUR or options.transparent
-    return rows if plain else on_ground(torch.from_numpy(rows), options.ground).numpy()
+def _softened(bands: Iterable[torch.Tensor]) -> Iterator[torch.Tensor]:
+    """Bands of rows, softened as the whole image would be: each with the rows beside it."""
+    above = held = torch.empty(0, 0)
+    for band in bands:
+        if len(held):
+            yield softened(torch.cat([above, held, band[:1]]))[1:-1]
+        above = held[-1:] if len(held) else torch.zeros_like(band[:1])
+        held = band.clone()
+    if len(held):
+        yield softened(torch.cat([above, held]))[1:]
 
 
 def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:

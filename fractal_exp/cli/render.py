@@ -7,7 +7,7 @@ import argparse
 
 from .commands import CODE_HELP, FRAMES, LARGEST, command, command_parser
 
-MODES = ("occupancy", "density", "colour")
+MODES = ("occupancy", "density", "tone", "colour")
 
 DESCRIPTION = """Draw a code: a still at any view and any zoom, or a film that zooms into it. Or draw several: a morph.
 
@@ -40,9 +40,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--zoom", type=float, help="of the view (default 1); of a film, at its end (default 10000)")
     parser.add_argument("--size", type=int, help=f"pixels a side, up to {LARGEST} (default 1024; of a film 720)")
     parser.add_argument("--points", type=float, help="points in the view (default: 50 million at 1024², in proportion)")
-    parser.add_argument("--supersample", type=int, help="parts of a pixel along each axis (default 8; not for density)")
+    parser.add_argument("--supersample", type=int, help="parts of a pixel along each axis (default 8; not for density "
+                                                              "and tone)")
     parser.add_argument("--mode", choices=MODES, help="what a pixel shows (default: colour for a code with colours, "
-                                                         "else occupancy)")
+                                                      "tone for one that was found on grey levels, else occupancy)")
     parser.add_argument("--background", metavar="COLOUR", help="behind a drawing in colour: a name or #rrggbb "
                                                                "(default: the one it was found on, or black)")
     parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")

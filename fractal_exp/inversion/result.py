@@ -25,6 +25,7 @@ from ..methods.history import StageRecord
 from ..rendering import sheets
 from ..rendering.colour import on_ground, own_ground
 from ..rendering.still import render_with_info
+from ..rendering.tone import own_tone
 from ..runtime.files import checked, make_folder
 from ..verdict import Verdict
 from .facts import VERSION, Facts, known_camera
@@ -69,12 +70,13 @@ class Inversion:
         return self.target.placement
 
     def render(self, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-               supersample: int = 8, seed: int = 0, mode: str = "occupancy", path: str | Path | None = None) -> Tensor:
+               supersample: int = 8, seed: int = 0, mode: str | None = None, path: str | Path | None = None) -> Tensor:
         """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
 
-        path: a PNG to write, or None. A drawing in colour is written on the picture's ground. Raises `InputError` if it
-        cannot be written.
+        mode: by default "tone" if the code has one, else "occupancy"; path: a PNG to write, or None. A drawing in
+        colour is written on the picture's ground. Raises `InputError` if it cannot be written.
         """
+        mode = mode or ("tone" if own_tone(self.code) else "occupancy")
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
                                     supersample=supersample, seed=seed, mode=mode)
         if path is not None:

@@ -7,14 +7,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from ..cameras.camera import Camera
+from ..cameras.kinds import kind_of
 from ..cameras.params import CameraParams
 from ..colouring import colour_error, fitted
 from ..ifs.code import IFS
 from ..images.painted import Painted
 from ..images.reading import ReadImage
-from ..likeness import Likeness, camera_for
+from ..likeness import Likeness, camera_for, redrawn
 from ..methods.base import CodeReconstruction, Method, OnStep, Progress, Reconstruction, stop_reason
 from ..methods.history import History, StageRecord
+from ..rendering.tone import Tone, with_tone
 from ..runtime.checkpoint import Checkpoint
 from ..verdict import Verdict
 from .result import Inversion, warnings_of
@@ -76,11 +79,13 @@ def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, 
     verdict = Verdict.of(likeness, len(found.code), target, stopped=work.stopped, options=options)
     if truth is not None:
         verdict = verdict.against_truth(*truth)
+    tone = _tone(found.code, target, camera, work.camera, seed)
     return Inversion(
-        code=found.code, target=target, source=target.image if target.source is None else target.source,
-        likeness=likeness, verdict=verdict, camera=camera, history=work.stages, stopped=work.stopped,
-        seconds=work.seconds, method=name, options=options, notes=(*target.notes, *found.notes),
-        warnings=warnings_of(target, verdict, likeness, work.stopped), curve=found.curve)
+        code=replace(found.code, meta=with_tone(found.code, tone)), target=target,
+        source=target.image if target.source is None else target.source, likeness=likeness, verdict=verdict,
+        camera=camera, history=work.stages, stopped=work.stopped, seconds=work.seconds, method=name,
+        options=options, notes=(*target.notes, *found.notes), curve=found.curve,
+        warnings=warnings_of(target, verdict, likeness, work.stopped))
 
 
 def coloured(shape: Inversion, painted: Painted, seed: int = 0) -> Inversion:
@@ -93,6 +98,15 @@ def coloured(shape: Inversion, painted: Painted, seed: int = 0) -> Inversion:
     likeness = replace(shape.likeness, colour=colour_error(code, painted, seed))
     return replace(shape, code=code, likeness=likeness, verdict=shape.verdict.with_colours(likeness.colour),
                    notes=(*shape.notes, *grey))
+
+
+def _tone(code: IFS, target: ReadImage, camera: Camera, params: CameraParams, seed: int) -> Tone | None:
+    """The tone of what the camera draws of a code, if its grey levels are a density that others drew."""
+    is_linear = kind_of(camera.kind).is_linear
+    if camera.gain is None and not is_linear:
+        return None
+    drawn = redrawn(code, target, camera, params=params, seed=seed).cpu()
+    return Tone.of_picture(drawn, camera.gamma or 1.0, linear=is_linear)
 
 
 def _note(codes: list[IFS], progress: Progress) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..images.reading import write_image
+from ..rendering.tone import usual_mode
 from ..viewer.page import MOST_MAPS
 from .result import CODE, INVERSION, TARGET, Inversion
 
@@ -18,13 +19,13 @@ def write(found: Inversion, folder: Path) -> list[str]:
 
     code.json, the code alone; inversion.json, the code and all that is known of it; target.png, the picture as the
     method saw it; redrawn.png, the code drawn like the picture, and rendering.png, the code alone, both in colour if it
-    has any; code.html, a page, unless the code is too large for one; and overlay.png, the picture with the differences
-    marked, unless it has more than 4096 px a side. Raises `InputError` if a file cannot be written.
+    has any, and else with its tone; code.html, a page, unless the code is too large for one; and overlay.png, the
+    picture with the differences marked, unless it has more than 4096 px a side. Raises `InputError` if a file cannot be
+    written.
     """
     found.save(folder)
-    colour = found.code.colours is not None
-    found.render(resolution=SIDE, mode="colour" if colour else "occupancy", path=folder / RENDERING)
-    write_image(folder / REDRAWN, found.redrawn(colour=colour))
+    found.render(resolution=SIDE, mode=usual_mode(found.code), path=folder / RENDERING)
+    write_image(folder / REDRAWN, found.redrawn(colour=found.code.colours is not None))
     names = [CODE, INVERSION, TARGET, REDRAWN, RENDERING]
     if len(found.code) <= MOST_MAPS:
         found.code.save_html(folder / PAGE)

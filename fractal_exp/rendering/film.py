@@ -24,9 +24,10 @@ from ..ifs.code import IFS, View
 from ..runtime.checks import check_count, check_memory
 from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
-from .still import REUSE, RenderInfo, render_with_info, tone_map, white_level
+from .still import REUSE, TONE, RenderInfo, render_with_info
+from .tone import softened, tone_map, tone_of, white_level
 
-MEMORY = 0.9  # weight of the last frame's white level in a density film
+MEMORY = 0.9  # weight of the last frame's white level or exposure
 AHEAD = 2     # frames in work at a time: what Python does for one takes no time from the kernels of the other
 CLIPS, CLIP = 3, 4  # parts of a film that are drawn to foretell the rest, and frames of each
 RARE = 16  # frames to a clip, at least: a short film is not foretold by drawing it twice
@@ -38,27 +39,31 @@ def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int 
     """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground` (default: the first code's own), one
     after another, with the arguments and errors of `render`.
 
-    code: one for all views, or as many as there are views. Density is tone mapped with a white level that follows the
-    scene slowly, so that the film does not flicker. A frame's points are used several times over, for speed; its pixels
-    are no noisier. The same arguments give the same frames on any number of threads. Raises `InputError` at once on
-    other numbers of codes.
+    code: one for all views, or as many as there are views. The white level of a density and the exposure of a tone
+    follow the scene slowly, so that the film does not flicker. A frame's points are used several times over, for speed;
+    its pixels are no noisier. The same arguments give the same frames on any number of threads. Raises `InputError` at
+    once on other numbers of codes.
     """
     codes = [code] * len(views) if isinstance(code, IFS) else list(code)
     if len(codes) != len(views):
         raise InputError(f"a film needs one code for all views or one for each, got {len(codes)} codes and "
                          f"{len(views)} views")
 
+    tones = [tone_of(code) for code in codes] if mode == TONE else []
+
     def draw(number: int, near: float) -> tuple[Tensor, RenderInfo]:
         return render_with_info(codes[number], views[number], resolution=resolution, points_in_view=points_in_view,
-                                supersample=supersample, seed=number, mode=mode, reuse=REUSE, near=near)
+                                supersample=supersample, seed=number, mode="density" if tones else mode, reuse=REUSE,
+                                near=near)
 
     def drawn() -> Iterator[Tensor]:
-        white = None
-        for image in _ahead(draw, len(codes)):
-            if mode == "density":
-                now = white_level(image)
-                white = now if white is None else white**MEMORY * now ** (1 - MEMORY)
-                image = tone_map(image, white)
+        last = None
+        for number, image in enumerate(_ahead(draw, len(codes))):
+            if tones or mode == "density":
+                image = softened(image) if tones else image
+                now = tones[number].exposure(image) if tones else white_level(image)
+                last = now if last is None else last**MEMORY * now ** (1 - MEMORY)
+                image = tones[number].grey(image, last) if tones else tone_map(image, last)
             elif mode == "colour":
                 image = on_ground(image, own_ground(codes[0]) if ground is None else ground)
             yield image

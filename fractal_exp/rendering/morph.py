@@ -16,6 +16,7 @@ from ..ifs import attractor
 from ..ifs.code import IFS, View
 from ..ifs.colours import Colours
 from ..runtime.checks import check_count, check_number, shown
+from .tone import NOTE, Tone, own_tone
 
 FLAT = 1e-3          # a map whose smaller singular value is below this share of the larger is flat
 BIRTH_POINTS = 4000  # points of an attractor among which a surplus map finds its place
@@ -38,7 +39,7 @@ def morph(a: IFS, b: IFS, t: float) -> IFS:
     All maps stay contractive: norms are convex along a straight line, and so is the logarithm of the larger singular
     value along one of log S. If one code has more maps, each of those left over grows from a point of the other's
     attractor, or shrinks to it, and its probability from or to zero. Probabilities move along straight lines,
-    and so do colours, if both codes have them; otherwise the codes between have none.
+    and so do colours and tones, if both codes have them; otherwise the codes between have none.
 
     Raises `InputError` on t outside [0,1], on what is no code, and on codes that are not contractive or of more than
     10 000 pairs of maps.
@@ -73,13 +74,14 @@ def morph_path(codes: Sequence[IFS], frames: int, *, loop: bool = False) -> tupl
 @dataclass(frozen=True)
 class _Passage:
     """Two codes and their maps in pairs, float64: matrices (N,2,2), offsets (N,2), probabilities (N,), colours (N,4). A
-    colour is red, green, blue and the blend; there are none unless both codes have them."""
+    colour is red, green, blue and the blend; there are none, and no tones, unless both codes have them."""
 
     ends: tuple[IFS, IFS]
     linear: tuple[np.ndarray, np.ndarray]
     offset: tuple[np.ndarray, np.ndarray]
     chance: tuple[np.ndarray, np.ndarray]
     colour: tuple[np.ndarray, np.ndarray] | None
+    tones: tuple[Tone, Tone] | None
 
     @classmethod
     def between(cls, a: IFS, b: IFS) -> _Passage:
@@ -104,7 +106,8 @@ class _Passage:
                     np.concatenate([f[second], _nearest(b, e[dying]), f[born]])),
                    (np.concatenate([p[first], p[dying], none[:len(born)]]),
                     np.concatenate([q[second], none[:len(dying)], q[born]])),
-                   cls._colours(a, b, first, second, dying, born))
+                   cls._colours(a, b, first, second, dying, born),
+                   (one, other) if (one := own_tone(a)) and (other := own_tone(b)) else None)
 
     @staticmethod
     def _colours(a: IFS, b: IFS, first: np.ndarray, second: np.ndarray, dying: np.ndarray, born: np.ndarray
@@ -127,8 +130,9 @@ class _Passage:
         if self.colour is not None:
             numbers = torch.from_numpy((1 - t) * self.colour[0] + t * self.colour[1])
             colours = Colours(numbers[:, :3], numbers[:, 3])
-        return IFS(torch.from_numpy(linear), torch.from_numpy(offset), torch.from_numpy(chance / chance.sum()),
-                   colours=colours)
+        meta = {} if self.tones is None else {NOTE: self.tones[0].towards(self.tones[1], t).facts()}
+        return IFS(torch.from_numpy(linear), torch.from_numpy(offset), torch.from_numpy(chance / chance.sum()), meta,
+                   colours)
 
 
 def _numbers(code: IFS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

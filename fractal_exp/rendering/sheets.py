@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
 from .still import render_with_info
+from .tone import own_tone
 
 LEAST_FONT, LARGEST_FONT = 9, 40           # pixels high
 GROUND, INK = (32, 32, 32), (210, 210, 210)   # of captions
@@ -127,12 +128,13 @@ def _fitted(caption: str, width: int, font: ImageFont.FreeTypeFont) -> tuple[str
 
 
 def portrait(code: IFS, side: int = 256) -> bytes | None:
-    """The attractor of a code, brought to the canvas, as the bytes of a PNG; None if the code is not contractive."""
+    """The attractor of a code, brought to the canvas and drawn with its tone if it has one, as the bytes of a PNG; None
+    if the code is not contractive."""
     try:
         framed = attractor.normalize(code)
     except InputError:
         return None
-    return png(render_with_info(framed, resolution=side)[0])
+    return png(render_with_info(framed, resolution=side, mode="tone" if own_tone(code) else "occupancy")[0])
 
 
 def silhouette(code: IFS, view: View, side: int) -> bytes:

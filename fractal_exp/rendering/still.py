@@ -22,6 +22,7 @@ from ..ops.histogram import AddressTree, Window
 from ..ops.histogram.boxes import lit_share
 from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
 from ..runtime.checks import check_count, check_memory, shown
+from .tone import tone_of
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +32,7 @@ MAX_SUPERSAMPLE = 64
 TILE = 8192                  # maximum supersampled pixels per side that are drawn at once
 COLOUR_TILE = 1024           # maximum pixels per side that are drawn at once in colour
 CHANNELS = {"colour": (4,)}  # of a pixel, for modes whose pixels have several
+TONE = "tone"                # the mode that makes a picture of a whole view's density
 MODES = {"occupancy": LIT, "density": COUNTED, "colour": COLOURED}
 
 REUSE = 8                    # words under which a point of a film or a large picture is used, see `AddressTree`
@@ -90,12 +92,13 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
     - view: the window; the whole canvas by default.
     - points_in_view: how many points of the chaos game land in the window, 50 million · (resolution / 1024)² by
       default, however small the part of the attractor in the window.
-    - supersample: subpixels per side of a pixel; unused in the mode "density".
+    - supersample: subpixels per side of a pixel; unused in the modes "density" and "tone".
     - mode: "occupancy" gives the share, in [0,1], of the subpixels of a pixel that a point has hit. "density" gives the
       points in a pixel over their mean in the window, in [0, resolution²]: the density of the invariant measure
-      relative to a uniform one. `tone_map` makes an image of it. "colour", for a code with colours, gives an image
-      (resolution, resolution, 4): the mean red, green and blue of the points in a pixel, and the "occupancy" as its
-      opacity. `colour.on_ground` lays it on one colour. A pixel without points is 0 in all four.
+      relative to a uniform one. `tone.tone_map` makes an image of it. "tone", for a code that was found on a density,
+      gives it the tone of that picture, in every view; see `tone.Tone`. "colour", for a code with colours, gives an
+      image (resolution, resolution, 4): the mean red, green and blue of the points in a pixel, and the "occupancy" as
+      its opacity. `colour.on_ground` lays it on one colour. A pixel without points is 0 in all four.
     - device: "cpu" or "cuda"; colours are drawn on the CPU alone. A GPU throws other points of the same
       distribution. The CPU always renders views in which points must be searched for.
 
@@ -104,7 +107,7 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
     take too much work gets fewer. Both are logged as warnings, and `render_with_info` returns them as data.
 
     Raises `InputError` on anything but an IFS, a code that is not contractive, a zoom above 1e12, a size below 1 or too
-    large for the memory, a device that cannot render, or "colour" for a code without colours.
+    large for the memory, a device that cannot render, "colour" for a code without colours, or "tone" for one without.
     """
     image, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view,
                                    supersample=supersample, seed=seed, mode=mode, device=device)
@@ -119,6 +122,11 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
     """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only). effort: the
     share, above 0, of the points that weigh the view, and of the work after which `render` gives up on its last points.
     near: the mass of a view much like this one, which makes weighing faster, or 0."""
+    if mode == TONE:
+        tone = tone_of(_drawable(code))
+        density, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view, seed=seed,
+                                         mode="density", device=device, reuse=reuse, effort=effort, near=near)
+        return tone.drawn(density), info
     check_resolution(resolution)
     check_device(device, mode)
     code, view = _drawable(code), _checked(view)
@@ -136,10 +144,14 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
                  supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Iterator[Tile]:
     """`render` in square tiles, row by row from the top, with memory that does not grow with the resolution.
 
-    Tiles overhang the right and the lower edge. Arguments and errors are those of `render`. Each tile has its own
+    Tiles overhang the right and the lower edge. Arguments and errors are those of `render`, but the mode "tone" is
+    refused, which exposes a whole view. Each tile has its own
     points, all at the same density, so no seams show. From a hundred million points on, each is used several times.
     """
     check_device(device, mode)
+    if mode == TONE:
+        raise InputError('a tone is exposed for a whole view; draw tiles with mode="density", and see '
+                         "fractal_exp.rendering.tone.Tone")
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view, resolution, wanted, supersample, seed, mode, REUSE if wanted >= MANY else 1)
@@ -153,21 +165,6 @@ def tile_side(resolution: int, supersample: int, mode: str = "occupancy") -> int
     1024 pixels in colour, which takes 32 bytes a pixel and thread."""
     supersample = max(supersample, TILE // COLOUR_TILE) if MODES[mode] == COLOURED else supersample
     return math.ceil(resolution / math.ceil(resolution * supersample / TILE))
-
-
-def white_level(density: Tensor) -> float:
-    """The density that becomes white in a picture: the 99.9th percentile of the pixels with points."""
-    lit = density[density > 0]
-    return float(np.quantile(lit.numpy(), 0.999)) if len(lit) else 1.0
-
-
-def tone_map(density: Tensor, white: float | None = None) -> Tensor:
-    """A picture in [0,1] of a density image: log(1 + density) over log(1 + white), cut at 1.
-
-    `white` is the density that becomes white (default: `white_level`); give it to keep the frames of a film alike.
-    """
-    white = white_level(density) if white is None else white
-    return (torch.log1p(density) / math.log1p(white)).clamp(max=1.0)
 
 
 def _drawable(code: IFS) -> IFS:
@@ -197,7 +194,7 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
     if not isinstance(seed, Integral) or seed < 0:
         raise InputError(f"seed must be an integer of at least 0, got {seed!r}")
     if mode not in MODES:
-        raise InputError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
+        raise InputError(f"mode must be one of {', '.join([*MODES, TONE])}, got {mode!r}")
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
     tree = _address_tree(code, reuse, with_colours=MODES[mode] == COLOURED)

@@ -17,6 +17,7 @@ import torch
 from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
+from ..rendering.tone import NOTE, own_tone
 from .linking import linked
 
 LARGEST = 200_000   # bytes of a page
@@ -33,10 +34,10 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None, liv
     It opens on `view`, or on the whole attractor; its zoom counts from there. The code is shown in its own coordinates:
     a view of the page is one of `fractal_exp.render`. still: a PNG of the whole, which stands where a browser runs no
     script or has no WebGL 2; it is left out where the page would be too large. The file has at most 200 000 bytes, and
-    its policy forbids it to load anything. Of the code's `meta` it takes the title, the name and the ground, as text.
-    A code with colours is shown in them on that ground; other colours can be chosen in the page. The maps can be edited
-    in the page. live: the page exchanges codes with the window in whose frame it lies, a `CodeWidget`; others speak to
-    nobody.
+    its policy forbids it to load anything. Of the code's `meta` it takes the title, the name and the ground, as text,
+    and the tone. A code with colours is shown in them on that ground, another with its tone; other colours can be
+    chosen in the page. The maps can be edited in the page. live: the page exchanges codes with the window in whose
+    frame it lies, a `CodeWidget`; others speak to nobody.
 
     Raises `InputError` on a code that is not contractive or has more than 1000 maps.
     """
@@ -96,7 +97,7 @@ def _plain(view: View) -> dict[str, float]:
 
 def _packed(code: IFS) -> dict[str, Any]:
     """What the page holds of a code: rows a b c d e f, probabilities and colours as float32 in base 64, and its notes
-    on the title, the name and the ground of its colours.
+    on the title, the name, the ground of its colours and its tone.
 
     Written out, a thousand maps would be too long for a page.
     """
@@ -104,8 +105,10 @@ def _packed(code: IFS) -> dict[str, Any]:
     own = code.probabilities
     colours = None if code.colours is None else {"rgb": _base64(code.colours.rgb),
                                                  "blends": _base64(code.colours.blends)}
+    notes = {key: text for key in ("title", "name", "ground") if (text := _line(code.meta.get(key)))}
+    tone = {NOTE: tone.facts()} if (tone := own_tone(code)) else {}
     return {"rows": _base64(rows), "probabilities": None if own is None else _base64(own), "colours": colours,
-            "meta": {key: text for key in ("title", "name", "ground") if (text := _line(code.meta.get(key)))}}
+            "meta": notes | tone}
 
 
 def _base64(numbers: torch.Tensor) -> str:

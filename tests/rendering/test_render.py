@@ -12,7 +12,8 @@ import torch
 from fractal_exp import IFS, InputError, View, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering import still as rendering
-from fractal_exp.rendering.still import render, render_tiles, render_with_info, tone_map
+from fractal_exp.rendering.still import render, render_tiles, render_with_info
+from fractal_exp.rendering.tone import tone_map
 from fractal_exp.runtime import threads
 from fractal_exp.suite import random_suite
 

@@ -1,5 +1,7 @@
 // Where the colours of a picture come from: the maps, the addresses of points, their density, or the code itself.
 
+import { toneOf } from "./tone.mjs";
+
 export const BY = { // what can be chosen, and its label
   plain: "plain", own: "the code's own", map: "by map", address: "by address", density: "by density",
 };
@@ -27,6 +29,11 @@ export function stopsOf(palette) {
 export function rgbOf(text) {
   const digits = text.replace("#", "");
   return [0, 2, 4].map((at) => parseInt(digits.slice(at, at + 2), 16) / 255);
+}
+
+/** Whether a code says how it looks: by its colours, or by the tone of the picture that it was found on. */
+export function hasOwn(code) {
+  return Boolean(code.colours || toneOf(code));
 }
 
 /** The ground that a code's colours were found on, "#rrggbb", by the note of it; null without one that is a colour. */

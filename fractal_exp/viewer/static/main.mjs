@@ -2,7 +2,7 @@
 
 import { ready, unpacked } from "./code.mjs";
 import { Colouring } from "./colouring.mjs";
-import { PLAIN, fromLink, ownGround, rgbOf, toLink } from "./colours.mjs";
+import { PLAIN, fromLink, hasOwn, ownGround, rgbOf, toLink } from "./colours.mjs";
 import { Editor } from "./editor.mjs";
 import { keyMove, listenToPointers } from "./gestures.mjs";
 import { Notebook } from "./notebook.mjs";
@@ -21,7 +21,7 @@ const MILLION = 1e6;
 const $ = (id) => document.getElementById(id);
 const given = JSON.parse($("given").textContent);
 const surface = $("picture");
-const usual = { ...PLAIN, by: given.code.colours ? "own" : "plain" }; // choice of colours
+const usual = { ...PLAIN, by: hasOwn(given.code) ? "own" : "plain" }; // choice of colours
 const calm = matchMedia("(prefers-reduced-motion: reduce)"), dark = matchMedia("(prefers-color-scheme: dark)");
 let home = given.home;
 let view = fromFragment(location.hash, least()) ?? given.view;
@@ -130,7 +130,7 @@ const page = {
   look: () => ({ view, sides: sides() }),
   draw(code) {
     picture.follow(ready(code));
-    colouring.offer(Boolean(code.colours));
+    colouring.offer(hasOwn(code));
     stand(code);
     notebook?.send(code);
   },
@@ -254,8 +254,8 @@ function start() {
     clearTimeout(noteTimer);
     return;
   }
-  const chosen = fromLink(location.hash, usual, Boolean(code.colours));
-  colouring = new Colouring(chosen, Boolean(code.colours), coloured);
+  const chosen = fromLink(location.hash, usual, hasOwn(code));
+  colouring = new Colouring(chosen, hasOwn(code), coloured);
   picture.choose(chosen);
   stand(code);
   editor = new Editor(code, home, surface, page);

@@ -5,6 +5,7 @@ import { isSoftware, throwByHand } from "./hand.mjs";
 import { DRAW, POOL, Pool, placeIn, shareInView, shareOut } from "./points.mjs";
 import { randomNumbers } from "./random.mjs";
 import { Renderer } from "./renderer.mjs";
+import { exposureOf, toneOf } from "./tone.mjs";
 import { windowOf } from "./view.mjs";
 import { addressTree, cut } from "./words.mjs";
 
@@ -63,7 +64,12 @@ export class Picture {
 
   /** The kind of canvas that the choice of colours needs. */
   get kind() {
-    return this.tree.folds ? "colour" : KINDS[this.choice.by] ?? "lit";
+    return this.tree.folds ? "colour" : this.tone ? "count" : KINDS[this.choice.by] ?? "lit";
+  }
+
+  /** The tone with which the code is drawn: its own, where it has no colours; null for none. */
+  get tone() {
+    return this.choice.by === "own" && !this.code.plain.colours ? toneOf(this.code.plain) : null;
   }
 
   /** Whether the processor throws the points: where it is quicker, and where the GPU cannot count. */
@@ -118,8 +124,8 @@ export class Picture {
   /** Show once more what was shown last; the canvas can be read until this task ends. */
   showAgain() {
     if (!this.shown || !this.renderer) return;
-    const { target, done, mean, white } = this.shown, { palette, tone } = this.choice;
-    this.renderer.show(target, done, { ...this.colours, palette, tone, mean, white });
+    const { target, done, ...measured } = this.shown, { palette, tone } = this.choice;
+    this.renderer.show(target, done, { ...this.colours, palette, tone, ...measured });
   }
 
   wake() {
@@ -231,8 +237,9 @@ export class Picture {
     if (!(due || stage.done)) return;
     stage.shownAt = done;
     const mean = Math.max(stage.kept, 1) / (stage.target.width * stage.target.height);
-    const white = this.kind === "count" ? whiteOf(this.renderer.someCounts(stage.target), mean) : 1;
-    this.shown = { target: stage.target, done: stage.done ? 1 : done, mean, white };
+    const counts = this.kind === "count" ? this.renderer.someCounts(stage.target) : [], { tone: own } = this;
+    const exposure = own ? exposureOf(counts, mean, own) : 1, white = own ? 1 : whiteOf(counts, mean);
+    this.shown = { target: stage.target, done: stage.done ? 1 : done, mean, white, own, exposure };
     this.showAgain();
   }
 

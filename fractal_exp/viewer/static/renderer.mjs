@@ -170,7 +170,9 @@ export class Renderer {
     gl.uniform3fv(set("ground"), look.ground);
     gl.uniform3fv(set("ink"), look.ink);
     if (target.kind === "count") {
-      for (const name of ["mean", "white", "tone"]) gl.uniform1f(set(name), look[name]);
+      for (const name of ["mean", "white", "tone", "exposure"]) gl.uniform1f(set(name), look[name]);
+      gl.uniform1f(set("gamma"), look.own?.gamma ?? 0);
+      gl.uniform1i(set("linear"), look.own?.linear ? 1 : 0);
       gl.uniform3fv(set("palette"), stopsOf(look.palette));
     }
     gl.drawArrays(gl.TRIANGLES, 0, 3);

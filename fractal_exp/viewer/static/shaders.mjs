@@ -65,12 +65,26 @@ void main() {
   colour = vec4(mix(ground, own, 1.0 - pow(1.0 - lit, 1.0 / done)), 1.0);
 }`;
 // The density is that of `render`: the points of a pixel over their mean. Its logarithm against that of `white`, to the
-// power 1/tone, is the place on the palette; a pixel of few points is partly ground.
+// power 1/tone, is the place on the palette; a pixel of few points is partly ground. With a gamma, the code's own tone
+// makes it ink; the density is softened as in the package.
 export const showDensity = (stops) => `${HEAD}
-uniform float mean, white, tone;
-uniform vec3 palette[${stops}];
+uniform float mean, white, tone, exposure, gamma;
+uniform bool linear;
+uniform vec3 ink, palette[${stops}];
 void main() {
-  float count = texelFetch(canvas, place(textureSize(canvas, 0)), 0).r;
+  ivec2 size = textureSize(canvas, 0), at = place(size);
+  float count = texelFetch(canvas, at, 0).r;
+  if (gamma > 0.0) {
+    float sum = 0.0;
+    for (int r = -1; r <= 1; r++)
+      for (int c = -1; c <= 1; c++) {
+        float share = (r == 0 ? 0.75 : 0.125) * (c == 0 ? 0.75 : 0.125);
+        sum += share * texelFetch(canvas, clamp(at + ivec2(c, r), ivec2(0), size - 1), 0).r;
+      }
+    float d = exposure * sum / mean;
+    colour = vec4(mix(ground, ink, pow(linear ? min(1.0, d) : 1.0 - exp(-d), 1.0 / gamma)), 1.0);
+    return;
+  }
   float along = pow(min(1.0, log(1.0 + count / mean) / log(1.0 + white)), 1.0 / tone) * ${stops - 1}.0;
   int k = min(int(along), ${stops - 2});
   vec3 own = mix(palette[k], palette[k + 1], along - float(k));

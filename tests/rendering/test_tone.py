@@ -1,0 +1,182 @@
+"""The tone of a picture whose grey levels are a density: kept with its code, and found again in every view."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from fractal_exp import IFS, InputError, Inversion, View, codes, render
+from fractal_exp.cameras.camera import Camera
+from fractal_exp.cameras.kinds import kind_of
+from fractal_exp.cameras.params import CameraParams
+from fractal_exp.cli import drawing
+from fractal_exp.cli import render as render_app
+from fractal_exp.ifs import attractor
+from fractal_exp.images.reading import ReadImage
+from fractal_exp.inversion import Work, conclude, write
+from fractal_exp.methods.base import CodeReconstruction
+from fractal_exp.rendering import still
+from fractal_exp.rendering.film import frames
+from fractal_exp.rendering.morph import morph
+from fractal_exp.rendering.still import render_tiles
+from fractal_exp.rendering.tone import Tone, own_tone, softened, tone_of, usual_mode
+from fractal_exp.rendering.zoom import zoom_path
+
+SIDE = 160
+FERN = attractor.normalize(codes.known("fern"))
+CAMERAS = {"dots": Camera("dots", gain=0.05, blur=1 / SIDE),
+           "tonemapped": Camera("tonemapped", gain=0.1, gamma=2.2, blur=1 / SIDE),
+           "linear": Camera("linear", blur=1 / SIDE)}
+CURVES = {"dots": (1.0, False), "tonemapped": (2.2, False), "linear": (1.0, True)}
+TONE = {"light": 0.3, "gamma": 1.5, "linear": False}
+TONED = replace(FERN, meta={"tone": TONE})
+INSIDE = -0.16, -0.1  # a point of the fern, with fronds around it
+
+
+def found(kind: str) -> Inversion:
+    """The fern, found in a picture that a camera of this kind drew."""
+    brightness = {"brightness": 0.05} if kind == "linear" else {}
+    levels = kind_of(kind)(CameraParams(), torch.zeros(SIDE, SIDE), CAMERAS.get(kind), **brightness)
+    image = levels.render(FERN, SIDE, 1)
+    return conclude(Work(CodeReconstruction(FERN, camera=CAMERAS.get(kind))),
+                    ReadImage.of_drawing(image.clamp(0, 1), kind), name="known")
+
+
+def psnr(image, truth) -> float:
+    return float(-10 * (image - truth).square().mean().log10())
+
+
+def lit_mean(image) -> float:
+    return float(image[image > 0.05].mean())
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_a_code_is_drawn_as_its_picture_was_and_so_are_copies_in_it(kind):
+    result = found(kind)
+    redrawn, drawn = result.redrawn().clamp(0, 1), result.render(resolution=SIDE)
+    assert psnr(drawn, redrawn) > 25
+    assert psnr(result.render(resolution=SIDE, mode="occupancy"), redrawn) < (20 if kind == "tonemapped" else 16)
+    tone = tone_of(result.code)
+    assert (tone.gamma, tone.linear) == CURVES[kind]
+    for zoom in (16, 256):
+        view = result.render(View(attractor.random_point(FERN, 3), zoom), resolution=SIDE)
+        assert abs(lit_mean(view) - lit_mean(drawn)) < 0.05
+        assert float((view > 0.98).float().mean()) < 0.2, "nothing is a white cloud"
+    finer = result.render(resolution=3 * SIDE, points_in_view=2_000_000)
+    assert abs(lit_mean(finer) - lit_mean(drawn)) < 0.05, "pixels and points change nothing"
+
+
+def test_pictures_that_are_no_density_of_others_have_no_tone():
+    for kind in ("density", "binary"):
+        result = found(kind)
+        assert "tone" not in result.code.meta and usual_mode(result.code) == "occupancy"
+        assert torch.equal(result.render(resolution=32), render(FERN, resolution=32))
+
+
+def test_the_tone_of_another_picture_does_not_stay():
+    image = render(FERN, resolution=64)
+    result = conclude(Work(CodeReconstruction(TONED)), ReadImage.of_drawing(image, "density"), name="known")
+    assert result.code.meta == {}
+
+
+def test_files_keep_the_tone_and_every_file_of_a_result_shows_it(tmp_path):
+    result = found("dots")
+    write(result, tmp_path)
+    for code in (IFS.load(tmp_path / "code.json"), Inversion.load(tmp_path).code):
+        assert tone_of(code) == tone_of(result.code)
+    small = Image.open(tmp_path / "rendering.png").resize((SIDE, SIDE), Image.Resampling.BOX)
+    assert psnr(torch.from_numpy(np.asarray(small) / 255), result.redrawn()) > 25
+
+
+@pytest.mark.parametrize("wrong", [
+    7, "bright", None, [], {}, {"gamma": 1.0}, {"light": float("nan")}, {"light": float("inf")}, {"light": -0.1},
+    {"light": 0}, {"light": 1.5}, {"light": "0.3"}, {"light": True}, {"light": 10**400}, {"light": [0.3]},
+    {"light": 0.3, "gamma": 0}, {"light": 0.3, "gamma": 1e9}, {"light": 0.3, "gamma": None},
+    {"light": 0.3, "linear": "no"}, {"light": 0.3, "linear": 1}, {"light": 0.3, "gain": 1}], ids=repr)
+def test_a_note_that_is_no_tone_is_left_out_and_refused_where_it_is_asked_for(wrong, caplog):
+    code = replace(FERN, meta={"tone": wrong})
+    with caplog.at_level(logging.WARNING):
+        assert usual_mode(code) == "occupancy" and own_tone(code) is None
+    assert len(caplog.text) < 1000 and "left out" in caplog.text
+    with pytest.raises(InputError, match="tone"):
+        render(code, resolution=16, mode="tone")
+
+
+def test_a_code_without_a_tone_and_tiles_are_refused_before_anything_is_drawn():
+    with pytest.raises(InputError, match='no tone to draw with.*mode="density"'):
+        render(FERN, resolution=10**9, mode="tone")
+    with pytest.raises(InputError, match="whole view"):
+        render_tiles(TONED, resolution=16, mode="tone")
+
+
+@pytest.mark.parametrize("tone", [Tone(0.3), Tone(0.5, 2.2), Tone(0.4, 1, True), Tone(0.9), Tone(0.01, 0.5)], ids=str)
+def test_an_exposure_gives_the_light_whatever_the_scale(tone):
+    density = softened(render(FERN, resolution=128, mode="density"))
+    exposure = tone.exposure(density)
+    assert Tone.of_picture(tone.grey(density, exposure)).light == pytest.approx(tone.light, rel=0.01)
+    assert tone.exposure(1000 * density) == pytest.approx(exposure / 1000, rel=1e-3)
+    assert not tone.drawn(torch.zeros(8, 8)).any()
+    assert Tone.of_picture(torch.zeros(8, 8)) is None
+
+
+def test_a_thin_line_that_is_far_denser_leaves_the_rest_of_a_view_visible():
+    density = torch.ones(64, 64)
+    density[:, 32] = 1e4
+    drawn = Tone(0.3).drawn(density)
+    assert 0.2 < float(drawn[:, :30].mean()) < 0.4
+
+
+def test_frames_of_a_zoom_have_the_tone_and_do_not_flicker():
+    views = zoom_path(attractor.random_point(FERN, 3), 24, end_zoom=256)
+    film = list(frames(TONED, views, resolution=96, mode="tone"))
+    levels = np.array([lit_mean(each) for each in film])
+    whole = lit_mean(render(TONED, resolution=96, mode="tone"))
+    assert levels[0] == pytest.approx(whole, abs=0.03) and np.abs(np.diff(levels)).max() < 0.05
+    with pytest.raises(InputError, match="no tone"):
+        frames(FERN, views, mode="tone")
+
+
+def test_a_morph_goes_from_tone_to_tone():
+    other = replace(attractor.normalize(codes.known("tree")), meta={"tone": {"light": 0.5}})
+    assert tone_of(morph(TONED, other, 0.5)) == Tone(0.4, 1.25)
+    assert "tone" not in morph(TONED, FERN, 0.5).meta
+
+
+def pixels(path) -> np.ndarray:
+    return np.asarray(Image.open(path)) / 255
+
+
+def test_the_command_draws_the_tone_unless_told_otherwise(tmp_path, capsys):
+    TONED.save(tmp_path / "code.json")
+
+    def command(*arguments):
+        out = tmp_path / "out.png"
+        render_app.main([str(tmp_path / "code.json"), str(out), "--size", "96", *arguments])
+        return pixels(out)
+
+    toned = render(attractor.normalize(TONED), View((0, 0), 2), resolution=96, mode="tone")
+    np.testing.assert_allclose(command("--zoom", "2"), toned, atol=0.01)
+    plain = render(attractor.normalize(FERN), resolution=96)
+    np.testing.assert_allclose(command("--mode", "occupancy"), plain, atol=0.01)
+    for arguments, message in ((["--supersample", "4"], "--mode occupancy"), (["--background", "red"], "--mode tone")):
+        with pytest.raises(SystemExit):
+            command(*arguments)
+        assert message in capsys.readouterr().err
+    FERN.save(tmp_path / "code.json")
+    with pytest.raises(SystemExit):
+        command("--mode", "tone")
+    assert "no tone" in capsys.readouterr().err
+
+
+def test_a_still_of_several_tiles_has_no_seams(tmp_path, monkeypatch):
+    density = render(FERN, resolution=90, mode="density")
+    for height in (1, 40, 90):
+        bands = torch.cat(list(drawing._softened(iter(density.split(height)))))
+        assert torch.equal(bands, softened(density))
+    monkeypatch.setattr(still, "TILE", 256)  # 32 pixels a side
+    TONED.save(tmp_path / "code.json")
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", "96", "--frame", "own"])
+    assert np.abs(pixels(tmp_path / "a.png") - render(TONED, resolution=96, mode="tone").numpy()).max() < 0.1

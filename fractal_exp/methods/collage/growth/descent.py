@@ -22,10 +22,10 @@ from .inside import InsideSsim, filtered
 from .paving import LARGEST
 
 SAMPLES = 1200          # of the measure that every map moves in a step
-RATE = 0.004            # of matrix entries at the first step, for Adam
+MATRIX_RATE = 0.004     # of matrix entries at the first step, for Adam
 OFFSET_RATE = 0.0024    # of where the measure's mean goes, canvas units
-WEIGHT_RATE = 0.03      # of the logarithms of the weights
-DECAY = 0.1             # share of the rates that is left at the last step
+MASS_RATE = 0.03      # of the logarithms of the weights
+RATES_LEFT = 0.1        # share of the rates that is left at the last step
 MEMORY = 0.9            # of the drawing that is compared, a moving average over steps, for less noise
 OWN_FROM = 0.4          # share of the steps after which maps move points of their own measure
 OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps they are used
@@ -42,8 +42,8 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
     mean = target.points(SAMPLES, g).mean(0)
     linear, logs = start.maps[:, :4].clone().requires_grad_(), start.probabilities.log().requires_grad_()
     centre = affine.images(start.maps, mean[None])[:, 0].clone().requires_grad_()
-    moving = {RATE: linear, OFFSET_RATE: centre, WEIGHT_RATE: logs}
-    adam = torch.optim.Adam([{"params": [each], "lr": rate} for rate, each in moving.items()], RATE, (BETA_1, BETA_2),
+    moving = {MATRIX_RATE: linear, OFFSET_RATE: centre, MASS_RATE: logs}
+    adam = torch.optim.Adam([{"params": [each], "lr": rate} for rate, each in moving.items()], MATRIX_RATE, (BETA_1, BETA_2),
                             EPSILON)
     mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey)
     shares, average = torch.full((SAMPLES, 1), 1 / SAMPLES), None
@@ -72,7 +72,7 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
         adam.zero_grad()
         drawn.backward(slope)
         for group, rate in zip(adam.param_groups, moving, strict=True):
-            group["lr"] = rate * DECAY**done
+            group["lr"] = rate * RATES_LEFT**done
         adam.step()
         with torch.no_grad():
             linear.copy_(contract(torch.cat([linear, centre], 1), LARGEST)[:, :4])

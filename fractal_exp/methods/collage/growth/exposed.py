@@ -18,7 +18,7 @@ WHITEST = 0.985     # grey level from which a pixel counts as white, which would
 
 @dataclass(frozen=True)
 class Exposed:
-    """A picture `grey` (R,R) in [0,1], whose grey levels are I = 1 - exp(-m), or I = m if it `is_linear`, for the mass m
+    """A picture `grey` (R,R) in [0,1], with grey levels I = 1 - exp(-m), or I = m if it `is_linear`, for the mass m
     of a pixel. mass: the whole mass that a code's drawing has; None: any, for pictures whose exposure is not known."""
 
     grey: Tensor

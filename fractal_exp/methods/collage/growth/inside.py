@@ -8,10 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-INSIDE = 0.25     # grey level above which a pixel belongs to the shape
-AROUND_PX = 4     # pixels around the shape that count as well
-SIGMA, RADIUS = 1.5, 5       # of the Gaussian window, pixels (Wang et al. 2004)
-C1, C2 = 0.01**2, 0.03**2    # of SSIM, for grey levels in [0,1]
+from ....evaluation.inside import AROUND_PX, C1, C2, LIT, REACH, SIGMA_PX
+
+RADIUS = round(REACH * SIGMA_PX)   # of the window, pixels
 
 
 class InsideSsim:
@@ -22,12 +21,12 @@ class InsideSsim:
     def __init__(self, grey: Tensor):
         from scipy.ndimage import distance_transform_edt
 
-        shape = (grey > min(INSIDE, float(grey.max()) / 2)).numpy()
+        shape = (grey > min(LIT, float(grey.max()) / 2)).numpy()
         mask = torch.from_numpy(distance_transform_edt(~shape) <= AROUND_PX)
         rows, columns = (mask.any(axis).nonzero().flatten() for axis in (1, 0))
         self.box = tuple(slice(max(0, int(each[0]) - RADIUS), int(each[-1]) + 1 + RADIUS) for each in (rows, columns))
         self.grey, self.inside = grey[self.box], mask[self.box].float()
-        along = torch.arange(-RADIUS, RADIUS + 1) / SIGMA
+        along = torch.arange(-RADIUS, RADIUS + 1) / SIGMA_PX
         window = (-along.square() / 2).exp()
         self.window = (window / window.sum()).tolist()
         self.mean, square = self._averaged(torch.stack([self.grey, self.grey.square()]))

@@ -43,8 +43,8 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
     linear, logs = start.maps[:, :4].clone().requires_grad_(), start.probabilities.log().requires_grad_()
     centre = affine.images(start.maps, mean[None])[:, 0].clone().requires_grad_()
     moving = {MATRIX_RATE: linear, OFFSET_RATE: centre, MASS_RATE: logs}
-    adam = torch.optim.Adam([{"params": [each], "lr": rate} for rate, each in moving.items()], MATRIX_RATE, (BETA_1, BETA_2),
-                            EPSILON)
+    groups = [{"params": [each], "lr": rate} for rate, each in moving.items()]
+    adam = torch.optim.Adam(groups, MATRIX_RATE, (BETA_1, BETA_2), EPSILON)
     mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey)
     shares, average = torch.full((SAMPLES, 1), 1 / SAMPLES), None
     own = torch.empty(0, 2)

@@ -6,9 +6,8 @@ import math
 from functools import cached_property
 
 from ....cameras.camera import Camera
-from ....cameras.comparison import Comparison
 from ....cameras.estimate import showing
-from ....cameras.kinds import kind_of, with_camera
+from ....cameras.kinds import kind_of
 from ....cameras.levels import may_be_density
 from ....cameras.pens import Dots
 from ....evaluation.inside import ssim_inside
@@ -51,11 +50,11 @@ class Grower:
     def likeness(self, found: WeightedMaps, camera: Camera) -> float:
         """How like the picture a code's drawing is, at most 1. Where the picture is grey inside, it is the SSIM inside
         the shape, over that of two drawings, which chance keeps below 1. Elsewhere, it is the F1 within a pixel."""
-        judge = Comparison(self.image, with_camera(self.problem.levels, camera), derive(self.seed, "likeness"))
-        drawn, above = judge.render(found.code), judge.levels.lit_above
+        objective = self.problem.objective(len(self.image), found.code, derive(self.seed, "likeness"), camera=camera)
         if not self.is_grey:
-            return judge.likeness(drawn)
-        chance = ssim_inside(judge.render(found.code, "again"), drawn, above)
+            return objective.likeness_of(objective.judge(found.maps, found.weights))
+        drawn, above = objective.render(found.code), objective.levels.lit_above
+        chance = ssim_inside(objective.render(found.code, "again"), drawn, above)
         return max(0.0, min(1.0, ssim_inside(drawn, self.image, above) / max(chance, 1e-6)))
 
     def _shown(self, maps: WeightedMaps, mass: float) -> Grown:

@@ -128,6 +128,11 @@ class Levels(ABC):
         """Number of chaos game points for an image of this resolution."""
         return round(self.params.points_per_pixel * resolution**2)
 
+    def whole_mass(self, resolution: int) -> float | None:
+        """The sum of m over all pixels of an image of this resolution, if a pixel of mass m is expected to show
+        1 - exp(-m), or m if levels are linear. None: any, because the exposure is not known."""
+        return self.params.points_per_pixel * (resolution / self.supersample) ** 2
+
     def occupied(self, code: IFS, resolution: int, supersample: int, points: int, seed: int, independent: bool,
                  mode: str = "occupancy") -> Tensor:
         """What `render` draws of a code, (R,R)."""
@@ -210,6 +215,11 @@ class Binary(Levels):
     def shrunk(self, image: Tensor, size: int) -> Tensor:
         covered, least = mean_of(image, size), THRESHOLD
         return (covered > (least if bool((covered > least).any()) else 0)).float()
+
+    def whole_mass(self, resolution: int) -> float | None:
+        """So that a pixel at the threshold shows half white."""
+        mass = super().whole_mass(resolution)
+        return mass and mass * math.log(0.5) / math.log(1 - THRESHOLD)
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = True) -> Tensor:
         # points are always independent: if a whole image were a little brighter, many pixels would turn white together

@@ -51,6 +51,9 @@ class Linear(Levels):
         """Number of chaos game points in an image of this resolution: as many as in the given image."""
         return self.params.points_per_pixel * (self.side or resolution) ** 2
 
+    def whole_mass(self, resolution: int) -> float | None:
+        return self.brightness * resolution**2
+
     def measure(self, image: Tensor) -> Tensor:
         """The image itself, sharpened."""
         return deblurred(image, self.blur_px(image.shape[0]))

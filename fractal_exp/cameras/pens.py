@@ -46,6 +46,9 @@ class Drawn(Coverage):
     def pen(self) -> float:
         return self.camera.pen or 0.0
 
+    def whole_mass(self, resolution: int) -> float | None:
+        return None
+
     @property
     def shows_attractor(self) -> bool:
         return not self.camera.tile
@@ -104,6 +107,10 @@ class Dots(Density):
     def lit_above(self) -> float:
         is_faint = self.image is not None and may_be_density(self.image)
         return FAINT if is_faint else super().lit_above
+
+    def whole_mass(self, resolution: int) -> float | None:
+        gain = self.params.gain or self.camera.gain
+        return gain and gain * resolution**2
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         camera = self.camera

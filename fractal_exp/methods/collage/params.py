@@ -226,21 +226,21 @@ class RoundingParams(Params):
 
 
 class GrowthParams(Params):
-    """Growth: as many small maps as asked for, for a shape that has no code."""
+    """Growth: as many small maps as asked for, for a picture that shows no code."""
 
     enabled: bool = True
     """Whether maps are grown where the search finds no code."""
-    counts: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+    counts: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (16, 64, 128, 256, 512)
     """Numbers of maps on the curve, besides the number that is asked for. With a time limit, only that number is
     grown."""
-    usual: Annotated[int, Field(ge=2)] = 64
+    usual: Annotated[int, Field(ge=2)] = 128
     """Maximum number of maps if nothing is asked for."""
     enough: Share = 0.95
-    """Likeness (F1 within a pixel) at which growth stops if nothing is asked for."""
+    """Likeness at which growth stops if nothing is asked for."""
     at_once: Annotated[int, Field(ge=2)] = 21
     """Number of maps asked for (`maps`, `bytes`) from which they are grown without a search."""
-    steps: Steps = 150
-    """Adam steps of all maps together for each number of maps."""
+    steps: Steps = 1000
+    """Adam steps of all maps together, for 128 maps or more; fewer maps take fewer."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

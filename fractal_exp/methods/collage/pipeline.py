@@ -45,7 +45,7 @@ class Pipeline:
     def _stage(self, stage: Stage) -> None:
         """Run or resume the stage, unless it is done or no time is left."""
         state = self.state
-        if state.has_done(stage.key) or not stage.is_wanted(state):
+        if state.has_done(stage.key) or (state.is_outgrown and not stage.is_last_word) or not stage.is_wanted(state):
             return
         if state.current is None and state.result is not None and stage.latest_start.passed:
             limit = self.plan.problem.deadline.seconds or 0

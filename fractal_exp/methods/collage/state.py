@@ -19,11 +19,11 @@ from ...runtime.checkpoint import Snapshot
 from ...runtime.checks import shown
 from ...runtime.params import Count, Odds, Share
 
-VERSION = 16   # of the stages and their scores; stored in checkpoints
+VERSION = 17   # of the stages and their scores; stored in checkpoints
 LARGEST = 10.0**6  # of a camera's values
 CANDIDATES = "current", "best", "before"   # fields of `State`
-STAGES = ("population", "restart", "mixture", "detail", "approach", "construction", "image", "full size", "rounding",
-          "growth")   # in order; the last three come after all rounds
+STAGES = ("sketch", "population", "restart", "mixture", "detail", "comparison", "approach", "construction", "image",
+          "full size", "rounding", "growth")   # in order; the last three come after all rounds
 
 
 class Key(NamedTuple):
@@ -78,9 +78,15 @@ class Candidate(WeightedMaps):
 
 @dataclass(frozen=True)
 class Grown(WeightedMaps):
-    """A grown set of maps. likeness: the F1 within a pixel of its drawing."""
+    """A grown set of maps. likeness: of its drawing through the camera, see `growth.growing`."""
 
     likeness: float
+    camera: Camera
+
+    @property
+    def candidate(self) -> Candidate:
+        """The same set for the search, whose error falls as its likeness rises."""
+        return Candidate(self.maps, self.weights, 1 - self.likeness, 1 - self.likeness, self.camera)
 
 
 @dataclass(frozen=True)
@@ -90,9 +96,9 @@ class State:
     done: the last closed stage. step: moves made so far in the next stage; current: its candidate, None before it
     begins; halved: the move at which its error was last halved, and that error. best: the best candidate of this round;
     before: the best of earlier rounds; pool (M,6): the maps of all restarts; scores: those of this round's restarts, in
-    ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps.
-    measured_through: the camera through which the search reads masses from the image; None: the
-    levels of the problem.
+    ascending order; stopped: why the last round ended, in words; curve: grown sets of more and more maps; is_outgrown:
+    whether they are so much more like the picture than what the search found that it ended. measured_through: the
+    camera through which the search reads masses from the image; None: the levels of the problem.
     """
 
     done: Key | None = None
@@ -105,6 +111,7 @@ class State:
     scores: tuple[float, ...] = ()
     stopped: str = ""
     curve: tuple[Grown, ...] = ()
+    is_outgrown: bool = False
     measured_through: Camera | None = None
 
     @property
@@ -128,7 +135,7 @@ class State:
     @property
     def result(self) -> Candidate | None:
         """The candidate to return if the search ended here."""
-        return self.before or self.best
+        return self.before or self.best or (self.curve[-1].candidate if self.curve else None)
 
     def has_done(self, key: Key) -> bool:
         """Whether this stage is done."""
@@ -163,11 +170,12 @@ class State:
         for i, each in enumerate(self.curve):
             tensors |= {f"curve/{i}/maps": each.maps, f"curve/{i}/weights": each.weights}
         numbers = {name: [each.error, each.score, each.camera and each.camera.plain()] for name, each in kept.items()}
-        numbers |= {"curve": [each.likeness for each in self.curve]}
+        numbers |= {"curve": [[each.likeness, each.camera.plain()] for each in self.curve]}
         through = self.measured_through
-        return Snapshot(self.step, tensors, {"collage": VERSION, "done": self.done, "halved": self.halved,
-                                             "scores": list(self.scores), "stopped": self.stopped,
-                                             "measured_through": through and through.plain(), **numbers})
+        return Snapshot(self.step, tensors, {
+            "collage": VERSION, "done": self.done, "halved": self.halved, "scores": list(self.scores),
+            "stopped": self.stopped, "is_outgrown": self.is_outgrown,
+            "measured_through": through and through.plain(), **numbers})
 
     @classmethod
     def of(cls, snapshot: Snapshot, device: str) -> State:
@@ -186,11 +194,11 @@ class State:
             raise InputError(f"the checkpoint has infinite values in {infinite[0]}; start afresh with resume=false")
         candidates = {name: Candidate(tensors[f"{name}/maps"], tensors.get(f"{name}/weights"), *judged)
                       for name, judged in kept.items()}
-        curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], likeness)
-                      for i, likeness in enumerate(numbers.curve))
+        curve = tuple(Grown(tensors[f"curve/{i}/maps"], tensors[f"curve/{i}/weights"], *shown)
+                      for i, shown in enumerate(numbers.curve))
         return cls(numbers.done and Key(*numbers.done), snapshot.iteration, **candidates, curve=curve,
                    halved=numbers.halved, pool=tensors.get("pool"), scores=numbers.scores, stopped=numbers.stopped,
-                   measured_through=numbers.measured_through)
+                   is_outgrown=numbers.is_outgrown, measured_through=numbers.measured_through)
 
 
 def _as_expected(name: str, tensors: Mapping[str, Tensor], device: str) -> Tensor:
@@ -224,8 +232,9 @@ class _Numbers(BaseModel):
     halved: tuple[Count, float] | None
     scores: tuple[float, ...]
     stopped: str
+    is_outgrown: bool
     measured_through: SomeCamera | None
-    curve: tuple[Share, ...]
+    curve: tuple[tuple[Share, SomeCamera], ...]
     current: Judged | None = None
     best: Judged | None = None
     before: Judged | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,9 +24,26 @@ vectorized = njit(fastmath=FUSED, error_model="numpy")
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
     """See `reference.pushforward`."""
-    bins = torch.zeros(len(maps), size * size)
-    _pushforward(*_arrays(maps, weights, samples.T), size, bins.numpy())
-    return bins.view(-1, size, size)
+    pushed: Tensor = _Pushforward.apply(maps, weights, samples, size)  # pyright: ignore[reportAssignmentType]
+    return pushed
+
+
+class _Pushforward(torch.autograd.Function):
+    """`pushforward` with gradients by maps and weights."""
+
+    @staticmethod
+    def forward(ctx: Any, maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
+        ctx.save_for_backward(maps, weights, samples)
+        bins = torch.zeros(len(maps), size * size)
+        _pushforward(*_arrays(maps, weights, samples.T), size, bins.numpy())
+        return bins.view(-1, size, size)
+
+    @staticmethod
+    def backward(ctx: Any, slope: Tensor) -> tuple[Tensor, Tensor, None, None]:
+        maps, weights, samples = ctx.saved_tensors
+        gradient = torch.zeros(*weights.shape, 7)
+        _pull_all(*_arrays(maps, weights, samples.T), slope.shape[-1], *_arrays(slope.flatten(1), gradient))
+        return gradient[..., :6], gradient[..., 6], None, None
 
 
 def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, chosen: Tensor, how: Descent
@@ -145,6 +163,18 @@ def _pull(weight, samples, corner, right, down, size, slope, gradient):
     scale = weight * float32(0.5 * size)
     gradient[0], gradient[1], gradient[2], gradient[3] = ga * scale, gb * scale, gc * scale, gd * scale
     gradient[4], gradient[5], gradient[6] = ge * scale, gf * scale, gw
+
+
+@kernel(parallel=True, fastmath=FUSED)
+def _pull_all(maps, weights, samples, size, slope, gradient):
+    """`_pull` of every map: gradients (B,N,7) from slopes (B,G²) by the bins."""
+    count = samples.shape[1]
+    for b in prange(maps.shape[0]):
+        corner, right, down = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
+        for n in range(maps.shape[1]):
+            if weights[b, n] > 0:
+                _locate(maps[b, n], samples, size, corner, right, down)
+                _pull(weights[b, n], samples, corner, right, down, size, slope[b], gradient[b, n])
 
 
 @vectorized

@@ -55,8 +55,8 @@ def test_a_density_is_grey_inside_and_a_drawing_is_not():
 
 
 def test_only_the_first_round_of_such_a_picture_searches_it_as_a_density_too():
-    assert kinds(problem())[:3] == [Restart, Uncurved, Restart]
-    stages = plan_of(problem()).rounds[0]
+    assert kinds(problem())[:4] == [Sketch, Restart, Uncurved, Restart]
+    stages = plan_of(problem()).rounds[0][1:]
     places = [stage.key.place for stage in stages]
     assert places == sorted(set(places)) and [stage.restart for stage in stages[:3]] == [0, 0.5, 1]
     assert Uncurved not in kinds(problem(), 1) + kinds(problem(DRAWING))

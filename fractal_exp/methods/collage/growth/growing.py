@@ -1,66 +1,80 @@
-"""The curve of likeness over the number of maps. Each set starts both from the set before it and from scratch."""
+"""The curve of likeness over the number of maps, for a picture of no code."""
 
 from __future__ import annotations
 
-import torch
-from torch import Tensor
+import math
+from functools import cached_property
 
-from ....cameras.levels import Coverage
-from ....ifs import affine
+from ....cameras.camera import Camera
+from ....cameras.estimate import showing
+from ....cameras.kinds import kind_of
+from ....cameras.levels import may_be_density
+from ....cameras.pens import Dots
+from ....evaluation.inside import ssim_inside
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ....runtime.seeds import derive, generator
-from ..params import CollageParams
+from ....runtime.seeds import derive
+from ..stages.base import SearchProblem
 from ..state import Grown, WeightedMaps
-from .coverage import Uncovered, areas, covering
+from .descent import BLUR_PX, descended
+from .exposed import Exposed
 from .paving import paving
-from .silhouette import Silhouette, widened
 
-LEAST_CELL = 4   # missing pixels per new map below which new maps are placed anywhere on the shape
+MANY = 128           # maps from which on all steps are taken
+LEAST_STEPS = 0.4    # share of the steps that a few maps take
 
 
 class Grower:
-    """Sets of more and more maps for the shape of an image (R,R). Only the drawn attractor decides between sets; every
-    pixel that it lights counts as drawn."""
+    """Sets of as many maps as asked for, that show the image of a search."""
 
-    def __init__(self, image: Tensor, params: CollageParams, seed: int = 0,
-                 deadline: Deadline = NO_DEADLINE):
-        self.params, self.seed, self.deadline = params.growth, seed, deadline
-        self.levels = Coverage(params.camera)
-        self.shape = Silhouette.of(image)
-        self.loss = Uncovered(self.shape)
+    def __init__(self, problem: SearchProblem, seed: int = 0):
+        self.problem, self.seed, self.image = problem, seed, problem.image
+        self.target = Exposed.of(problem.image, problem.levels)
 
-    def grown(self, count: int, before: Grown | None = None) -> Grown:
-        """The best set of `count` maps. Three are compared: `before` with new maps where light is missing and a plain
-        paving, each after all its maps have moved together, and the plain paving itself."""
-        g, params = generator(self.seed, "growth", count), self.params
-        plain = self.plain(count)
-        tried = [plain, self.drawn(covering(plain.maps, self.loss, params.steps, g, self.deadline))]
-        if before is not None and len(before.maps) < count:
-            more = torch.cat([before.maps, self._born(before, count - len(before.maps))])
-            tried.append(self.drawn(covering(more, self.loss, params.steps, g, self.deadline)))
-        return max(tried, key=lambda each: each.likeness)
+    def grown(self, count: int, deadline: Deadline = NO_DEADLINE) -> Grown:
+        """`count` maps that have moved together."""
+        start = paving(self.target, count, derive(self.seed, "growth", count))
+        share = min(1.0, max(LEAST_STEPS, count / MANY))
+        steps = math.ceil(share * self.problem.params.growth.steps)
+        return self._shown(*descended(start, self.target, steps, derive(self.seed, "growth", count), deadline))
 
     def plain(self, count: int) -> Grown:
         """A plain paving by `count` maps."""
-        return self.drawn(paving(self.shape, count, derive(self.seed, "growth", count)))
+        maps = paving(self.target, count, derive(self.seed, "growth", count))
+        return self._shown(maps, float(self.target.masses.sum()))
 
-    def drawn(self, maps: Tensor) -> Grown:
-        """The set of maps (N,6) with its likeness. Probabilities are proportional to the areas that the images of the
-        shape cover, so the whole shape is drawn evenly."""
-        g = generator(self.seed, "areas")
-        weights = affine.normalized(areas(maps, self.shape, g))
-        return Grown(maps, weights, self.likeness(WeightedMaps(maps, weights)))
+    @cached_property
+    def is_grey(self) -> bool:
+        """Whether grey levels say more than where the shape is."""
+        return may_be_density(self.image)
 
-    def drawing(self, candidate: WeightedMaps) -> Tensor:
-        """The drawing (R,R) of a code."""
-        return self.levels.render(candidate.code, self.shape.side, derive(self.seed, "drawing")).cpu()
+    def likeness(self, found: WeightedMaps, camera: Camera) -> float:
+        """How like the picture a code's drawing is, at most 1. Where the picture is grey inside, it is the SSIM inside
+        the shape, over that of two drawings, which chance keeps below 1. Elsewhere, it is the F1 within a pixel."""
+        objective = self.problem.objective(len(self.image), found.code, derive(self.seed, "likeness"), camera=camera)
+        if not self.is_grey:
+            return objective.likeness_of(objective.judge(found.maps, found.weights))
+        drawn, above = objective.render(found.code), objective.levels.lit_above
+        chance = ssim_inside(objective.render(found.code, "again"), drawn, above)
+        return max(0.0, min(1.0, ssim_inside(drawn, self.image, above) / max(chance, 1e-6)))
 
-    def likeness(self, candidate: WeightedMaps) -> float:
-        """The F1 within a pixel of a code's drawing."""
-        return self.shape.likeness(self.drawing(candidate))
+    def _shown(self, maps: WeightedMaps, mass: float) -> Grown:
+        """Maps with the camera that shows them, whose drawing has this mass."""
+        camera = self._camera(maps, mass)
+        return Grown(maps.maps, maps.weights, self.likeness(maps, camera), camera)
 
-    def _born(self, before: Grown, count: int) -> Tensor:
-        """New maps (count,6) that pave the undrawn part of the shape, or the whole shape if that part is too small."""
-        missing = self.shape.mask & (widened(self.drawing(before) > 0) == 0)
-        enough = int(missing.sum()) >= LEAST_CELL * count
-        return paving(self.shape, count, derive(self.seed, "born", count), missing if enough else None)
+    def _camera(self, maps: WeightedMaps, mass: float) -> Camera:
+        """That of the image if it is known. Else dots: of the exposure that was found where the picture is grey, and
+        elsewhere of that which shows most of the shape."""
+        levels, side = self.problem.levels, self.target.side
+        if levels.is_exact or not levels.params.estimate:
+            return levels.camera
+        if Dots.kind not in levels.kinds:
+            return showing(self.image, levels, maps.code, self.seed) or levels.camera
+        known = levels.params
+        found = Camera(Dots.kind, gain=known.gain or mass / side**2,
+                       blur=2 * (BLUR_PX / side if known.blur_px is None else known.blur_px / len(self.image)))
+        if self.is_grey:
+            return found
+        dots = kind_of(Dots.kind)(levels.params, self.image, kinds=(Dots.kind,))
+        return showing(self.image, dots, maps.code, self.seed) or found
+

@@ -217,6 +217,7 @@ class Stage(ABC):
     name: str
     part: str = ""
     ends_at: float | None = None
+    is_last_word = False
     search: Any
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):

@@ -17,6 +17,7 @@ from ..simplify.removal import without_doubles
 from ..state import Candidate, State
 from .base import SearchProblem, Stage
 from .construction import Construction, is_construction
+from .growth import Comparison, Sketch
 from .image import ImageMoves, Rounding
 from .measure import Restart
 from .plan import Plan
@@ -131,7 +132,9 @@ class DrawnPlan(Plan):
     def search(self, number: int) -> list[Stage]:
         restart, *others = super().search(number)
         curved = [Uncurved(self.problem)] if not number and Uncurved.may_help(self.problem) else []
-        return [restart, *curved, *others]
+        found = [restart, *curved, *others]
+        return [Sketch(self.problem), *found, Comparison(self.problem)] if not number and Sketch.may_help(
+            self.problem) else found
 
     def moves(self, number: int) -> list[Stage]:
         constructed = [Construction(self.problem)] if not number and Construction.may_help(self.problem) else []

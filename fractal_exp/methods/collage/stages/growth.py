@@ -1,11 +1,10 @@
-"""Growth as a stage of the search, for shapes that show no code."""
+"""Growth as stages of the search, for pictures that show no code."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
-from ....cameras.estimate import showing
+from ....cameras.levels import may_be_density
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..growth.growing import Grower
@@ -14,6 +13,8 @@ from .base import SearchProblem, Stage
 
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found
+TILES = 64      # so many grown maps must be less like the picture than what the search found, or else the search ends
+SKETCH_ENDS = 0.6   # share of the time limit at which the first growth ends
 
 
 class Growth(Stage):
@@ -21,12 +22,15 @@ class Growth(Stage):
     the grown sets. It is skipped if the search found the code."""
 
     name = "growth"
+    is_last_word = True
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
         super().__init__(problem, number, restart)
         self.counts = self._counts()
+        self.grower = Grower(problem, derive(problem.seed, "growth"))
 
     def _counts(self) -> list[int]:
+        """The numbers of maps on the curve. With a time limit, it has one point alone."""
         params, growth = self.params, self.params.growth
         last = params.maps or params.most_maps or (max(growth.counts) if params.likeness else growth.usual)
         hurried = self.problem.deadline.seconds is not None
@@ -46,76 +50,41 @@ class Growth(Stage):
         return NO_DEADLINE
 
     def is_wanted(self, state: State) -> bool:
-        found = state.result
-        if found is None or state.current is not None:
+        found = state.before or state.best
+        if found is None or state.current is not None or state.curve:
             return True
-        likeness = self._likeness(found)
-        if likeness < (self.params.likeness or 0):
-            return True
-        return likeness < UNLIKE and not self._explains_rendering(found)
-
-    @cached_property
-    def grower(self) -> Grower:
-        """What draws and grows sets for the image, whatever the search has found."""
-        problem = self.problem
-        return Grower(problem.image, self.params, derive(problem.seed, "growth"), problem.deadline)
+        return self._likeness(found) < max(self.params.likeness or 0, UNLIKE)
 
     def open(self, state: State) -> State:
-        return state.begun(lambda: state.result or self._candidate(self.grower.plain(self.counts[0])))
+        return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)
 
     def move(self, state: State) -> State:
-        grown = self.grower.grown(self.counts[state.step], state.curve[-1] if state.curve else None)
-        return replace(state.moved(self._candidate(grown)), curve=(*state.curve, grown))
+        grown = self.grower.grown(self.counts[state.step], self.problem.deadline)
+        return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def is_settled(self, state: State) -> bool:
-        return bool(state.curve) and state.curve[-1].likeness >= self._goal
+        """Whether the goal is reached, or an earlier stage has grown all."""
+        return len(state.curve) == len(self.counts) or (
+            bool(state.curve) and state.curve[-1].likeness >= self._goal)
 
     def close(self, state: State) -> State:
-        found, chosen = state.result, self._chosen(state.curve)
-        grown, likeness = self._drawn(chosen)
+        found, chosen = state.before or state.best, self._chosen(state.curve)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
-                likeness < self._likeness(found) + MARGIN or self._draws_better(found, chosen)):
+                chosen.likeness < self._likeness(found) + MARGIN):
             return replace(state, best=found, before=None)
-        return replace(state, best=grown, before=None,
-                       stopped=f"{len(chosen.maps)} maps were grown, F1 {likeness:.3f} within a pixel")
+        return replace(state, best=self._judged(chosen), before=None,
+                       stopped=f"{len(chosen.maps)} maps were grown, likeness {chosen.likeness:.3f}")
 
-    def _drawn(self, chosen: Grown) -> tuple[Candidate, float]:
-        """Grown maps with the camera that shows them best, and the likeness of what it draws."""
+    def _judged(self, grown: Grown) -> Candidate:
+        """Grown maps with the error of what their camera draws."""
         problem, seed = self.problem, derive(self.problem.seed, "grown")
-        camera = showing(problem.image, problem.levels, chosen.code, seed)
-        objective = problem.objective(len(problem.image), chosen.code, seed, camera=camera)
-        shown = objective.judge(chosen.maps, chosen.weights)
-        drawn = Candidate(chosen.maps, chosen.weights, shown.error, shown.error, camera)
-        return drawn, chosen.likeness if problem.levels.is_exact else objective.likeness_of(shown)
-
-    def _draws_better(self, found: Candidate, grown: Grown) -> bool:
-        """Whether what the search found draws a binary image well, and with less error than the grown maps do. The
-        grown maps may have a higher likeness even so, because likeness looks at where a code has points at all."""
-        problem = self.problem
-        if problem.levels.is_graded or self.params.likeness:
-            return False
-        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
-        shown, other = (objective.judge(each.maps, each.weights) for each in (found, grown))
-        return shown.error < other.error and objective.likeness(shown.image) >= UNLIKE
+        objective = problem.objective(len(problem.image), grown.code, seed, camera=grown.camera)
+        shown = objective.judge(grown.maps, grown.weights)
+        return Candidate(grown.maps, grown.weights, shown.error, shown.error, grown.camera)
 
     def _likeness(self, found: Candidate) -> float:
-        """The likeness (F1 within a pixel) of what the search found."""
-        problem = self.problem
-        if problem.levels.is_exact:
-            return self.grower.likeness(found)
-        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"),
-                                      camera=found.camera)
-        return objective.likeness_of(objective.judge(found.maps, found.weights))
-
-    def _explains_rendering(self, found: Candidate) -> bool:
-        """Whether what the search found renders a density or a binary image roughly. Its likeness is then no reason to
-        grow maps: the likeness looks at where the code has points at all, which is more than such an image shows, and
-        grown maps draw everything evenly."""
-        problem = self.problem
-        if not problem.levels.is_exact:
-            return False
-        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
-        return not objective.is_hopeless(objective.judge(found.maps, found.weights).error)
+        """The likeness of what the search found."""
+        return self.grower.likeness(found, found.camera or self.problem.camera(found.code, self.grower.seed))
 
     @property
     def _goal(self) -> float:
@@ -131,6 +100,61 @@ class Growth(Stage):
         reached = [each for each in fitting if each.likeness >= self._goal]
         return reached[0] if reached else max(fitting, key=lambda each: each.likeness)
 
+
+class Sketch(Growth):
+    """Growth at the start of a search, for a picture that is grey inside: most such pictures are photographs."""
+
+    name = "sketch"
+    is_last_word = False
+
     @staticmethod
-    def _candidate(grown: Grown) -> Candidate:
-        return Candidate(grown.maps, grown.weights, 1 - grown.likeness, 1 - grown.likeness)
+    def may_help(problem: SearchProblem) -> bool:
+        """Whether the image, which others drew, is grey inside."""
+        return problem.params.growth.enabled and may_be_density(problem.image)
+
+    @property
+    def expected_moves(self) -> int:
+        return len(self.counts)
+
+    @property
+    def deadline(self) -> Deadline:
+        return self.problem.deadline.until(SKETCH_ENDS)
+
+    def is_wanted(self, state: State) -> bool:
+        return True
+
+    def move(self, state: State) -> State:
+        grown = self.grower.grown(self.counts[state.step], self.deadline)
+        return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
+
+    def close(self, state: State) -> State:
+        return replace(state, current=None)
+
+    def _counts(self) -> list[int]:
+        return sorted({*super()._counts(), TILES})
+
+
+class Comparison(Sketch):
+    """Looks whether the code that the search has found on the measure is more like the picture than `TILES` maps that
+    were grown. If not, no few maps explain the picture, and the search ends."""
+
+    name = "comparison"
+
+    @property
+    def most_moves(self) -> int:
+        return 0
+
+    @property
+    def expected_moves(self) -> int:
+        return 0
+
+    def is_wanted(self, state: State) -> bool:
+        return any(len(each.maps) <= TILES for each in state.curve)
+
+    def open(self, state: State) -> State:
+        return state
+
+    def close(self, state: State) -> State:
+        tiles = max(each.likeness for each in state.curve if len(each.maps) <= TILES)
+        return replace(state, is_outgrown=self._likeness(state.leader) < tiles)
+

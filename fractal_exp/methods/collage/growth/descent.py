@@ -1,0 +1,91 @@
+"""All maps and their weights, moved together until the collage of a picture shows the picture.
+
+The collage theorem for measures (Barnsley and Elton 1988) says that maps whose images of a measure, mixed with their
+probabilities, are close to the measure have an invariant measure that is close too. In the last part of a descent, the
+maps move points of their own invariant measure instead of the picture's, which closes the gap that is left.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ....cameras.points import attractor_points
+from ....ifs import affine
+from ....ops.collage import pushforward
+from ....ops.collage.reference import BETA_1, BETA_2, EPSILON, contract
+from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....runtime.seeds import generator
+from ..state import WeightedMaps
+from .exposed import Exposed
+from .inside import InsideSsim, filtered
+from .paving import LARGEST
+
+SAMPLES = 1200          # of the measure that every map moves in a step
+MATRIX_RATE = 0.004     # of matrix entries at the first step, for Adam
+OFFSET_RATE = 0.0024    # of where the measure's mean goes, canvas units
+MASS_RATE = 0.03      # of the logarithms of the weights
+RATES_LEFT = 0.1        # share of the rates that is left at the last step
+MEMORY = 0.9            # of the drawing that is compared, a moving average over steps, for less noise
+OWN_FROM = 0.4          # share of the steps after which maps move points of their own measure
+OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps they are used
+SIMILARITY = 0.1        # weight of SSIM inside the shape beside the squared error, each summed over pixels
+BLUR, BLUR_PX = (0.25, 0.5, 0.25), 0.7   # of the drawing along both axes, and the Gaussian that is like it
+LEAST_WEIGHT = 1e-6     # of a map
+
+
+def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadline: Deadline = NO_DEADLINE
+              ) -> tuple[WeightedMaps, float]:
+    """The maps and weights after `steps` of Adam (Kingma and Ba 2015), and the mass of their drawing. The loss is the
+    squared error of the collage, lightly blurred, less `SIMILARITY` times its SSIM inside the shape."""
+    g, side = generator(seed, "descent"), target.side
+    mean = target.points(SAMPLES, g).mean(0)
+    linear, logs = start.maps[:, :4].clone().requires_grad_(), start.probabilities.log().requires_grad_()
+    centre = affine.images(start.maps, mean[None])[:, 0].clone().requires_grad_()
+    moving = {MATRIX_RATE: linear, OFFSET_RATE: centre, MASS_RATE: logs}
+    groups = [{"params": [each], "lr": rate} for rate, each in moving.items()]
+    adam = torch.optim.Adam(groups, MATRIX_RATE, (BETA_1, BETA_2), EPSILON)
+    mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey)
+    shares, average = torch.full((SAMPLES, 1), 1 / SAMPLES), None
+    own = torch.empty(0, 2)
+    for k in range(steps):
+        done = max((k + 1) / steps, deadline.used)
+        if deadline.passed:
+            break
+        if done <= OWN_FROM:
+            points = target.points(SAMPLES, g)
+        else:
+            if not len(own) or k % OWN_STEPS == 0:
+                own = attractor_points(_maps(linear, centre, mean), logs.detach().softmax(0), OWN_POINTS,
+                                       int(torch.randint(2**31, (), generator=g)))
+            points = own[torch.randint(len(own), (SAMPLES,), generator=g)]
+        with torch.enable_grad():
+            weights = _weights(logs, target.mass)
+            drawn = mass * pushforward(torch.cat([linear, centre], 1)[None], weights[None],
+                                       torch.cat([points - mean, shares], 1), side)[0]
+        with torch.no_grad():
+            drawing = filtered(drawn, BLUR)
+            average = drawing if average is None else average.lerp(drawing, max(1 - MEMORY, 1 / (k + 1)))
+            shown = target.shown(average)
+            slope = 2 * (shown - target.grey) - SIMILARITY * similarity.slope(shown)
+            slope = filtered(slope * target.slope(average), BLUR)
+        adam.zero_grad()
+        drawn.backward(slope)
+        for group, rate in zip(adam.param_groups, moving, strict=True):
+            group["lr"] = rate * RATES_LEFT**done
+        adam.step()
+        with torch.no_grad():
+            linear.copy_(contract(torch.cat([linear, centre], 1), LARGEST)[:, :4])
+    weights = logs.detach().exp().clamp_min(LEAST_WEIGHT)
+    total = mass if target.mass else mass * float(weights.sum())
+    return WeightedMaps(_maps(linear, centre, mean), weights / weights.sum()), total
+
+
+def _weights(logs: Tensor, mass: float | None) -> Tensor:
+    """The weights of logarithms (N,): with the sum 1 if the whole mass is given."""
+    return logs.exp() if mass is None else logs.softmax(0)
+
+
+def _maps(linear: Tensor, centre: Tensor, mean: Tensor) -> Tensor:
+    """Maps (N,6) of these matrices (N,4) that send the mean to `centre` (N,2)."""
+    return affine.sending(linear.detach().unflatten(1, (2, 2)), mean, centre.detach())

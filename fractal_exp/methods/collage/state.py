@@ -78,7 +78,7 @@ class Candidate(WeightedMaps):
 
 @dataclass(frozen=True)
 class Grown(WeightedMaps):
-    """A grown set of maps. likeness: of its drawing through the camera, see `growth.growing`."""
+    """A grown set of maps. likeness: of its drawing through the camera, see `stages.growing`."""
 
     likeness: float
     camera: Camera

@@ -20,6 +20,7 @@ from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves, Uncurved
+from fractal_exp.methods.collage.stages.growth import Sketch
 from fractal_exp.methods.collage.stages.image import Approach
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
 from fractal_exp.methods.collage.stages.plan import plan_of

@@ -7,9 +7,9 @@ from dataclasses import replace
 from ....cameras.levels import may_be_density
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from ..growth.growing import Grower
 from ..state import Candidate, Grown, State
 from .base import SearchProblem, Stage
+from .growing import Grower
 
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found

@@ -13,11 +13,11 @@ from ....cameras.pens import Dots
 from ....evaluation.inside import ssim_inside
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from ..stages.base import SearchProblem
+from ..growth.descent import BLUR_PX, descended
+from ..growth.exposed import Exposed
+from ..growth.paving import paving
 from ..state import Grown, WeightedMaps
-from .descent import BLUR_PX, descended
-from .exposed import Exposed
-from .paving import paving
+from .base import SearchProblem
 
 MANY = 128           # maps from which on all steps are taken
 LEAST_STEPS = 0.4    # share of the steps that a few maps take
@@ -52,7 +52,8 @@ class Grower:
         the shape, over that of two drawings, which chance keeps below 1. Elsewhere, it is the F1 within a pixel."""
         objective = self.problem.objective(len(self.image), found.code, derive(self.seed, "likeness"), camera=camera)
         if not self.is_grey:
-            return objective.likeness_of(objective.judge(found.maps, found.weights))
+            shown = objective.judge(found.maps, found.weights)
+            return objective.likeness(shown.image) if objective.levels.is_exact else objective.likeness_of(shown)
         drawn, above = objective.render(found.code), objective.levels.lit_above
         chance = ssim_inside(objective.render(found.code, "again"), drawn, above)
         return max(0.0, min(1.0, ssim_inside(drawn, self.image, above) / max(chance, 1e-6)))

@@ -22,6 +22,7 @@ from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_
 from .levels import Levels, TargetImage, decided
 from .parts import beside_the_shape
 from .placement import Placement
+from .plots import without_axes
 from .sampling import is_target, resample, window
 
 __all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_small", "read_target", "write_image"]
@@ -125,7 +126,7 @@ def read_target(
     if threshold is not None:
         shape = shape.binary(threshold, name)
         notes.append(f"binary at the threshold {threshold:g}")
-    scale = pixels.scale
+    scale, (left, top) = pixels.scale, shape.grey.origin
     x, y, side = _square(shape, frame, resolution, padding, notes)
     _warn(notes, resolution / side / scale, shape.level)
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
@@ -199,6 +200,10 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
     grey, colours = luminance(pixels, invert, name, notes)
     if not clean:
         return _as_it_is(grey, invert, name, notes)
+    whole = grey if colours is None else colours
+    picture = without_axes(whole, name, notes)
+    if picture is not whole:
+        grey, colours = (picture, None) if colours is None else (picture.map(luminance_of), picture)
     tones, beside = Notes(), Notes()
     shape, overview = _toned(grey, colours, invert, name, tones, beside)
     graded = tone.Flat.of(overview) is None

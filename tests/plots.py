@@ -9,13 +9,16 @@ from PIL import Image, ImageDraw, ImageFont
 from fractal_exp import codes
 from fractal_exp.ifs import attractor
 
+FULL_SIDE = 81  # pixels of such an image
+
 
 @dataclass(frozen=True)
 class Plot:
     """A plot of the points of a chaos game.
 
     kind: "dots" of one colour, "maps" with a colour for each map, "steps" coloured by their number through `colours`,
-    "hexagons" and "image" for densities. beside: what stands in the plot beside the shape. format: of the file.
+    "hexagons" and "image" for densities, "full" for an image of two colours up to the axes. beside: what stands in the
+    plot beside the shape. format: of the file.
     """
 
     code: str
@@ -49,6 +52,9 @@ SET = {
     "as a JPEG": Plot("cyclosorus", "dots", "legend grid title labels", pen="darkgreen", format="jpeg"),
     "squares and dashes": Plot("sierpinski_carpet", "dots", "dashed legend title", pen="black"),
     "bar without axes": Plot("koch_snowflake", "image", "colour_bar title bare", count=60_000, colours="magma"),
+    "carpet that fills yellow axes": Plot("sierpinski_carpet", "full", "title"),
+    "black carpet that fills its axes": Plot("sierpinski_carpet", "full", "title labels", colours="gray_r"),
+    "carpet in inferno with its bar": Plot("sierpinski_carpet", "full", "colour_bar", colours="inferno"),
     "by Pillow": Plot("cantor_dust", "pillow", "", count=8000),
 }
 
@@ -68,12 +74,21 @@ def draw(plot, plain=False):
         figure, axes = plt.subplots(1, 2 if "second" in plot.beside else 1, figsize=plot.size, dpi=100, squeeze=False)
         axis, inked = axes[0, 0], {"s": .6, "linewidths": 0}
         panel, shown = axis.get_facecolor(), None
-        axis.set_aspect("equal", adjustable="box" if plot.kind in ("hexagons", "image") else "datalim")
+        axis.set_aspect("equal", adjustable="box" if plot.kind in ("hexagons", "image", "full") else "datalim")
         if plot.kind == "dots":
             axis.scatter(*points.T, color=plot.pen, label="orbit", **inked)
         elif plot.kind == "maps":
             for letter in np.unique(letters):
                 axis.scatter(*points[letters == letter].T, label=f"map {letter + 1}", **inked)
+        elif plot.kind == "full":
+            low, high = points.min(0), points.max(0)
+            places = ((points - low) / (high - low) * FULL_SIDE).clip(0, FULL_SIDE - 1).astype(int)
+            image = np.zeros((FULL_SIDE, FULL_SIDE))
+            image[places[:, 1], places[:, 0]] = 1
+            shown = axis.imshow(image, cmap=plot.colours, interpolation="nearest")
+            panel = shown.cmap(0)
+            if plain:
+                axis.set(xlim=(-.1 * FULL_SIDE, 1.1 * FULL_SIDE), ylim=(-.1 * FULL_SIDE, 1.1 * FULL_SIDE))
         elif plot.kind == "steps":
             shown = axis.scatter(*points.T, c=np.arange(len(points)), cmap=plot.colours, **inked)
         else:

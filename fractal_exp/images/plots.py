@@ -10,9 +10,8 @@ import numpy as np
 from ..errors import InputError
 from .bands import Bands
 from .checks import Notes
-from .colours import border_colour
+from .colours import background_colour, border_colour
 from .panels import (
-    DIFFERS_IF_LOSSY,
     GRID_LINES,
     MARK,
     MARKS,
@@ -31,6 +30,8 @@ from .text import is_text
 GRID_PARTS = 16         # parts of a panel's side, in each of which a grid line must be seen if it is free there
 GRID_SEEN = 0.3         # minimum inked share of a grid line's free pixels in each part; dots and dashes have gaps
 GRID_FREE = 0.04        # minimum share of a grid line that is free
+MARGIN = 0.03           # less than plots leave free around their points, relative to the panel's longer side
+FILLED = 0.3            # minimum share of each side of a panel without a margin that another colour comes that near to
 THICK = 0.012           # maximum thickness of a line, relative to the longer side (or 3 px)
 LEGEND_SIDE = 0.6       # maximum side of a legend, relative to the panel's
 WORD_GAP = 0.045        # maximum gap between the words of a line, relative to the longer side
@@ -57,18 +58,35 @@ def without_axes(picture: Bands, name: str, notes: Notes) -> Bands:
         notes.append("a colour bar was ignored")
     if len(panels) > 1:
         notes.warn(f"{len(panels)} plots in one picture: the one with most ink was taken; crop the picture to choose")
-    _doubt(part, paper, notes)
+    part = _grounded(part, paper, notes)
     return _plain(part, name, notes) if panels else part
 
 
-def _doubt(panel: Bands, paper: np.ndarray, notes: Notes) -> None:
-    """Warn if the shape has the colour of the paper around the axes, and so may be the holes of another shape."""
-    ground = border_colour(panel)
-    shape, other = inked_of(panel, ground)[0], inked_of(panel, paper)[0]
-    if np.abs(ground - paper).max() > DIFFERS_IF_LOSSY and (shape & ~other).sum() > shape.sum() / 2:
-        invert = bool(np.mean(ground) < np.mean(paper))
-        notes.warn("the colour along the axes was taken for the background, and that of the paper for the shape; "
-                   f"invert={str(invert).lower()} takes it the other way")
+def _grounded(panel: Bands, paper: np.ndarray, notes: Notes) -> Bands:
+    """The panel with its ground along the border, and a warning if either colour may be the ground.
+
+    A shape may fill its axes, so that the border is the shape's rim and what reaches it are holes. Then the ground is
+    the paper's colour if the panel holds it, and otherwise the darker one, as in the usual maps of colours.
+    """
+    border = border_colour(panel)
+    inked, block = inked_of(panel, border)
+    if not inked.any():
+        return panel
+    off_paper, margin = inked_of(panel, paper)[0], max(4, round(MARGIN * max(inked.shape)))
+    filled = min(side[:margin].any(0).mean() for side in (inked, inked[::-1], inked.T, inked.T[::-1])) >= FILLED
+    on_border, on_other = (off_paper[side].mean() < 0.5 for side in (~inked, inked))
+    other = background_colour(panel, inked, block)
+    ground = other if filled and (on_other or not on_border and np.mean(other) < np.mean(border)) else border
+    if filled or on_other and not on_border:
+        shape = "that along the axes" if ground is other else "the other one"
+        light = np.mean(ground) > np.mean(border if ground is other else other)
+        notes.warn(f"either colour in the axes may be the shape: {shape} was taken; "
+                   f"invert={str(not light).lower()} takes it the other way")
+    if not filled:
+        return panel
+    rim = np.ones_like(inked)
+    rim[1:-1, 1:-1] = False
+    return panel.without(rim, block, ground)
 
 
 def _without_grid(picture: Bands, paper: np.ndarray, inked: np.ndarray, notes: Notes) -> Bands:

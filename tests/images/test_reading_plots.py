@@ -79,6 +79,12 @@ def test_no_plain_shape_is_taken_for_a_plot():
             assert without_axes(whole, name, Notes()) is whole, name
 
 
+def test_a_shape_that_fills_its_axes_is_told():
+    """Its rim is along the axes, where the ground is in other plots."""
+    found = read_target(plots.draw(plots.SET["black carpet that fills its axes"]), 256)
+    assert any("that along the axes was taken; invert=false" in warning for warning in found.warnings)
+
+
 def test_a_ground_that_may_be_the_shape_is_told():
     """A black carpet in axes on white paper might also be white squares on a black ground."""
     carpet = np.kron(np.array([[0, 0, 0], [0, 255, 0], [0, 0, 0]]), np.ones((90, 90)))

@@ -27,6 +27,7 @@ from .sampling import is_target, resample, window
 
 __all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_small", "read_target", "write_image"]
 
+COMPRESSION = 3                          # of PNGs: a third of the time of the usual 6, files are a tenth larger
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
 SEEN = 1 / 512                           # level up to which nothing counts as lit if there is no noise
 SEEN_IN_NOISE, SEEN_IF_LOSSY = 0.1, 0.25  # the same level with noise, and in a file that stores pixels with errors
@@ -327,7 +328,7 @@ def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8
     white = 2**bits - 1
     levels = np.rint(unit(pixels, np.float64) * white).astype(f"uint{bits}")
     with replacing(path) as unfinished:
-        Image.fromarray(levels).save(unfinished, format="PNG")
+        Image.fromarray(levels).save(unfinished, format="PNG", compress_level=COMPRESSION)
     return path
 
 

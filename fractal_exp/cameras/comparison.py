@@ -11,6 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d, avg_pool2d
 
 from ..evaluation import metrics
 from ..ifs.code import IFS
+from ..runtime.deadline import check_time
 from ..runtime.seeds import derive
 from .levels import Levels
 
@@ -69,6 +70,7 @@ class Comparison:
 
     def render(self, code: IFS, *path: int | str) -> Tensor:
         """The code rendered as the target was, (R,R). The same path of a random stream gives the same points."""
+        check_time()
         resolution = self.image.shape[0]
         once = {"independent": True} if self.renderings > 1 else {}  # a percent of the error matters then
         images = [self.levels.render(code, resolution, derive(self.seed, *path, *([n] if n else [])), **once)

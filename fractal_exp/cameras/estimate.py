@@ -7,6 +7,7 @@ import math
 from torch import Tensor
 
 from ..ifs.code import IFS
+from ..runtime.deadline import check_time
 from ..runtime.seeds import derive
 from .camera import Camera
 from .comparison import Comparison
@@ -73,6 +74,7 @@ def nearest(image: Tensor, levels: Levels, code: IFS, seed: int) -> list[Tried]:
     `Levels.drawn`, with its angle of error, the lowest first. Empty if such a camera cannot draw the code."""
     judge, found = Comparison(image, levels), {}
     for camera, rendering in levels.candidates(code, len(image), derive(seed, "camera")):
+        check_time()
         tried = judge.angle(judge.error(rendering.to(image))), camera
         key = levels.drawn(camera)
         found[key] = min(found.get(key, tried), tried, key=angle_of)

@@ -15,7 +15,7 @@ from hydra.utils import get_method
 from omegaconf import DictConfig
 
 from ..errors import InputError
-from . import configuration, interruption, words
+from . import configuration, interruption, several, words
 from .commands import complain, told
 
 FOR_PICTURE = ("method=collage",)  # what picture=FILE implies for a fit
@@ -25,7 +25,9 @@ scored: list[tuple[str, Mapping[str, float]]] = []  # the others: their own word
 
 def main() -> None:
     """The command line: one fit; with -m several, one after another."""
-    raise SystemExit(run("fractal-train", "train", _fit, sys.argv[1:], FOR_PICTURE))
+    status = run("fractal-train", "train", _fit, sys.argv[1:], FOR_PICTURE)
+    several.close(scored, failed or (), status)
+    raise SystemExit(status)
 
 
 def _fit(config: DictConfig) -> Any:

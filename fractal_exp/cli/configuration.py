@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 PATH_KEYS = ("output", "picture", "target.path", "perceptual_weights", "weights.neural_regression",
              "weights.super_resolution", "weights.amortized", "method.weights")
 VARIED = ("model", "loss", "optimizer")   # groups whose choice names a variant of the paper's method
+PARENT = "parent_run"  # the setting that tells a fit of -m the run that it stands below
 TIMES = ("method.seconds", "method.init.seconds")  # 60 and 60.0 are one limit
 
 
@@ -59,6 +60,7 @@ class TrainConfig:
     output: str = "outputs"
     study: str = "fits"
     sweep: Any = None
+    parent_run: str | None = None
     name: str | None = None
     resume: bool = False
     checkpoint_every: int = 250
@@ -95,7 +97,13 @@ def own_words() -> str:
     """The words of this job that the other jobs of -m do not share; none without -m."""
     if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
         return ""
-    return " ".join(word for word in HydraConfig.get().overrides.task if word not in sys.argv)
+    given = {word.lower() for word in sys.argv}  # Hydra writes true as True
+    return " ".join(word for word in words_of_a_fit() if word.lower() not in given)
+
+
+def words_of_a_fit() -> list[str]:
+    """The words of the command, or of this job of it, without what -m adds for itself."""
+    return [word for word in HydraConfig.get().overrides.task if not word.startswith(f"{PARENT}=")]
 
 
 def resolve(config: DictConfig) -> DictConfig:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
+import os
 import shlex
 import sys
 from collections.abc import Iterable, Mapping
@@ -188,8 +189,11 @@ def _value(text: str) -> Any:
 def _folder(options: argparse.Namespace) -> Path:
     """Where to write. Raises `InputError` if something is there already."""
     folder = Path(options.output or f"{Path(options.picture).stem}-fractal").absolute()
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file; name a folder with --output")
+    there = next(each for each in (folder, *folder.parents) if each.exists())
+    if not there.is_dir():
+        raise InputError(f"{there} is a file; name a folder with --output")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"{there} may not be written to; name another folder with --output")
     if folder.is_dir() and any(folder.iterdir()) and not options.force:
         raise InputError(f"{folder} holds something already; --force writes into it, --output names another folder")
     return folder

@@ -50,6 +50,7 @@ def _pretrain(config: DictConfig, held: ExitStack) -> dict[str, float]:
                             config.name or f"{name}{_variant(training)}-{config.scale}-seed{config.seed}")
     held.enter_context(folder.alone())
     if config.resume and (scores := folder.finished_scores(identity)):
+        weights.load(_path(training, folder), name)  # they may be gone, or damaged
         print(f"{folder.path} holds this training, finished; resume=false trains again")
         _tell(training, folder)
         return scores

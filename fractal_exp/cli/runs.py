@@ -17,10 +17,11 @@ from ..errors import InputError
 from ..ops import backends
 from ..tracking.addresses import dashboard_line, shown
 from ..tracking.store import PARENT
-from .configuration import VARIED, method_name, own_words
+from .configuration import PARENT as PARENT_RUN
+from .configuration import VARIED, method_name, own_words, words_of_a_fit
 from .folders import FitFolder
 
-SWEEP = "sweep"  # the tag `kind` of a parent run
+SWEEP, SEVERAL = "sweep", "several"  # the tag `kind` of a parent run
 GENERAL = ("target", "target_image", "fingerprint", "resolution", "scale", "variant", "perceptual",
            "perceptual_weights", "seed", "colour", "device", "backend")  # settings that every method has
 TOLD = (*VARIED, "ablation", "without", "seed", "method", "init", "picture", "target", "target.name", "target.path",
@@ -45,6 +46,15 @@ class NoRuns:
 
         settings: as far as it is common to all jobs; words: those of the command after the study. Raises `InputError`
         if the store cannot be used.
+        """
+        return tracking.NoTracker()
+
+    def start_several(self, settings: Mapping[str, Any], folder: Path, name: str, words: Sequence[str]
+                      ) -> tracking.Tracker:
+        """Begin the parent run of the fits of one command, or go on with it if the command resumes them.
+
+        settings: as far as it is common to all fits; folder: its own; name: what is varied; words: those of the
+        command. Raises `InputError` if the store cannot be used.
         """
         return tracking.NoTracker()
 
@@ -79,7 +89,7 @@ class MlflowRuns(NoRuns):
         run = tracking.start_run(uri, settings["study"], _run_name(settings, tags), folder=folder.path,
                                  params=_params(identity), tags=tags | {"folder": folder.path.name},
                                  resume_run_id=resumed, note=_note(settings, tags),
-                                 parent_run_id=sweep and sweep["run"])
+                                 parent_run_id=sweep["run"] if sweep else settings[PARENT_RUN])
         folder.remember_run(uri, run.run_id)
         run.artifact("config.yaml", OmegaConf.to_yaml(dict(settings)))
         return run
@@ -93,6 +103,15 @@ class MlflowRuns(NoRuns):
                                   tags={"kind": SWEEP, "sweep": folder.name, "scale": settings["scale"],
                                         "device": settings["device"], "perceptual": settings["perceptual"],
                                         "views": settings["evaluation"]["views"]})
+
+    def start_several(self, settings: Mapping[str, Any], folder: Path, name: str, words: Sequence[str]
+                      ) -> tracking.Tracker:
+        uri, tags = tracking.prepare_store(Path(settings["output"])), {"kind": SEVERAL, "several": folder.name}
+        known = tracking.find_run(uri, settings["study"], tags) if settings["resume"] else None
+        return tracking.start_run(uri, settings["study"], name, folder=folder, resume_run_id=known,
+                                  note=f"The fits below, with their table in summary.json"
+                                       f"{_command('fractal-train', '-m', *words)}",
+                                  tags=tags | {name: settings[name] for name in ("scale", "device")})
 
     def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:
         uri, sweep = tracking.prepare_store(Path(settings["output"])), settings["sweep"]
@@ -158,7 +177,7 @@ def _note(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:
         return f"{what}: row {tags['row']}, sample {tags['sample']} of the sweep {sweep['folder']}"
     if not HydraConfig.initialized():  # no command made it
         return what
-    return what + _command("fractal-train", *HydraConfig.get().overrides.task)
+    return what + _command("fractal-train", *words_of_a_fit())
 
 
 def _command(*words: str) -> str:

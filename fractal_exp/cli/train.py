@@ -44,7 +44,7 @@ from .words import plainest
 
 # The target and the method hold what `picture` and `seconds` say. Colours are a part of a fit that has them.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "colour", "output", "study", "name", "resume", "tracking", "threads",
-                     "checkpoint_every", "evaluation", "sweep", "task", "pretraining", "weights",
+                     "checkpoint_every", "evaluation", "sweep", configuration.PARENT, "task", "pretraining", "weights",
                      "network_side", "network_width")
 
 
@@ -167,7 +167,7 @@ def may_help(verdict: Verdict, given: DictConfig) -> str:
     if not HydraConfig.initialized() or given.sweep:
         return ""
     [(key, value)] = verdict.change.items()
-    words = plainest(HydraConfig.get().overrides.task, FOR_PICTURE)
+    words = plainest(configuration.words_of_a_fit(), FOR_PICTURE)
     keys = [word.split("=", 1)[0].lstrip("+") for word in words]
     parts = {"": given, "target.": given.target, **({"init.": given.init} if given.init else {
         "method.": given.method, "model.": given.model if "model" in given.method else {}})}

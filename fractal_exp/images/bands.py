@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -75,11 +75,37 @@ class Bands:
 
         return replace(self, rows=rows)
 
+    def part(self, top: int, bottom: int, left: int, right: int) -> Bands:
+        """Some rows and columns of the same picture, the last ones excluded."""
+        origin = self.origin[0] + self.scale * left, self.origin[1] + self.scale * top
+        return replace(self, height=bottom - top, width=right - left, origin=origin,
+                       rows=lambda first, last: self.rows(top + first, top + last)[:, left:right])
+
+    def bridged(self, level: Sequence[tuple[int, int]], upright: Sequence[tuple[int, int]]) -> Bands:
+        """The same picture with some ranges of rows and of columns, each [near, far), painted over: by the row or
+        column beside the range that is nearer."""
+        kept, columns = _beyond(level, self.height), _beyond(upright, self.width)
+
+        def rows(first: int, last: int) -> np.ndarray:
+            wanted = kept[first:last]
+            return self.rows(wanted.min(), wanted.max() + 1)[wanted - wanted.min()][:, columns]
+
+        return replace(self, rows=rows)
+
     def __iter__(self) -> Iterator[np.ndarray]:
         """All rows from the top, about a million pixels at a time."""
         some = max(1, BAND_PIXELS // self.width)
         for first in range(0, self.height, some):
             yield self.rows(first, min(first + some, self.height))
+
+
+def _beyond(ranges: Sequence[tuple[int, int]], count: int) -> np.ndarray:
+    """The number in `count` that is nearest to each and in none of the ranges, (count,)."""
+    outside = np.setdiff1d(np.arange(count), np.concatenate([np.arange(*each) for each in ranges] or [[]]))
+    after = np.searchsorted(outside, np.arange(count)).clip(0, len(outside) - 1)
+    before = (after - 1).clip(0)
+    nearer = np.arange(count) - outside[before] <= np.abs(outside[after] - np.arange(count))
+    return np.where(nearer & (outside[after] != np.arange(count)), outside[before], outside[after])
 
 
 @dataclass(frozen=True, eq=False)

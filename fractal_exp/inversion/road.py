@@ -60,7 +60,7 @@ def reconstruct(target: ReadImage, method: Method, *, seed: int = 0, on_step: On
     except KeyboardInterrupt:
         if not (keep_interrupted and codes):
             raise
-        found, stopped = CodeReconstruction(_most_alike(codes, target, method.camera, seed)), INTERRUPTED
+        found, stopped = _most_alike(codes, target, method.camera, seed), INTERRUPTED
     took = history.seconds()
     return Work(found, history.stages(), tuple(history.course),
                 stopped or stop_reason(found, getattr(method, "seconds", None), took), took, method.camera)
@@ -114,7 +114,12 @@ def _note(codes: list[IFS], progress: Progress) -> None:
         codes.append(progress.code)
 
 
-def _most_alike(codes: Sequence[IFS], target: ReadImage, camera: CameraParams, seed: int) -> IFS:
-    """The best of the codes at the ends of the last stages."""
-    return max(codes[-LAST_CODES:],
-               key=lambda code: Likeness.of(code, target, params=camera, seed=seed).f1_1px)
+def _most_alike(codes: Sequence[IFS], target: ReadImage, params: CameraParams, seed: int) -> CodeReconstruction:
+    """The best of the codes at the ends of the last stages, each looked at once, with its camera."""
+    last: list[IFS] = []
+    for code in codes[-LAST_CODES:]:
+        if not last or code.to_json() != last[-1].to_json():
+            last.append(code)
+    seen = [CodeReconstruction(code, camera=camera_for(code, target, params=params, seed=seed)) for code in last]
+    return seen[0] if len(seen) == 1 else max(
+        seen, key=lambda each: Likeness.of(each.code, target, each.camera, params=params, seed=seed).f1_1px)

@@ -125,4 +125,6 @@ def format_of(path: str | Path) -> FilmFormat:
         raise InputError(f"a film is {NAMES}; got {path.name!r}")
     if len(NUMBER.findall(path.name)) > 1:
         raise InputError(f"the number of a frame stands once in a name, got {path.name!r}; leave one %04d")
+    if (number := NUMBER.search(path.name)) and len(number[1]) > 1:
+        raise InputError(f"the number of a frame has at most 9 digits, got {path.name!r:.80}; write %04d")
     return BY_SUFFIX.get(path.suffix.lower(), SEQUENCE)

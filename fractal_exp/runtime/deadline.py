@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+
+
+class TimeIsUp(Exception):
+    """Raised in the midst of work whose time is up."""
 
 
 class Deadline:
@@ -32,3 +38,21 @@ class Deadline:
 
 
 NO_DEADLINE = Deadline()
+_ending = ContextVar("_ending", default=NO_DEADLINE)
+
+
+@contextlib.contextmanager
+def ending(deadline: Deadline) -> Iterator[None]:
+    """Let `check_time` raise `TimeIsUp` in what this block calls, however deep, once the deadline has passed."""
+    token = _ending.set(deadline)
+    try:
+        yield
+    finally:
+        _ending.reset(token)
+
+
+def check_time() -> None:
+    """Raise `TimeIsUp` if this is called in a block of `ending` whose deadline has passed. Called where a code is
+    drawn, which takes most of a search's time."""
+    if _ending.get().passed:
+        raise TimeIsUp

@@ -61,6 +61,8 @@ def replacing(path: str | Path, suffix: str = ".partial") -> Iterator[Path]:
     connection, passes as it is.
     """
     path = Path(path).absolute()
+    if "\0" in str(path):
+        raise InputError(f"no file's name can hold the character 0, as {str(path)!r} does; choose another")
     # A name may have 255 bytes, and a character four.
     partial = path.with_name(f".{path.name[:40]}.{secrets.token_hex(6)}{suffix}")
     try:

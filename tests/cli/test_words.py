@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import json
 
 import numpy as np
 import pytest
@@ -86,11 +87,42 @@ def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(mo
     assert "Traceback" in printed, "of the defect"
 
 
+@pytest.mark.parametrize("tracking", ["mlflow", "none"])
+def test_jobs_of_m_stand_below_one_run_with_their_table(tracking, tmp_path):
+    command = ["-m", "seed=0,1", "scale=smoke", "iterations=2", "resolution=32", "threads=1", f"output={tmp_path}",
+               f"tracking={tracking}"]
+    for more in ([], ["resume=true"], []):
+        status, printed = run_here(composed, *command, *more)
+        assert status == 0, printed
+    if tracking == "none":
+        assert not (tmp_path / "mlflow.db").exists()
+        return
+    frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
+    parents = frame[frame["tags.kind"] == "several"]
+    assert list(parents["name"]) == ["seed=0,1"] * 2, "a command that does not resume begins its own"
+    for parent in parents.itertuples():
+        below = frame[frame["tags.mlflow.parentRunId"] == parent.run_id]
+        assert parent.status == "FINISHED" and sorted(below["name"]) == ["fern, chaotic", "fern, chaotic, seed 1"]
+    table = list(tmp_path.glob(f"**/{parents['run_id'].iloc[-1]}/artifacts/summary.json"))
+    columns, rows = (json.loads(table[0].read_text())[key] for key in ("columns", "data"))
+    assert columns[0] == "fit" and "eval/f1" in columns and [row[0] for row in rows] == ["seed=0", "seed=1"]
+
+
+def test_a_parent_run_tells_of_fits_that_failed(tmp_path, monkeypatch):
+    def fit(config):
+        raise InputError("this seed is out")
+    monkeypatch.setattr("fractal_exp.cli.train.fit", fit)
+    run_here(composed, "-m", "seed=0,1", f"output={tmp_path}")
+    frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
+    assert list(frame["status"]) == ["FAILED"] and list(frame["tags.error"]) == ["2 fits failed"]
+
+
 def test_jobs_of_m_are_named_by_what_they_vary_and_end_in_a_table(tmp_path):
     status, printed = run_here(composed, "-m", "model=naive,svd", "model.maps=2,3", "scale=smoke", "iterations=2",
                                "resolution=32", "threads=1", f"output={tmp_path}")
     assert status == 0, printed
     frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
+    frame = frame[frame["tags.kind"] != "several"]
     assert set(frame["tags.mlflow.runName"]) == {f"fern, chaotic{variant}, model.maps={maps}"
                                                  for variant in ("", ", naive") for maps in (2, 3)}
     assert sorted(frame["tags.variant"]) == ["full", "full", "naive", "naive"]

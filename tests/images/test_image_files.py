@@ -91,9 +91,9 @@ def test_decompression_bomb_is_refused(tmp_path, monkeypatch):
         with pytest.raises(InputError, match=f"more than {limit} pixels, .*; shrink the picture first"):
             read_target(tmp_path / "bomb.png", 32)
     monkeypatch.setattr(picture_bands, "LARGEST_PIXELS", 4800)
-    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
     read_target(tmp_path / "bomb.png", 32)
-    assert Image.MAX_IMAGE_PIXELS == 10, "Pillow's own bound is as before"
+    assert Image.MAX_IMAGE_PIXELS == 100, "Pillow's own bound is as before"
 
 
 def test_written_images_read_back_exactly(tmp_path):

@@ -191,6 +191,9 @@ def test_the_command_trains_a_network_that_a_fit_takes(name, tmp_path, capsys, m
     assert (folder / "code.json").exists() == (name != "super_resolution") and (folder / "views/result.png").exists()
     assert (folder / "enlarged.png").exists() == (name == "super_resolution")
     assert json.loads((folder / "finished.json").read_text())["scores"] == fitted
+    path.unlink()
+    with pytest.raises(InputError, match="safetensors"):
+        run(*SMOKE, f"method={name}", f"output={tmp_path}", "resume=true")
 
 
 def test_an_interrupted_command_goes_on(tmp_path, monkeypatch):

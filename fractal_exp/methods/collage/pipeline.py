@@ -9,6 +9,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from ...ifs.code import IFS
+from ...runtime.deadline import NO_DEADLINE, TimeIsUp, ending
 from ..base import OnStep, Progress, time_is_up
 from .stages.base import Stage
 from .stages.plan import Plan
@@ -43,14 +44,24 @@ class Pipeline:
         return self.state.found
 
     def _stage(self, stage: Stage) -> None:
-        """Run or resume the stage, unless it is done or no time is left."""
+        """Run or resume the stage, unless it is done or no time is left. It is cut short when time is up."""
         state = self.state
         if state.has_done(stage.key) or (state.is_outgrown and not stage.is_last_word) or not stage.is_wanted(state):
             return
         if state.current is None and state.result is not None and stage.latest_start.passed:
-            limit = self.plan.problem.deadline.seconds or 0
-            self.state = replace(state.closed(stage.key), stopped=time_is_up(limit))
+            self._skip(stage, state)
             return
+        try:
+            with ending(self.plan.problem.deadline if stage.ends_at_once and state.result else NO_DEADLINE):
+                self._run(stage, state)
+        except TimeIsUp:
+            self._skip(stage, stage.cut_short(self.state))
+
+    def _skip(self, stage: Stage, state: State) -> None:
+        limit = self.plan.problem.deadline.seconds or 0
+        self.state = replace(state.closed(stage.key), stopped=time_is_up(limit))
+
+    def _run(self, stage: Stage, state: State) -> None:
         state, deadline = stage.open(state), stage.deadline
         while state.step < stage.most_moves and not deadline.passed and not stage.is_settled(state):
             state = stage.move(state)

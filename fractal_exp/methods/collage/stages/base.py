@@ -211,13 +211,15 @@ class Stage(ABC):
     candidate. A stage whose `current` is there already when it is opened is resumed.
 
     name: shown in reports; part: its name in `STAGES`, where it is not the same; ends_at: the share of its time at
-    which it ends, see `Timetable.stage_end`. A stage that has not begun by `latest_start` is skipped.
+    which it ends, see `Timetable.stage_end`; ends_at_once: whether it is cut short when the search's time
+    is up and there is a code already, however far it is. A stage that has not begun by `latest_start` is skipped.
     """
 
     name: str
     part: str = ""
     ends_at: float | None = None
     is_last_word = False
+    ends_at_once: bool = False
     search: Any
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
@@ -263,6 +265,10 @@ class Stage(ABC):
     def is_settled(self, state: State) -> bool:
         """Whether further moves are unnecessary or hopeless."""
         return False
+
+    def cut_short(self, state: State) -> State:
+        """The state that the stage hands on if time is up in the midst of it: without what it has found."""
+        return state
 
     def close(self, state: State) -> State:
         """The state that the stage hands on."""

@@ -57,6 +57,7 @@ class Construction(Stage):
     """
 
     name, ends_at = "construction", ENDS
+    ends_at_once = True
     objective: ImageObjective   # the picture as it is seen with the camera that suits the code so far
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):

@@ -33,6 +33,7 @@ class Approach(Stage):
     """Polish the code on a shrunk image. The nearer the code, the more precisely this image can be computed."""
 
     name, ends_at = "approach", APPROACH_ENDS
+    ends_at_once = True
 
     def open(self, state: State) -> State:
         self.search = self.problem.image_search(state.leader.code, self.deadline, "approach", self.round,
@@ -46,6 +47,7 @@ class ImageMoves(Stage):
     """
 
     name = "image"
+    ends_at_once = True
     search: ImageSearch
     reached = "the code renders the image as well as the true one would"
 
@@ -97,6 +99,9 @@ class ImageMoves(Stage):
     @property
     def _grows_soon(self) -> bool:
         return self.params.growth.enabled and self.problem.deadline.until(HOPELESS_ENDS).passed
+
+    def cut_short(self, state: State) -> State:
+        return state if state.current is None else replace(state, best=state.current)
 
     def close(self, state: State) -> State:
         problem = self.problem
@@ -161,6 +166,7 @@ class FullSize(Stage):
     Grids are at most as fine as `image.finest`: a larger rendering only has less noise."""
 
     name, ends_at = "full size", FULL_ENDS
+    ends_at_once = True
 
     def open(self, state: State) -> State:
         return state.begun(lambda: self._polished(state.found))
@@ -189,6 +195,7 @@ class Rounding(Stage):
     """Round a nearly right code to simple numbers and make it fill the frame exactly."""
 
     name, ends_at = "rounding", ROUNDING_ENDS
+    ends_at_once = True
 
     def open(self, state: State) -> State:
         self.objective = self._objective_for(state.found)

@@ -1,0 +1,119 @@
+"""Colours, films and folders that nobody should give: each ends in a drawing or in one printable line of error."""
+
+import errno
+import json
+import os
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fractal_exp import IFS, InputError, codes
+from fractal_exp.cli import invert, render
+from fractal_exp.images.painted import Painted
+from fractal_exp.images.reading import read_target
+from fractal_exp.runtime import files
+
+CODE = {"format": "fractal-exp/ifs", "version": 1, "linear": [[[0.5, 0], [0, 0.5]]] * 2,
+        "offset": [[0.1, 0], [-0.4, 0.2]], "colours": {"rgb": [[1, 0, 0], [0, 1, 0]], "blends": [0.5, 0.5]}}
+NUMBERS = ["NaN", "1e400", "-1e400", "-1", "2", '"0.5"', "null", "[1]", "true", "9" * 400]
+
+
+def ended(command, capsys, *words):
+    """Whether a command did its work; it may also end in one line of error."""
+    capsys.readouterr()
+    try:
+        command.main(list(map(str, words)))
+    except SystemExit as end:
+        told = capsys.readouterr().err
+        assert end.code == 2 and told[:-1].isprintable() and len(told) < 2000, told[:2000]
+        return False
+    return True
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "code.json").write_text(json.dumps(CODE))
+
+
+@pytest.mark.parametrize("place", ["[1, 0, 0]", "[0.5, 0.5]"])
+@pytest.mark.parametrize("number", NUMBERS)
+def test_colours_that_are_none_are_refused(place, number, tmp_path):
+    text = json.dumps(CODE["colours"]).replace(place, place.replace(place[1:place.index(",")], number, 1))
+    whole = json.dumps(CODE | {"colours": "?"}).replace('"?"', text)
+    (tmp_path / "wrong.json").write_text(whole)
+    with pytest.raises(InputError):
+        IFS.load(tmp_path / "wrong.json")
+
+
+@pytest.mark.parametrize("colours", [
+    [], 3, "red", {}, {"rgb": [[1, 0, 0]], "blends": [0.5]}, {"rgb": [[1, 0], [0, 1]], "blends": [0.5, 0.5]},
+    {"rgb": [[1, 0, 0], [0, 1, 0]], "blends": [[0.5], [0.5]]}, CODE["colours"] | {"more": 1}])
+def test_colours_of_another_form_are_refused(colours, tmp_path):
+    (tmp_path / "wrong.json").write_text(json.dumps(CODE | {"colours": colours}))
+    with pytest.raises(InputError):
+        IFS.load(tmp_path / "wrong.json")
+
+
+def test_notes_about_colours_of_any_kind_do_not_hinder_a_drawing(tmp_path, capsys):
+    for note in ("x", [], [1], [7, 0, 0], {"a": 1}, None, True, "\n", ["a", "b", "c"], [[1], 0, 0], float("nan")):
+        (tmp_path / "noted.json").write_text(json.dumps(CODE | {"meta": {"ground": note, "background": note}}))
+        ended(render, capsys, "noted.json", "a.png", "--size", 16, "--points", 100)  # or one line of error
+
+
+@pytest.mark.parametrize("alpha", ["none", "one pixel", "checks", "steps"])
+def test_transparency_of_any_kind_is_read_or_refused(alpha, tmp_path):
+    rng = np.random.default_rng(1)
+    pixels = rng.integers(0, 256, (32, 32, 4)).astype(np.uint8)
+    pixels[..., 3] = {"none": 0, "one pixel": np.pad([[255]], (15, 16)), "steps": np.arange(32) * 8,
+                      "checks": 255 * (np.indices((32, 32)).sum(0) % 2)}[alpha]
+    Image.fromarray(pixels).save(tmp_path / "picture.png")
+    try:
+        target = read_target(tmp_path / "picture.png", 32)
+        assert np.isfinite(Painted.of(target).seen).all() and bool(target.image.isfinite().all())
+    except InputError as error:
+        assert str(error).isprintable()
+
+
+FILM = ["code.json", "film.gif", "--size", 16, "--points", 100]
+
+
+@pytest.mark.parametrize("words", [
+    ["--seconds", "0"], ["--seconds", "nan"], ["--seconds", "inf"], ["--seconds", "-1"], ["--fps", "0"],
+    ["--fps", "nan"], ["--fps", "1e9"], ["--zoom", "nan"], ["--zoom", "0"], ["--zoom", "inf"], ["--zoom", "1e400"],
+    ["--start-zoom", "nan"], ["--start-zoom", "0"], ["--center", "nan", "0"], ["--center", "1e400", "0"],
+    ["--size", "0"], ["--size", "99999999"], ["--points", "nan"], ["--points", "0"], ["--supersample", "100000"]])
+def test_films_of_no_size_are_refused(words, capsys, tmp_path):
+    length = [] if "--seconds" in words else ["--seconds", "0.1"]
+    assert not ended(render, capsys, *FILM, *length, *words)
+    assert [path.name for path in tmp_path.iterdir()] == ["code.json"]
+
+
+@pytest.mark.parametrize("name", ["%04d%04d.png", "%99999999d.png", "code.json/%04d.png", "no/film.gif", "\0.gif"])
+def test_films_of_no_file_are_refused(name, capsys):
+    assert not ended(render, capsys, "code.json", name, *FILM[2:], "--seconds", "0.1")
+
+
+@pytest.mark.parametrize("folder", ["code.json", "code.json/inner"])
+def test_a_file_where_a_folder_should_be_is_told_before_the_search(folder, capsys, monkeypatch):
+    Image.fromarray(np.uint8(255 * (np.indices((64, 64)).sum(0) < 40))).save("picture.png")
+    monkeypatch.setattr("fractal_exp.api.invert", lambda *_, **__: pytest.fail("the search has begun"))
+    assert not ended(invert, capsys, "picture.png", "--output", folder)
+
+
+def test_a_folder_that_may_not_be_written_to_is_told_before_the_search(capsys, monkeypatch):
+    monkeypatch.setattr("fractal_exp.cli.invert.os.access", lambda *_: False)  # as for root on a disk that is read-only
+    monkeypatch.setattr("fractal_exp.images.reading.read_target", lambda *_, **__: pytest.fail("the work has begun"))
+    assert not ended(invert, capsys, "picture.png", "--output", "new/folder")
+
+
+def test_a_disk_that_is_read_only_is_told(monkeypatch, tmp_path, capsys):
+    def refuse(path, *arguments, **more):
+        if str(path).startswith(str(tmp_path)) and arguments and "x" in arguments[0]:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+        return open(path, *arguments, **more)
+    monkeypatch.setattr(files, "open", refuse, raising=False)
+    with pytest.raises(InputError, match="Read-only file system"):
+        codes.known("fern").save(tmp_path / "fern.json")
+    assert not ended(render, capsys, "code.json", "still.png", "--size", 16, "--points", 100)

@@ -32,6 +32,7 @@ from fractal_exp import suite
 from fractal_exp.cameras.estimate import angle_of, nearest
 from fractal_exp.cameras.kinds import beside, kind_of, levels_of
 from fractal_exp.cameras.params import CameraParams
+from fractal_exp.cameras.strokes import flat_maps
 from fractal_exp.evaluation.inside import outline
 from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import IFS
@@ -50,7 +51,7 @@ PLANTS = Path("/usr/share/tuxpaint/stamps/plants")
 SIDE, SIZE = 256, 1.5           # of a picture, pixels; of a figure on the canvas
 MOVED, SLAB, PAVED = 0.1, 12, 64   # share of the figure's size; maps of a slab, of which few look like no accident
 EVERY = 3                       # right codes of drawn pictures, of which one is spoilt; of others, all are
-SOURCES = {"pictures_binary": ("binary", 1), "pictures_textbook": ("textbook", 2), "pictures_tone_curves":
+SOURCES = {"pictures_binary": ("binary", 1), "pictures_textbook": ("textbook", 3), "pictures_tone_curves":
            ("tone_curves", 3), "pictures_trees": ("trees", 3)}   # folder: set, and of how many fits one is taken
 # What a person says of recorded codes that are not the true ones, and of some that are.
 SEEN = {
@@ -151,7 +152,7 @@ def box(target: ReadImage) -> IFS:
 
 def t_square(depth: int) -> np.ndarray:
     """Squares with squares of half the side around their corners, (2 SIDE, 2 SIDE) white on black."""
-    image = Image.new("L", (2 * SIDE,) * 2)
+    image = Image.new("L", (2 * SIDE, 2 * SIDE))
     pen = ImageDraw.Draw(image)
 
     def draw(x: float, y: float, half: float, depth: int) -> None:
@@ -164,10 +165,10 @@ def t_square(depth: int) -> np.ndarray:
 
 
 def measured(pair: Pair) -> dict[str, Any]:
-    """The verdict on a pair and its figures, by the camera that suits the code best; strokes are tried too."""
+    """The verdict on a pair and its figures, by the camera that suits the code best, strokes among them if maps are flat."""
     target, levels = pair.target, levels_of(pair.target.image, pair.target.levels, CameraParams())
     camera = camera_for(pair.code, target)
-    if not levels.is_exact:
+    if not levels.is_exact and flat_maps(pair.code).any():
         kinds = [kind_of(name)(levels.params, target.image, kinds=levels.kinds)
                  for name in (camera.kind, *beside(camera.kind))]
         tried = [nearest(target.image, kind, pair.code, 0)[:1] for kind in kinds]

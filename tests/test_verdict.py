@@ -147,14 +147,15 @@ def test_a_filled_square_is_not_the_figure_that_leaves_crosses_or_holes_out(leve
     assert Verdict.of(right, len(code), target).kind == "recovered"
     assert Verdict.of(replace(right, noise_ratio=9.0), len(code), target).kind == "recovered", "other random points"
     verdict = Verdict.of(wrong, len(slab), target)
-    assert verdict.kind != "recovered" and wrong.inside < 0.7 < right.inside
-    assert right.ssim == pytest.approx(right.ssim_chance, abs=0.05) and f"SSIM {wrong.ssim:.2f}"[-3:] in verdict.words
+    assert verdict.kind != "recovered" and "SSIM" in verdict.words
+    assert (wrong.inside or 0) < 0.7 < (right.inside or 0) and right.ssim == pytest.approx(right.ssim_chance, abs=0.05)
 
 
 def test_a_filled_square_is_no_t_square():
     target = ReadImage.of_drawing(t_square(6), "drawn")
     found = Likeness.of(square(), target, PEN)
-    assert found.f1_1px > 0.985 and found.f1_dark < 0.1, "to within a pixel, all of the light and none of the dark"
+    assert found.f1_1px > 0.985, "to within a pixel, all of the light"
+    assert found.f1_dark == pytest.approx(0, abs=0.1), "and none of the dark"
     assert Verdict.of(found, 4, target).kind != "recovered"
 
 

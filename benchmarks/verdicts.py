@@ -165,7 +165,7 @@ def t_square(depth: int) -> np.ndarray:
 
 
 def measured(pair: Pair) -> dict[str, Any]:
-    """The verdict on a pair and its figures, by the camera that suits the code best, strokes among them if maps are flat."""
+    """The verdict on a pair and its figures, by the camera that suits the code best; flat maps may draw strokes."""
     target, levels = pair.target, levels_of(pair.target.image, pair.target.levels, CameraParams())
     camera = camera_for(pair.code, target)
     if not levels.is_exact and flat_maps(pair.code).any():
@@ -199,11 +199,11 @@ def main() -> None:
     chosen = [pair for pair in pairs() if args.only in (None, pair.group)]
     with ProcessPoolExecutor(args.workers, get_context("spawn"), torch.set_num_threads, (1,)) as pool:
         rows = list(tqdm(pool.map(measured, chosen), "judging", len(chosen), unit="pair"))
-    for row in sorted(rows, key=lambda row: (row["group"], -row["inside"])):
+    for row in sorted(rows, key=lambda row: (row["group"], -row["ssim_share"])):
         if row["group"] == "seen" or (row["verdict"] == "recovered") != (row["group"] == "right"):
             dark = "    -" if row["f1_dark"] is None else f"{row['f1_dark']:5.2f}"
             print(f"{row['group']:5} {row['pair']:48} F1 {row['f1_1px']:.3f} SSIM {row['ssim']:5.2f} of "
-                  f"{row['ssim_chance']:.2f} dark {dark} inside {row['inside']:5.2f}  {row['person']}: "
+                  f"{row['ssim_chance']:.2f} dark {dark} inside {row['ssim_share']:5.2f}  {row['person']}: "
                   f"{row['verdict']}")
     ratios = {}
     for group, bad in (("wrong", "recovered"), ("right", "approximation")):

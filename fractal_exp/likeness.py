@@ -26,7 +26,7 @@ UNLIKE = 0.95        # F1 within a pixel from which the shape is right, though g
 ALIKE_DARK = 0.85    # F1 within a pixel of the dark inside an outline below which a shape lost what makes it
 OUTLINE = 0.5        # likeness inside below which no more than the outline is alike
 BESIDE_PX = 1.5      # an attractor's pixel that is nearer counts as beside one of the shape: all eight neighbours are
-LEAST_CHANCE = 0.5   # lower limit of ssim_chance in `inside`: two drawings of mere noise are not alike, and allow all
+LEAST_CHANCE = 0.5   # lower limit of the divisor of `ssim_share`: drawings of mere noise are not alike, and allow all
 SMALL_TILE_PX = 8.0  # an attractor may lie off the shape by half a tile, but by no more than half of this
 TILED_MAPS = 2       # except for a code of at most so many maps, which do not draw a picture by chance
 
@@ -46,9 +46,9 @@ class Likeness:
 
     ssim: SSIM inside the shape (`evaluation.inside`), which a slab in the place of branches lacks. ssim_chance: that of
     two drawings of the code by its camera with different random points: about what the true code has. f1_dark: F1
-    within a pixel of what is dark inside the shape's outline, None if nothing is. inside: ssim over ssim_chance, both
-    of images with pixels twice as large, in which the dots of a scatter plot weigh less. All four are None in files of
-    older versions.
+    within a pixel of what is dark inside the shape's outline, None if nothing is. ssim_share: ssim over ssim_chance,
+    both of images with pixels twice as large, in which the dots of a scatter plot weigh less. All four are None in
+    files of older versions.
     """
 
     f1: float
@@ -59,7 +59,7 @@ class Likeness:
     ssim: float | None = None
     ssim_chance: float | None = None
     f1_dark: float | None = None
-    inside: float | None = None
+    ssim_share: float | None = None
 
     @classmethod
     def of(cls, code: IFS, target: TargetImage, camera: Camera | None = None, *, params: CameraParams | None = None,
@@ -80,12 +80,12 @@ class Likeness:
             (ssim_inside(drawn, picture, least), ssim_inside(other, drawn, least)) for drawn, picture, other
             in ((rendering, image, again), [mean_of(each, len(image) // 2) for each in (rendering, image, again)]))
         return cls(f1, iou, comparison.error(rendering) / comparison.noise(code), f1_1px, ssim=ssim, ssim_chance=chance,
-                   f1_dark=f1_dark(rendering, image, least), inside=half / max(half_chance, LEAST_CHANCE))
+                   f1_dark=f1_dark(rendering, image, least), ssim_share=half / max(half_chance, LEAST_CHANCE))
 
     @property
     def is_outline(self) -> bool:
         """Whether no more than the outline of the shape is alike, as in a slab in the place of a tree."""
-        return self.inside is not None and self.inside < OUTLINE
+        return self.ssim_share is not None and self.ssim_share < OUTLINE
 
     def __str__(self) -> str:
         colour = "" if self.colour is None else f", colours {self.colour:.2g} apart (CIEDE2000)"

@@ -105,7 +105,7 @@ def _is_alike_inside(likeness: Likeness, target: ReadImage) -> bool:
     """Whether a code has the gaps and the tone of the picture: neither a slab has, nor a square around the shape."""
     least = ALIKE_INSIDE if target.levels == DRAWN else ALIKE_IF_EXACT
     return ((likeness.f1_dark is None or likeness.f1_dark >= ALIKE_DARK)
-            and (likeness.inside is None or likeness.inside >= least))
+            and (likeness.ssim_share is None or likeness.ssim_share >= least))
 
 
 def _box(image: Tensor) -> Tensor:

@@ -164,7 +164,7 @@ def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, na
                                  "noise_ratio": found.likeness.noise_ratio, "f1_1px": found.likeness.f1_1px,
                                  "colour": None, "ssim": found.likeness.ssim,
                                  "ssim_chance": found.likeness.ssim_chance, "f1_dark": found.likeness.f1_dark,
-                                 "inside": found.likeness.inside}
+                                 "ssim_share": found.likeness.ssim_share}
     assert facts["verdict"] == {"kind": found.verdict.kind, "words": found.verdict.words,
                                 "remedy": found.verdict.remedy, "change": found.verdict.change}
     assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}
@@ -210,7 +210,7 @@ def test_a_folder_of_an_older_version_is_read(known, path, tmp_path):
     data = json.loads(whole.read_text())
     facts = data["meta"]["inversion"]
     del facts["levels"], facts["camera"], facts["curve"][0]["code"]
-    for name in ("ssim", "ssim_chance", "f1_dark", "inside"):
+    for name in ("ssim", "ssim_chance", "f1_dark", "ssim_share"):
         del facts["likeness"][name]
     facts["options"]["camera"], facts["verdict"]["kind"] = {"pens": 3}, "not self-similar"
     whole.write_text(json.dumps(data))

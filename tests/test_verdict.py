@@ -148,7 +148,8 @@ def test_a_filled_square_is_not_the_figure_that_leaves_crosses_or_holes_out(leve
     assert Verdict.of(replace(right, noise_ratio=9.0), len(code), target).kind == "recovered", "other random points"
     verdict = Verdict.of(wrong, len(slab), target)
     assert verdict.kind != "recovered" and "SSIM" in verdict.words
-    assert (wrong.inside or 0) < 0.7 < (right.inside or 0) and right.ssim == pytest.approx(right.ssim_chance, abs=0.05)
+    assert (wrong.ssim_share or 0) < 0.7 < (right.ssim_share or 0)
+    assert right.ssim == pytest.approx(right.ssim_chance, abs=0.05)
 
 
 def test_a_filled_square_is_no_t_square():
@@ -176,10 +177,10 @@ def test_a_disc_has_no_dark_that_a_code_may_lose():
 def test_where_the_inside_is_lost_neither_more_pixels_nor_the_outline_are_enough():
     drawn = SHAPE.clone()
     drawn[drawn > 0] = torch.linspace(0.3, 1, int((drawn > 0).sum()))
-    picture, slab = read(drawn, scale=0.4), likeness(0.99, ssim=0.08, ssim_chance=0.99, f1_dark=0.4, inside=0.3)
+    picture, slab = read(drawn, scale=0.4), likeness(0.99, ssim=0.08, ssim_chance=0.99, f1_dark=0.4, ssim_share=0.3)
     verdict = Verdict.of(slab, 4, picture)
     assert verdict.words == ("approximation of the outline with 4 maps; F1 .99 within a pixel, SSIM .08 inside; "
                              "more maps would help") and verdict.change == {"maps": 8}
-    assert Verdict.of(replace(slab, f1_dark=0.9, inside=0.9), 4, picture).kind == "recovered"
-    assert Verdict.of(replace(slab, f1_dark=0.8, inside=0.9), 4, picture).kind == "approximation"
+    assert Verdict.of(replace(slab, f1_dark=0.9, ssim_share=0.9), 4, picture).kind == "recovered"
+    assert Verdict.of(replace(slab, f1_dark=0.8, ssim_share=0.9), 4, picture).kind == "approximation"
     assert "SSIM -.08 inside" in Verdict.of(replace(slab, ssim=-0.08), 4, picture).words

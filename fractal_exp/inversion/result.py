@@ -111,7 +111,7 @@ class Inversion:
     def facts(self) -> dict[str, Any]:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
-        f1_1px, colour, ssim, ssim_chance, f1_dark, inside}, verdict {kind, words, remedy, change}, camera, stopped,
+        f1_1px, colour, ssim, ssim_chance, f1_dark, ssim_share}, verdict {kind, words, remedy, change}, camera, stopped,
         seconds, stages [{name, seconds, score, error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
         """
         return {

@@ -18,9 +18,10 @@ Kind = Literal["recovered", "approximation", "not recovered"]
 
 TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
 OTHER_LEVELS = {"density": "coverage", "binary": "coverage", "coverage": "auto"}
+DENSITIES = "density", "linear"   # levels by which each grey counts
 FEW_MAPS = 12                 # with which a code that draws the shape to within a pixel is no accident
-ALIKE_INSIDE = 0.88           # likeness inside from which the tone is right, too, in a picture that others drew
-ALIKE_IF_EXACT = 0.98         # the same where a picture differs from the true code's only by chance
+ALIKE_INSIDE = 0.88           # likeness inside from which gaps and tone are right, too
+ALIKE_DENSITY = 0.98          # the same in a density, which differs from the true code's only by chance
 NOT_ALIKE = 0.5               # F1 within a pixel below which a code is not like the picture at all
 NOT_ALIKE_UNCLEAR = 0.9       # the same for a picture without a clear shape
 OVER_A_BOX = 0.02             # share of the gap to 1 by which a code's F1 must exceed that of a filled box
@@ -103,7 +104,7 @@ def _is_alike(likeness: Likeness, image: Tensor, least: float) -> bool:
 
 def _is_alike_inside(likeness: Likeness, target: ReadImage) -> bool:
     """Whether a code has the gaps and the tone of the picture: neither a slab has, nor a square around the shape."""
-    least = ALIKE_INSIDE if target.levels == DRAWN else ALIKE_IF_EXACT
+    least = ALIKE_DENSITY if target.levels in DENSITIES else ALIKE_INSIDE
     return ((likeness.f1_dark is None or likeness.f1_dark >= ALIKE_DARK)
             and (likeness.ssim_share is None or likeness.ssim_share >= least))
 

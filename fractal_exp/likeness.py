@@ -11,9 +11,10 @@ from .cameras.camera import Camera
 from .cameras.comparison import Comparison
 from .cameras.estimate import estimated
 from .cameras.kinds import levels_of, with_camera
-from .cameras.levels import Levels
+from .cameras.levels import Levels, mean_of
 from .cameras.params import CameraParams
 from .evaluation import metrics
+from .evaluation.inside import f1_dark, ssim_inside
 from .ifs.code import IFS
 from .images.levels import TargetImage
 from .runtime.seeds import derive
@@ -22,7 +23,10 @@ from .runtime.seeds import derive
 WITHIN_NOISE = 1.2   # noise ratio below which a code cannot be told from the true one
 ALIKE = 0.985        # F1 within a pixel at which a code of few maps is no accident
 UNLIKE = 0.95        # F1 within a pixel from which the shape is right, though grey levels may be wrong
+ALIKE_DARK = 0.85    # F1 within a pixel of the dark inside an outline below which a shape lost what makes it
+OUTLINE = 0.5        # likeness inside below which no more than the outline is alike
 BESIDE_PX = 1.5      # an attractor's pixel that is nearer counts as beside one of the shape: all eight neighbours are
+LEAST_CHANCE = 0.5   # lower limit of the divisor of `ssim_share`: drawings of mere noise are not alike, and allow all
 SMALL_TILE_PX = 8.0  # an attractor may lie off the shape by half a tile, but by no more than half of this
 TILED_MAPS = 2       # except for a code of at most so many maps, which do not draw a picture by chance
 
@@ -39,6 +43,12 @@ class Likeness:
     random points; about 1 for the true code. The error compares both images at several scales, see
     `cameras.comparison`. colour: the mean CIEDE2000 difference between the code's colours and the picture's (see
     `colouring.error`), or None for a code without colours.
+
+    ssim: SSIM inside the shape (`evaluation.inside`), which a slab in the place of branches lacks. ssim_chance: that of
+    two drawings of the code by its camera with different random points: about what the true code has. f1_dark: F1
+    within a pixel of what is dark inside the shape's outline, None if nothing is. ssim_share: ssim over ssim_chance,
+    both of images with pixels twice as large, in which the dots of a scatter plot weigh less. All four are None in
+    files of older versions.
     """
 
     f1: float
@@ -46,6 +56,10 @@ class Likeness:
     noise_ratio: float
     f1_1px: float
     colour: float | None = None
+    ssim: float | None = None
+    ssim_chance: float | None = None
+    f1_dark: float | None = None
+    ssim_share: float | None = None
 
     @classmethod
     def of(cls, code: IFS, target: TargetImage, camera: Camera | None = None, *, params: CameraParams | None = None,
@@ -61,11 +75,22 @@ class Likeness:
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
-        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code), f1_1px)
+        again = levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering)
+        (ssim, chance), (half, half_chance) = (
+            (ssim_inside(drawn, picture, least), ssim_inside(other, drawn, least)) for drawn, picture, other
+            in ((rendering, image, again), [mean_of(each, len(image) // 2) for each in (rendering, image, again)]))
+        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code), f1_1px, ssim=ssim, ssim_chance=chance,
+                   f1_dark=f1_dark(rendering, image, least), ssim_share=half / max(half_chance, LEAST_CHANCE))
+
+    @property
+    def is_outline(self) -> bool:
+        """Whether no more than the outline of the shape is alike, as in a slab in the place of a tree."""
+        return self.ssim_share is not None and self.ssim_share < OUTLINE
 
     def __str__(self) -> str:
         colour = "" if self.colour is None else f", colours {self.colour:.2g} apart (CIEDE2000)"
-        return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, "
+        inside = "" if self.ssim is None else f"SSIM {self.ssim:.3f} inside (by chance {self.ssim_chance:.3f}), "
+        return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, {inside}"
                 f"error {self.noise_ratio:.3g} × noise{colour}")
 
 

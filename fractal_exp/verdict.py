@@ -12,13 +12,16 @@ from torch import Tensor
 from .evaluation import metrics
 from .images.levels import DRAWN
 from .images.reading import ReadImage
-from .likeness import ALIKE, UNLIKE, WITHIN_NOISE, Likeness
+from .likeness import ALIKE, ALIKE_DARK, UNLIKE, WITHIN_NOISE, Likeness
 
 Kind = Literal["recovered", "approximation", "not recovered"]
 
 TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
 OTHER_LEVELS = {"density": "coverage", "binary": "coverage", "coverage": "auto"}
+DENSITIES = "density", "linear"   # levels by which each grey counts
 FEW_MAPS = 12                 # with which a code that draws the shape to within a pixel is no accident
+ALIKE_INSIDE = 0.88           # likeness inside from which gaps and tone are right, too
+ALIKE_DENSITY = 0.98          # the same in a density, which differs from the true code's only by chance
 NOT_ALIKE = 0.5               # F1 within a pixel below which a code is not like the picture at all
 NOT_ALIKE_UNCLEAR = 0.9       # the same for a picture without a clear shape
 OVER_A_BOX = 0.02             # share of the gap to 1 by which a code's F1 must exceed that of a filled box
@@ -32,11 +35,11 @@ OTHER_COLOURS = 10.0          # mean CIEDE2000 difference from which anybody cal
 class Verdict:
     """What a code is worth.
 
-    kind: "recovered" if the picture is explained to its noise, or its shape to within a pixel by few maps;
-    "approximation" if the code draws something like it; "not recovered" if the code is hardly like it, or no more than
-    a filled box. Whether the picture is self-similar, no search can say. words: the same in one line, with figures; of
-    colours too, where they are clearly off. remedy: what is most likely to help; empty if nothing is needed. change:
-    the same as an argument of `invert` and its value, where it is one.
+    kind: "recovered" if the picture is explained to its noise, or its shape to within a pixel by few maps, with its
+    gaps and its tone; "approximation" if the code draws something like it; "not recovered" if the code is hardly like
+    it, or no more than a filled box. Whether the picture is self-similar, no search can say. words: the same in one
+    line, with figures; of colours too, where they are clearly off. remedy: what is most likely to help; empty if
+    nothing is needed. change: the same as an argument of `invert` and its value, where it is one.
     """
 
     kind: Kind
@@ -55,13 +58,17 @@ class Verdict:
         if likeness.noise_ratio < WITHIN_NOISE:
             return cls("recovered", "recovered: the picture is explained to its noise")
         unclear = target.unclear
-        if likeness.f1_1px >= ALIKE and maps <= FEW_MAPS and not unclear:
+        inside = _is_alike_inside(likeness, target)
+        if likeness.f1_1px >= ALIKE and maps <= FEW_MAPS and inside and not unclear:
             return cls("recovered", f"recovered: the shape is explained to within a pixel by {maps} maps")
         figures = f"F1 {_short(likeness.f1_1px)} within a pixel"
+        if likeness.ssim is not None:
+            figures += f", SSIM {_short(likeness.ssim)} inside"
         short, remedy, change = next(_remedies(likeness, maps, target, stopped, options or {}))
         if _is_alike(likeness, target.image, NOT_ALIKE_UNCLEAR if unclear else NOT_ALIKE):
-            number = f"{maps} map{'s' * (maps > 1)}"
-            return cls("approximation", f"approximation with {number}; {figures}; {short} would help", remedy, change)
+            number, what = f"{maps} map{'s' * (maps > 1)}", " of the outline" * likeness.is_outline
+            return cls("approximation", f"approximation{what} with {number}; {figures}; {short} would help", remedy,
+                       change)
         why = f" ({unclear})" if unclear else ""
         return cls("not recovered", f"not recovered{why}; {figures}", remedy, change)
 
@@ -95,6 +102,13 @@ def _is_alike(likeness: Likeness, image: Tensor, least: float) -> bool:
     return better and likeness.f1_1px >= least
 
 
+def _is_alike_inside(likeness: Likeness, target: ReadImage) -> bool:
+    """Whether a code has the gaps and the tone of the picture: neither a slab has, nor a square around the shape."""
+    least = ALIKE_DENSITY if target.levels in DENSITIES else ALIKE_INSIDE
+    return ((likeness.f1_dark is None or likeness.f1_dark >= ALIKE_DARK)
+            and (likeness.ssim_share is None or likeness.ssim_share >= least))
+
+
 def _box(image: Tensor) -> Tensor:
     """The filled bounding box of the lit pixels."""
     lit, box = image > 0, torch.zeros_like(image)
@@ -123,7 +137,7 @@ def _remedies(likeness: Likeness, maps: int, target: ReadImage, stopped: str, op
             other = OTHER_LEVELS.get(target.levels, "coverage")
             yield "another meaning of grey levels", f"levels={other} instead of {target.levels}", {"levels": other}
         side = target.image.shape[-1]
-        if target.scale < SHRUNK and side < LARGEST_SIDE:
+        if target.scale < SHRUNK and side < LARGEST_SIDE and _is_alike_inside(likeness, target):
             finer = min(round(side / target.scale), LARGEST_SIDE)
             yield ("a finer image", f"resolution={finer}: the picture was shrunk {1 / target.scale:.2g} times",
                    {"resolution": finer})
@@ -134,4 +148,4 @@ def _remedies(likeness: Likeness, maps: int, target: ReadImage, stopped: str, op
 
 def _short(share: float) -> str:
     """A share as .55."""
-    return f"{share:.2f}".removeprefix("0")
+    return f"{share:.2f}".replace("0.", ".", 1)

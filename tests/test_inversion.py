@@ -162,7 +162,9 @@ def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, na
     assert facts == found.facts()
     assert facts["likeness"] == {"f1": found.likeness.f1, "iou": found.likeness.iou,
                                  "noise_ratio": found.likeness.noise_ratio, "f1_1px": found.likeness.f1_1px,
-                                 "colour": None}
+                                 "colour": None, "ssim": found.likeness.ssim,
+                                 "ssim_chance": found.likeness.ssim_chance, "f1_dark": found.likeness.f1_dark,
+                                 "ssim_share": found.likeness.ssim_share}
     assert facts["verdict"] == {"kind": found.verdict.kind, "words": found.verdict.words,
                                 "remedy": found.verdict.remedy, "change": found.verdict.change}
     assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}
@@ -202,17 +204,19 @@ def test_a_saved_inversion_is_loaded(known, path, tmp_path):
 
 
 def test_a_folder_of_an_older_version_is_read(known, path, tmp_path):
-    """It knew neither the meaning of the levels nor the camera, and its curve had no codes."""
+    """It knew neither the meaning of the levels nor the camera nor the inside, and its curve had no codes."""
     found = replace(known(path), curve=(CurvePoint(3, 0.9, 36, codes.known("sierpinski_triangle")),))
     whole = found.save(tmp_path / "old") / "inversion.json"
     data = json.loads(whole.read_text())
     facts = data["meta"]["inversion"]
     del facts["levels"], facts["camera"], facts["curve"][0]["code"]
+    for name in ("ssim", "ssim_chance", "f1_dark", "ssim_share"):
+        del facts["likeness"][name]
     facts["options"]["camera"], facts["verdict"]["kind"] = {"pens": 3}, "not self-similar"
     whole.write_text(json.dumps(data))
     old = Inversion.load(tmp_path / "old")
     assert old.target.levels == found.target.levels and old.camera.kind == found.camera.kind and old.curve == ()
-    assert old.verdict.kind == "not recovered"
+    assert old.verdict.kind == "not recovered" and old.likeness.ssim is None and not old.likeness.is_outline
     assert old.redrawn().shape == found.target.image.shape
 
 

@@ -6,18 +6,49 @@ import pytest
 import torch
 
 from fractal_exp import codes, suite
+from fractal_exp.cameras.camera import Camera
 from fractal_exp.ifs import attractor
+from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.images.reading import ReadImage
-from fractal_exp.likeness import Likeness
+from fractal_exp.likeness import Likeness, redrawn
 from fractal_exp.verdict import Verdict
 
 SHAPE = torch.zeros(64, 64)
 SHAPE[16:48, 8:56] = torch.eye(48)[:32]
 
 
-def likeness(f1_1px, noise_ratio=9.0):
-    return Likeness(f1_1px, f1_1px, noise_ratio, f1_1px)
+CORNERS = torch.tensor([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+PEN = Camera("coverage", tile=0.0, pen=0.008, blur=0.004)
+
+
+def likeness(f1_1px, noise_ratio=9.0, **inside):
+    return Likeness(f1_1px, f1_1px, noise_ratio, f1_1px, **inside)
+
+
+def square(ratio=0.5, half=0.75):
+    """A square of four squares: with a ratio below a half, thin crosses between them are left out, at every scale."""
+    return IFS(ratio * torch.eye(2).repeat(4, 1, 1), half * (1 - ratio) * CORNERS)
+
+
+def carpet():
+    at = torch.cartesian_prod(*[torch.tensor([-1.0, 0.0, 1.0])] * 2)
+    return IFS(torch.eye(2).repeat(8, 1, 1) / 3, at[at.abs().sum(1) > 0] / 2)
+
+
+def t_square(depth, side=256):
+    """Squares with squares of half the side around their corners, white on black: the black that is left out is thin,
+    and all of it lies within the square that the figure fills in the limit."""
+    image = torch.zeros(side, side)
+
+    def draw(x, y, width, depth):
+        rows, columns = (slice(round(at - width / 2), round(at + width / 2)) for at in (y, x))
+        image[rows, columns] = 1
+        for dx, dy in CORNERS.tolist() if depth else []:
+            draw(x + dx * width / 2, y + dy * width / 2, width / 2, depth - 1)
+
+    draw(side / 2, side / 2, 0.375 * side, depth)
+    return image
 
 
 def read(image=SHAPE, **facts):
@@ -104,3 +135,52 @@ def test_a_verdict_speaks_of_colours_that_are_off():
     assert verdict.with_colours(3.0) == verdict == verdict.with_colours(None)
     off = verdict.with_colours(26.0)
     assert off.kind == "recovered" and "its colours are not the picture's, 26 apart" in off.words
+
+
+@pytest.mark.parametrize("levels, kind", [("binary", "binary"), ("grey", "density"), ("drawn", "drawn")])
+@pytest.mark.parametrize("code, slab", [(square(0.48), square()), (carpet(), square())], ids=["crosses", "carpet"])
+def test_a_filled_square_is_not_the_figure_that_leaves_crosses_or_holes_out(levels, kind, code, slab):
+    image = (redrawn(code, ReadImage.of_drawing(torch.zeros(192, 192), "drawn"), PEN) if levels == "drawn"
+             else suite.target(code, 192, levels))
+    target = ReadImage.of_drawing(image, kind)
+    right, wrong = (Likeness.of(each, target, PEN if levels == "drawn" else None, seed=5) for each in (code, slab))
+    assert Verdict.of(right, len(code), target).kind == "recovered"
+    assert Verdict.of(replace(right, noise_ratio=9.0), len(code), target).kind == "recovered", "other random points"
+    verdict = Verdict.of(wrong, len(slab), target)
+    assert verdict.kind != "recovered" and "SSIM" in verdict.words
+    assert (wrong.ssim_share or 0) < 0.7 < (right.ssim_share or 0)
+    assert right.ssim == pytest.approx(right.ssim_chance, abs=0.05)
+
+
+def test_a_filled_square_is_no_t_square():
+    target = ReadImage.of_drawing(t_square(6), "drawn")
+    found = Likeness.of(square(), target, PEN)
+    assert found.f1_1px > 0.985, "to within a pixel, all of the light"
+    assert found.f1_dark == pytest.approx(0, abs=0.1), "and none of the dark"
+    assert Verdict.of(found, 4, target).kind != "recovered"
+
+
+def test_a_code_without_the_tone_of_a_grey_picture_is_not_recovered():
+    code = attractor.normalize(codes.known("fern"))
+    target = read(suite.target(code, 192, "grey"))
+    even = replace(code, probabilities=torch.full((4,), 0.25))
+    assert Verdict.of(Likeness.of(code, target, seed=3), 4, target).kind == "recovered"
+    assert Verdict.of(replace(Likeness.of(even, target, seed=3), f1_1px=1.0), 4, target).kind != "recovered"
+
+
+def test_a_disc_has_no_dark_that_a_code_may_lose():
+    at = torch.arange(96) - 47.5
+    disc = ReadImage.of_drawing((at[:, None].square() + at.square() < 900).float(), "binary")
+    assert Likeness.of(square(half=0.6), disc).f1_dark is None
+
+
+def test_where_the_inside_is_lost_neither_more_pixels_nor_the_outline_are_enough():
+    drawn = SHAPE.clone()
+    drawn[drawn > 0] = torch.linspace(0.3, 1, int((drawn > 0).sum()))
+    picture, slab = read(drawn, scale=0.4), likeness(0.99, ssim=0.08, ssim_chance=0.99, f1_dark=0.4, ssim_share=0.3)
+    verdict = Verdict.of(slab, 4, picture)
+    assert verdict.words == ("approximation of the outline with 4 maps; F1 .99 within a pixel, SSIM .08 inside; "
+                             "more maps would help") and verdict.change == {"maps": 8}
+    assert Verdict.of(replace(slab, f1_dark=0.9, ssim_share=0.9), 4, picture).kind == "recovered"
+    assert Verdict.of(replace(slab, f1_dark=0.8, ssim_share=0.9), 4, picture).kind == "approximation"
+    assert "SSIM -.08 inside" in Verdict.of(replace(slab, ssim=-0.08), 4, picture).words

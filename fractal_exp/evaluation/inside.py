@@ -52,8 +52,9 @@ def f1_dark(drawn: Tensor, image: Tensor, above: float = LIT) -> float | None:
     if (inside & dark).sum() <= LEAST_DARK * inside.sum():
         return None
     # What is dark outside counts as near, so that a shape may lie a pixel off at its edge too.
-    recall, precision = ((one & inside & binary_dilation(two, np.ones((3, 3)))).sum() / max((one & inside).sum(), 1)
-                         for one, two in ((dark, other), (other, dark)))
+    near = [np.asarray(binary_dilation(each, np.ones((3, 3))), bool) for each in (other, dark)]
+    recall, precision = ((each & inside & by).sum() / max((each & inside).sum(), 1)
+                         for each, by in zip((dark, other), near, strict=True))
     return float(2 * precision * recall / max(precision + recall, np.finfo(float).tiny))
 
 

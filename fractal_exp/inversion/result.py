@@ -119,8 +119,8 @@ class Inversion:
     def facts(self) -> dict[str, Any]:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
-        f1_1px, colour}, verdict {kind, words, remedy, change}, camera, stopped, seconds, stages [{name, seconds, score,
-        error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
+        f1_1px, colour, ssim, ssim_chance, f1_dark, ssim_share}, verdict {kind, words, remedy, change}, camera, stopped,
+        seconds, stages [{name, seconds, score, error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
@@ -211,7 +211,7 @@ class Inversion:
 
 def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:
     """What a user should know before trusting a code: doubts about the picture, and whether the code is far from it."""
-    unlike = likeness.f1_1px < WARNED
+    unlike = likeness.f1_1px < WARNED or likeness.is_outline
     far = verdict.kind == "not recovered" or (verdict.kind == "approximation" and unlike)
     return (*target.warnings, *([f"{verdict} ({stopped})"] if far else []))
 

@@ -63,9 +63,9 @@ def track(found: Inversion, folder: Path, names: list[str], output: Path, name: 
                             params={"method": found.method, "seconds": found.options.get("seconds"),
                                     "seed": found.options.get("seed"), "maps": found.options.get("maps")},
                             note=f"**{name}** in the studio: {found.verdict.words}") as run:
-        run.log({"likeness/f1": found.likeness.f1, "likeness/iou": found.likeness.iou,
-                 "likeness/f1_1px": found.likeness.f1_1px, "likeness/maps": len(found.code),
-                 "time/fit_seconds": found.seconds})
+        figures = {name: getattr(found.likeness, name) for name in ("f1", "iou", "f1_1px", "ssim", "f1_dark")}
+        run.log({f"likeness/{name}": value for name, value in figures.items() if value is not None}
+                | {"likeness/maps": len(found.code), "time/fit_seconds": found.seconds})
         for each in names:
             run.artifact(each, folder / each)
     return f"python -m fractal_exp.tracking dashboard '{output}' --study {STUDY}"

@@ -14,14 +14,16 @@ from fractal_exp.cameras.camera import Camera, parse_camera
 from fractal_exp.cameras.estimate import DOTTED, TILED, estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.levels import REUSE
+from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cameras.pens import DOT_SUPERSAMPLE, GAMMAS, Dots, Drawn, ToneMapped
 from fractal_exp.cameras.tile_kernels import collect, mark
 from fractal_exp.cameras.tiles import tiled, words
 from fractal_exp.errors import InputError
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN, meaning_of
-from fractal_exp.likeness import Likeness, likeness_of_attractor
+from fractal_exp.likeness import ALIKE, Likeness, likeness_of_attractor
 from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.moves.drawn import LEAST_MOVES, DrawnSearch
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
 from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth
@@ -272,3 +274,17 @@ def test_an_attractor_may_be_off_a_lattice_by_half_a_small_tile(tile, apart, on_
     filled = IFS(SEGMENT.linear[[0, 0, 1, 1]], SEGMENT.offset[[0, 0, 1, 1]] + half)  # the rectangle of the lines
     levels = Drawn(CAMERA, lattice, pen_camera(tile * PIXEL, 0.0, 0.0))
     assert (likeness_of_attractor(filled, lattice, levels) > 0.95) == on_the_shape
+
+
+@pytest.mark.parametrize("crosses, settled", [(0, True), (5, False)])
+def test_a_search_does_not_end_with_a_filled_square_in_the_place_of_one_with_thin_crosses(crosses, settled):
+    image = torch.zeros(128, 128)
+    image[16:112, 16:112] = 1
+    for line in (32, 48, 64, 80, 96)[:crosses]:
+        image[line, 20:108] = image[20:108, line] = 0.2
+    levels = with_camera(levels_of(image, DRAWN, CameraParams()), Camera("coverage", tile=0.0, pen=0.01, blur=0.005))
+    search = DrawnSearch(ImageObjective(image, levels, PARAMS, 0), image, noise=0.1)
+    corner = torch.tensor([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]) * 0.375
+    square = Candidate(torch.cat([torch.tensor([[0.5, 0, 0, 0.5]]).repeat(4, 1), corner], 1), None, 0.0, 0.0)
+    assert search.objective.likeness(search.shown(square).image) > ALIKE
+    assert search.is_settled(square, LEAST_MOVES) is settled and not search.is_settled(square, LEAST_MOVES - 1)

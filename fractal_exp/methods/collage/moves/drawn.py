@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ....likeness import ALIKE
+from ....evaluation.inside import f1_dark
+from ....likeness import ALIKE, ALIKE_DARK
 from ..image.objective import Rendered
 from ..simplify.parents import fewer
 from ..state import Candidate
@@ -25,6 +26,12 @@ class DrawnSearch(ImageSearch):
         return self.cleaned(now)
 
     def is_settled(self, now: Candidate, moves: int) -> bool:
-        """Whether the code's rendering is so like the picture that this is no accident."""
-        enough = moves >= LEAST_MOVES and len(now.maps) >= (self.params.maps or 0)
-        return enough and self.objective.likeness(self.shown(now).image) >= ALIKE
+        """Whether the code's rendering is so like the picture that this is no accident. What is dark inside the shape
+        counts too: a filled square lies within a pixel of a T-square."""
+        if moves < LEAST_MOVES or len(now.maps) < (self.params.maps or 0):
+            return False
+        objective, drawn = self.objective, self.shown(now).image
+        if objective.likeness(drawn) < ALIKE:
+            return False
+        dark = f1_dark(drawn, objective.image, objective.levels.lit_above)
+        return dark is None or dark >= ALIKE_DARK

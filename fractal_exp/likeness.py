@@ -76,11 +76,9 @@ class Likeness:
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
         again = levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering)
-        (ssim, chance), (half, half_chance) = (
-            (ssim_inside(drawn, picture, least), ssim_inside(other, drawn, least)) for drawn, picture, other
-            in ((rendering, image, again), [mean_of(each, len(image) // 2) for each in (rendering, image, again)]))
-        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code), f1_1px, ssim=ssim, ssim_chance=chance,
-                   f1_dark=f1_dark(rendering, image, least), ssim_share=half / max(half_chance, LEAST_CHANCE))
+        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code), f1_1px,
+                   ssim=ssim_inside(rendering, image, least), ssim_chance=ssim_inside(again, rendering, least),
+                   f1_dark=f1_dark(rendering, image, least), ssim_share=share_inside(rendering, image, again, least))
 
     @property
     def is_outline(self) -> bool:
@@ -92,6 +90,13 @@ class Likeness:
         inside = "" if self.ssim is None else f"SSIM {self.ssim:.3f} inside (by chance {self.ssim_chance:.3f}), "
         return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, {inside}"
                 f"error {self.noise_ratio:.3g} × noise{colour}")
+
+
+def share_inside(drawn: Tensor, image: Tensor, again: Tensor, above: float) -> float:
+    """SSIM inside the shape of an image (R,R) in a drawing, over that of another drawing of the same code in it; both
+    with pixels twice as large. above: the grey level above which a pixel belongs to the shape."""
+    small, wanted, other = (mean_of(each, len(image) // 2) for each in (drawn, image, again))
+    return ssim_inside(small, wanted, above) / max(ssim_inside(other, small, above), LEAST_CHANCE)
 
 
 def camera_for(code: IFS, target: TargetImage, *, params: CameraParams | None = None, seed: int = 0) -> Camera:

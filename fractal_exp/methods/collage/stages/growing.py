@@ -10,7 +10,7 @@ from ....cameras.estimate import showing
 from ....cameras.kinds import kind_of
 from ....cameras.levels import may_be_density
 from ....cameras.pens import Dots
-from ....evaluation.inside import ssim_inside
+from ....likeness import share_inside
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..growth.descent import BLUR_PX, descended
@@ -49,14 +49,13 @@ class Grower:
 
     def likeness(self, found: WeightedMaps, camera: Camera) -> float:
         """How like the picture a code's drawing is, at most 1. Where the picture is grey inside, it is the SSIM inside
-        the shape, over that of two drawings, which chance keeps below 1. Elsewhere, it is the F1 within a pixel."""
+        the shape over what two drawings have by chance. Elsewhere, it is the F1 within a pixel."""
         objective = self.problem.objective(len(self.image), found.code, derive(self.seed, "likeness"), camera=camera)
         if not self.is_grey:
             shown = objective.judge(found.maps, found.weights)
             return objective.likeness(shown.image) if objective.levels.is_exact else objective.likeness_of(shown)
-        drawn, above = objective.render(found.code), objective.levels.lit_above
-        chance = ssim_inside(objective.render(found.code, "again"), drawn, above)
-        return max(0.0, min(1.0, ssim_inside(drawn, self.image, above) / max(chance, 1e-6)))
+        drawn, again = objective.render(found.code), objective.render(found.code, "again")
+        return max(0.0, min(1.0, share_inside(drawn, self.image, again, objective.levels.lit_above)))
 
     def _shown(self, maps: WeightedMaps, mass: float) -> Grown:
         """Maps with the camera that shows them, whose drawing has this mass."""

@@ -31,7 +31,7 @@ $(READY): pyproject.toml
 	@touch $@
 
 run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pictures, dashboard
-	@$(BIN)/fractal-train method=collage target=retina method.maps=64
+	@$(BIN)/fractal-train method=collage target=retina method.maps=128
 	@$(BIN)/fractal-train method=collage target=known target.name=fern
 
 ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=paper COUNT=50 is the paper's own)

@@ -254,9 +254,9 @@ def comparisons() -> None:
 
 def retina(folder: Path) -> None:
     """Target, result and difference of the fit of the retina's vessels."""
-    views = next(folder.glob("retina-collage-*-laptop-*")) / "views"
-    image, truth = (torch.from_numpy(np.asarray(Image.open(views / f"{name}.png").convert("L")) / np.float32(255))
-                    for name in ("result", "target"))
+    fit = next(folder.glob("retina-collage-*-laptop-*"))
+    image, truth = (torch.from_numpy(np.asarray(Image.open(fit / name).convert("L")) / np.float32(255))
+                    for name in ("redrawn.png", "views/target.png"))
     _save(IMAGES / "retina.png", comparison_strip(image[None], truth[None], ["blood vessels of a retina"]), 64)
 
 

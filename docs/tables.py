@@ -217,6 +217,16 @@ def shapes(*folders: Path) -> tuple[list[str], Rows]:
     return ["maps", "shapes", "number", "F1 within a pixel", "worst", "plain paving", "seconds"], rows
 
 
+def photographs(path: Path) -> tuple[list[str], Rows]:
+    """Photographs of plants as small maps: the newest record of each role, by number of maps."""
+    newest = {line["figures"]["role"]: line["figures"] for line in lines_of(path)}
+    rows = [[maps, f"for {role}", f"{sum(fit['maps'] == int(maps) for fit in found['fits'])}",
+             *(f"{mean:.{digits}f}{interval(low, high, digits)}"
+               for digits, (mean, low, high) in zip((2, 1, 0), means.values(), strict=True))]
+            for role, found in newest.items() for maps, means in found["means"].items()]
+    return ["maps", "pictures", "number", "SSIM inside", "PSNR", "seconds of a core"], rows
+
+
 def equal_bytes(folder: Path) -> tuple[list[str], Rows]:
     """Codes of shapes beside other ways to write them with as many bytes."""
     from benchmarks.pictures.equal_bytes import SCORES, summary
@@ -277,4 +287,4 @@ def _time(seconds: float) -> str:
 
 MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {
     each.__name__: each for each in (suite, codes, parts, ablation, worked_example, textbook, trees, binary, shapes,
-                                     equal_bytes, density, tone_curves, classics, speed)}
+                                     photographs, equal_bytes, density, tone_curves, classics, speed)}

@@ -81,7 +81,7 @@ def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, 
         verdict = verdict.against_truth(*truth)
     tone = _tone(found.code, target, camera, work.camera, seed)
     return Inversion(
-        code=replace(found.code, meta=with_tone(found.code, tone)), target=target,
+        code=with_tone(found.code, tone), target=target,
         source=target.image if target.source is None else target.source, likeness=likeness, verdict=verdict,
         camera=camera, history=work.stages, stopped=work.stopped, seconds=work.seconds, method=name,
         options=options, notes=(*target.notes, *found.notes), curve=found.curve,

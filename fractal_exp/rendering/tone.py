@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -119,10 +119,11 @@ def own_tone(code: IFS) -> Tone | None:
         return None
 
 
-def with_tone(code: IFS, tone: Tone | None) -> dict[str, Any]:
-    """The code's notes with this tone, or with none."""
+def with_tone(code: IFS, tone: Tone | None) -> IFS:
+    """The code with this tone in its notes, or with none."""
     others = {key: value for key, value in code.meta.items() if key != NOTE}
-    return others if tone is None else {**others, NOTE: tone.facts()}
+    meta = others if tone is None else {**others, NOTE: tone.facts()}
+    return code if meta == code.meta else replace(code, meta=meta)
 
 
 def usual_mode(code: IFS) -> str:

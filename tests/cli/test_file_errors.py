@@ -104,7 +104,7 @@ def a_disk_that_takes(size):
 
 @pytest.mark.parametrize(("main", "arguments", "size", "names"), [
     (suite.main, ["suite", "--count", "1", "--resolution", "64"], 100, "suite/codes/000.json"),
-    (suite.main, ["suite", "--count", "1", "--resolution", "64"], 1400, "suite/sheet.png"),
+    (suite.main, ["suite", "--count", "1", "--resolution", "64"], 2500, "suite/sheet.png"),
     (render.main, ["fern", "fern.png", "--size", "64", "--points", "1e4"], 200, "fern.png"),
     (render.main, ["fern", "fern.gif", "--size", "64", "--points", "1e4", "--seconds", "0.1"], 200, "fern.gif"),
 ])

@@ -34,7 +34,7 @@ def test_no_command_loads_what_is_heavy_for_its_help_or_a_wrong_option():
 
 
 def test_the_choices_are_those_of_the_package():
-    assert set(render.MODES) == set(MODES)
+    assert set(render.MODES) == {*MODES, "tone"}
     assert evaluate.VIEWS == tuple(KINDS) and evaluate.ALIGNMENTS == tuple(ALIGNMENTS)
     assert set(evaluate.DISTANCES) == set(kinds())
     assert (suite.COUNT, suite.SEED) == (SUITE_COUNT, SUITE_SEED)

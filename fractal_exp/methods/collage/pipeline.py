@@ -56,6 +56,7 @@ class Pipeline:
                 self._run(stage, state)
         except TimeIsUp:
             self._skip(stage, stage.cut_short(self.state))
+            self.on_stage(stage, self.state)
 
     def _skip(self, stage: Stage, state: State) -> None:
         limit = self.plan.problem.deadline.seconds or 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import pad
@@ -22,7 +23,7 @@ class InsideSsim:
         from scipy.ndimage import distance_transform_edt
 
         shape = (grey > min(LIT, float(grey.max()) / 2)).numpy()
-        mask = torch.from_numpy(distance_transform_edt(~shape) <= AROUND_PX)
+        mask = torch.from_numpy(np.asarray(distance_transform_edt(~shape)) <= AROUND_PX)
         rows, columns = (mask.any(axis).nonzero().flatten() for axis in (1, 0))
         self.box = tuple(slice(max(0, int(each[0]) - RADIUS), int(each[-1]) + 1 + RADIUS) for each in (rows, columns))
         self.grey, self.inside = grey[self.box], mask[self.box].float()

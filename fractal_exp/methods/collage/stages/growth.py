@@ -53,7 +53,8 @@ class Growth(Stage):
         found = state.before or state.best
         if found is None or state.current is not None or state.curve:
             return True
-        return self._likeness(found) < max(self.params.likeness or 0, UNLIKE)
+        likeness = self._likeness(found)
+        return likeness < (self.params.likeness or 0) or (likeness < UNLIKE and not self._explains_rendering(found))
 
     def open(self, state: State) -> State:
         return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)
@@ -85,6 +86,15 @@ class Growth(Stage):
     def _likeness(self, found: Candidate) -> float:
         """The likeness of what the search found."""
         return self.grower.likeness(found, found.camera or self.problem.camera(found.code, self.grower.seed))
+
+    def _explains_rendering(self, found: Candidate) -> bool:
+        """Whether what the search found renders a density or a binary image of our own roughly. Such an image is that
+        of a code, so few maps that are nearly right are worth more than many."""
+        problem = self.problem
+        if not problem.levels.is_exact:
+            return False
+        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
+        return not objective.is_hopeless(objective.judge(found.maps, found.weights).error)
 
     @property
     def _goal(self) -> float:

@@ -270,7 +270,7 @@ def test_an_interruption_returns_the_best_code_so_far(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         invert(triangle_picture())
     found = invert(triangle_picture(), keep_interrupted=True)
-    assert found.stopped == "interrupted" and found.code is triangle
+    assert found.stopped == "interrupted" and found.code == triangle
     monkeypatch.setattr("fractal_exp.api.load", lambda name: build([]))
     with pytest.raises(KeyboardInterrupt):
         invert(triangle_picture(), keep_interrupted=True)

@@ -41,9 +41,9 @@ recovered, approximated or not recovered, and what may help.
 
 Written to --output: code.json (for fractal-render), inversion.json (the code and all that is known of it), target.png
 (the picture as it was taken), redrawn.png (the code drawn like the picture, to compare with it), rendering.png (the
-code alone), code.html (a page of it) and, for a picture of at most 4096 px a side, overlay.png (the
-picture with what the code lacks in orange and what it has too much in blue). Ctrl-C ends the search and writes the best
-code so far.
+code alone), code.html (a page of it), for a picture of at most 4096 px a side overlay.png (the picture with what the
+code lacks in orange and what it has too much in blue) and, where maps were grown, answers.png (codes of few and of many
+maps, whole and 16 times closer). Ctrl-C ends the search and writes the best code so far.
 
 examples
   fractal-invert leaf.png                                    writes leaf-fractal

@@ -28,6 +28,7 @@ from ..rendering.still import render_with_info
 from ..rendering.tone import own_tone
 from ..runtime.files import checked, make_folder
 from ..verdict import Verdict
+from . import answers
 from .facts import VERSION, Facts, known_camera
 
 if TYPE_CHECKING:
@@ -112,6 +113,24 @@ class Inversion:
             raise InputError(f"the picture {self.source} now has {width}×{height} pixels, but had "
                              f"{self.placement.size[0]}×{self.placement.size[1]}; give `invert` the new one")
         pixels = sheets.marked(below, self.redrawn(), self.target.image, self.placement.crop_box, opacity)
+        if path is not None:
+            write_image(path, pixels)
+        return Image.fromarray(pixels)
+
+    def answers(self, path: str | Path | None = None) -> Image:
+        """What more maps are worth, as a Pillow image of up to four rows: the picture, then the simplest code of the
+        `curve` that has more than its outline, one in the middle, and the closest, with their number of maps and
+        likeness. Each stands whole on the left and 16 times closer on the right, drawn as `render` does, in greys. It
+        is also written to `path` as a PNG, if given.
+
+        Raises `InputError` if no maps were grown, or if the file cannot be written.
+        """
+        from PIL import Image
+
+        if not self.curve:
+            raise InputError("answers need codes of several numbers of maps, but the curve is empty, as no maps were "
+                             "grown; invert(..., maps=64) grows some")
+        pixels = answers.sheet(self.target.image, answers.offered(self.curve))
         if path is not None:
             write_image(path, pixels)
         return Image.fromarray(pixels)

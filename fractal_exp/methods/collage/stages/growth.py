@@ -67,6 +67,9 @@ class Growth(Stage):
         return len(state.curve) == len(self.counts) or (
             bool(state.curve) and state.curve[-1].likeness >= self._goal)
 
+    def cut_short(self, state: State) -> State:
+        return self.close(state) if state.step else state
+
     def close(self, state: State) -> State:
         found, chosen = state.before or state.best, self._chosen(state.curve)
         if found is not None and self.params.maps in (None, len(found.maps)) and (

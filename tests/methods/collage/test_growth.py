@@ -250,6 +250,13 @@ def test_a_search_without_time_for_a_sketch_goes_on():
     assert len(found.code) and "sketch" not in {each.stage for each in told}
 
 
+def test_a_search_whose_sketch_took_all_the_time_goes_on():
+    some = stage(clouds(48), seconds=1e-6, growth=FEW)
+    pipeline = Pipeline(plan_of(some.problem), State(curve=(some.grower.plain(6),)), on_move=lambda *_: None,
+                        on_stage=lambda *_: None)
+    assert len(pipeline.run().maps) and pipeline.state.stopped
+
+
 def test_an_interrupted_growth_tells_what_it_has_grown():
     told = []
 

@@ -76,7 +76,7 @@ class Likeness:
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
         again = levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering)
-        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code), f1_1px,
+        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code, rendering), f1_1px,
                    ssim=ssim_inside(rendering, image, least), ssim_chance=ssim_inside(again, rendering, least),
                    f1_dark=f1_dark(rendering, image, least), ssim_share=share_inside(rendering, image, again, least))
 

@@ -11,6 +11,7 @@ from PIL import Image
 
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
 from fractal_exp.ifs import attractor
+from fractal_exp.likeness import camera_for
 from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Method, Progress, stop_reason
 
 QUICK = {"resolution": 64, "rounds": 1,
@@ -254,7 +255,7 @@ class Interrupted(Method):
 
     def reconstruct(self, target, *, on_step=None, checkpoint=None):
         for step, code in enumerate(self.told, 1):
-            on_step(Progress(step, 0.1 * step, stage=str(step), code=code))
+            on_step(Progress(step, 0.1 * step, stage=str(step), code=code, camera=camera_for(code, target)))
         raise KeyboardInterrupt
 
 

@@ -91,16 +91,17 @@ class Comparison:
         """The error that corresponds to an angle."""
         return 2 * self.subpixels * angle**2
 
-    def noise(self, code: IFS) -> float:
-        """The error that the true code would have by chance, estimated from renderings of this code."""
+    def noise(self, code: IFS, shown: Tensor | None = None) -> float:
+        """The error that the true code would have by chance, estimated from renderings of this code. shown: `render`
+        of the code, where that is known."""
+        shown = self.render(code) if shown is None else shown
         if self.levels.is_linear:  # renderings have less noise than the image
-            shown = self.render(code)
             drawn = (self.levels.noisy(code, len(shown), derive(self.seed, "again", n)).to(shown)
                      for n in range(NOISE_RENDERINGS))
             errors = [Comparison(each, self.levels).error(shown) for each in drawn]
             return max(LEAST_NOISE, sum(errors) / len(errors))
         other = Comparison(self.render(code, "again"), self.levels)
-        return max(LEAST_NOISE, other.error(self.render(code)))
+        return max(LEAST_NOISE, other.error(shown))
 
     def likeness(self, rendering: Tensor) -> float:
         """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `Levels.lit_above`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,15 +72,17 @@ class Inversion:
         return self.target.placement
 
     def render(self, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-               supersample: int = 8, seed: int = 0, mode: str | None = None, path: str | Path | None = None) -> Tensor:
+               supersample: int = 8, seed: int = 0, mode: str | None = None, reuse: int = 1,
+               path: str | Path | None = None) -> Tensor:
         """A view (default: the canvas) of the code as an image (resolution, resolution); see `fractal_exp.render`.
 
-        mode: by default "tone" if the code has one, else "occupancy"; path: a PNG to write, or None. A drawing in
-        colour is written on the picture's ground. Raises `InputError` if it cannot be written.
+        mode: by default "tone" if the code has one, else "occupancy"; reuse: under how many words each point is used,
+        which draws several times faster (see `AddressTree`); path: a PNG to write, or None. A drawing in colour is
+        written on the picture's ground. Raises `InputError` if it cannot be written.
         """
         mode = mode or ("tone" if own_tone(self.code) else "occupancy")
         image, _ = render_with_info(self.code, view, resolution=resolution, points_in_view=points_in_view,
-                                    supersample=supersample, seed=seed, mode=mode)
+                                    supersample=supersample, seed=seed, mode=mode, reuse=reuse)
         if path is not None:
             write_image(path, on_ground(image, self._ground) if mode == "colour" else image)
         return image
@@ -92,8 +95,15 @@ class Inversion:
     def redrawn(self, *, seed: int = 0, colour: bool = False) -> Tensor:
         """The code (R,R) drawn like the picture: with its pen, dots, blur and tone, as far as they were found. colour:
         (R,R,3) instead, in the code's colours on the picture's ground. Raises `InputError` if the code has none."""
-        levels = redrawn(self.code, self.target, self.camera, params=known_camera(self.options), seed=seed)
+        levels = self._drawn.clone() if seed == 0 else self._drawn_like_the_picture(seed)
         return in_colours(levels, self.code, self._ground, seed) if colour else levels
+
+    @cached_property
+    def _drawn(self) -> Tensor:
+        return self._drawn_like_the_picture(0)
+
+    def _drawn_like_the_picture(self, seed: int) -> Tensor:
+        return redrawn(self.code, self.target, self.camera, params=known_camera(self.options), seed=seed)
 
     def overlay(self, path: str | Path | None = None, *, opacity: float = 0.8) -> Image:
         """The given picture in faded greys with the differences of what the code draws: orange where it lacks light of

@@ -23,7 +23,7 @@ from ..verdict import Verdict
 from .result import Inversion, warnings_of
 
 INTERRUPTED = "interrupted"
-LAST_CODES = 4  # how many codes of an interrupted search are compared: a later round may start worse
+LAST_CODES = 4  # how many codes of an interrupted search are compared: a later stage may find a worse one
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ def reconstruct(target: ReadImage, method: Method, *, seed: int = 0, on_step: On
     """Let a method reconstruct a target. on_step, checkpoint: as for `Method.reconstruct`; keep_interrupted: an
     interruption (Ctrl-C) ends the work with the best code so far, if there is one, instead of raising
     KeyboardInterrupt. Raises `InputError`, before any work, if the method cannot use the target."""
-    codes: list[IFS] = []
-    history = History([each for each in (on_step, partial(_note, codes)) if each is not None])
+    told: list[CodeReconstruction] = []
+    history = History([each for each in (on_step, partial(_note, told)) if each is not None])
     try:
         found, stopped = method.reconstruct(target, on_step=history, checkpoint=checkpoint), ""
     except KeyboardInterrupt:
-        if not (keep_interrupted and codes):
+        if not (keep_interrupted and told):
             raise
-        found, stopped = _most_alike(codes, target, method.camera, seed), INTERRUPTED
+        found, stopped = _most_alike(told[-LAST_CODES:], target, method.camera, seed), INTERRUPTED
     took = history.seconds()
     return Work(found, history.stages(), tuple(history.course),
                 stopped or stop_reason(found, getattr(method, "seconds", None), took), took, method.camera)
@@ -110,17 +110,19 @@ def _tone(code: IFS, target: ReadImage, camera: Camera, params: CameraParams, se
     return Tone.of_picture(drawn, camera.gamma or 1.0, linear=is_linear)
 
 
-def _note(codes: list[IFS], progress: Progress) -> None:
-    if progress.code is not None:
-        codes.append(progress.code)
+def _note(told: list[CodeReconstruction], progress: Progress) -> None:
+    """Keep the code that a method tells, in the place of the one before if that is the same, or a draft of it."""
+    if progress.code is None:
+        return
+    if told and (told[-1].camera is None or told[-1].code.to_json() == progress.code.to_json()):
+        told.pop()
+    told.append(CodeReconstruction(progress.code, camera=progress.camera))
 
 
-def _most_alike(codes: Sequence[IFS], target: ReadImage, params: CameraParams, seed: int) -> CodeReconstruction:
-    """The best of the codes at the ends of the last stages, each looked at once, with its camera."""
-    last: list[IFS] = []
-    for code in codes[-LAST_CODES:]:
-        if not last or code.to_json() != last[-1].to_json():
-            last.append(code)
-    seen = [CodeReconstruction(code, camera=camera_for(code, target, params=params, seed=seed)) for code in last]
+def _most_alike(told: Sequence[CodeReconstruction], target: ReadImage, params: CameraParams, seed: int
+                ) -> CodeReconstruction:
+    """The code that is most like the picture, with its camera. Only the last one may not have been judged by any."""
+    last = told[-1]
+    seen = [*told[:-1], replace(last, camera=last.camera or camera_for(last.code, target, params=params, seed=seed))]
     return seen[0] if len(seen) == 1 else max(
         seen, key=lambda each: Likeness.of(each.code, target, each.camera, params=params, seed=seed).f1_1px)

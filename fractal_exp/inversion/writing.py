@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..images.reading import write_image
+from ..rendering.still import REUSE
 from ..rendering.tone import usual_mode
 from ..viewer.page import MOST_MAPS
 from .result import CODE, INVERSION, TARGET, Inversion
@@ -25,7 +26,7 @@ def write(found: Inversion, folder: Path) -> list[str]:
     if several were grown. Raises `InputError` if a file cannot be written.
     """
     found.save(folder)
-    found.render(resolution=SIDE, mode=usual_mode(found.code), path=folder / RENDERING)
+    found.render(resolution=SIDE, mode=usual_mode(found.code), reuse=REUSE, path=folder / RENDERING)
     write_image(folder / REDRAWN, found.redrawn(colour=found.code.colours is not None))
     names = [CODE, INVERSION, TARGET, REDRAWN, RENDERING]
     if len(found.code) <= MOST_MAPS:

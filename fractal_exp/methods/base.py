@@ -28,8 +28,9 @@ NEARLY_ALL = 0.95  # of a time limit: a method that ends after it, and does not 
 @dataclass(frozen=True)
 class Progress:
     """What a method tells while it works: the step, the fraction done in [0,1], named scalars, the name of the stage,
-    now and then a preview image (R,R), and at the end of a stage the code that it found. candidate: the best code so
-    far, told only as long as no stage has ended; only some methods tell it."""
+    now and then a preview image (R,R), and at the end of a stage the code that it found, with the camera that judged
+    it; a code that no camera has judged yet is one that the next stage goes on from. candidate: the best code so far,
+    told only as long as no stage has ended; only some methods tell it."""
 
     step: int
     fraction: float
@@ -38,6 +39,7 @@ class Progress:
     stage: str | None = None
     code: IFS | None = None
     candidate: IFS | None = None
+    camera: Camera | None = None
 
     def describe(self) -> str:
         """The stage and what is being improved, in words; ↓ stands after what is better when lower."""

@@ -13,6 +13,7 @@ from fractal_exp.ifs import attractor
 from fractal_exp.images.levels import MEANINGS, TargetImage, decided, meaning_of
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Inversion, Work, conclude, reconstruct, run, write
+from fractal_exp.likeness import redrawn
 from fractal_exp.methods.base import CodeReconstruction, Method, Progress
 from fractal_exp.methods.collage.method import Collage
 
@@ -26,7 +27,7 @@ class Known(Method):
         self.found, self.interrupted = CodeReconstruction(code, camera=camera), interrupted
 
     def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        on_step(Progress(1, 0.5, {"error": 1.0}, stage="first", code=self.found.code))
+        on_step(Progress(1, 0.5, {"error": 1.0}, stage="first", code=self.found.code, camera=self.found.camera))
         if self.interrupted:
             raise KeyboardInterrupt
         return self.found
@@ -85,6 +86,27 @@ def test_an_interrupted_method_leaves_its_best_code():
     assert found.stopped == "interrupted" and torch.equal(found.code.linear, CODE.linear)
     with pytest.raises(KeyboardInterrupt):
         reconstruct(target, Known(interrupted=True))
+
+
+def test_an_interruption_estimates_a_camera_only_where_the_method_has_none(monkeypatch):
+    estimated = []
+    monkeypatch.setattr("fractal_exp.inversion.road.camera_for",
+                        lambda code, *_, **__: estimated.append(code) or CAMERAS["dots"])
+    target = drawn("dots")
+    judged = run(target, Known(camera=CAMERAS["dots"], interrupted=True), name="known", keep_interrupted=True)
+    assert judged.camera == CAMERAS["dots"] and not estimated
+    run(target, Known(interrupted=True), name="known", keep_interrupted=True)
+    assert estimated == [CODE]
+
+
+def test_a_code_is_drawn_once_for_its_files(tmp_path, monkeypatch):
+    found, drawings = run(drawn("dots"), Known(camera=CAMERAS["dots"]), name="known"), []
+    monkeypatch.setattr("fractal_exp.inversion.result.redrawn",
+                        lambda *given, **more: drawings.append(redrawn(*given, **more)) or drawings[-1])
+    write(found, tmp_path)
+    assert len(drawings) == 1
+    found.redrawn().zero_()
+    assert torch.equal(found.redrawn(), drawings[0]), "what is given away may be changed"
 
 
 def test_what_is_no_code_is_not_judged():

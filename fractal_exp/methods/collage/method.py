@@ -77,6 +77,7 @@ class Collage(Method):
             best = pipeline.run()
         except KeyboardInterrupt:
             save(pipeline.state)
+            pipeline.hand_over()
             raise
         state = pipeline.state
         curve = tuple(CurvePoint(len(each.maps), each.likeness, BYTES_OF_A_MAP * len(each.maps), each.code)

@@ -29,6 +29,7 @@ class Pipeline:
     def __init__(self, plan: Plan, state: State, *, on_move: Tell, on_stage: Tell,
                  save: Callable[[State], None] = lambda state: None):
         self.plan, self.state = plan, state
+        self.at_work: Stage | None = None
         self.on_move, self.on_stage, self.save = on_move, on_stage, save
 
     def run(self) -> Candidate:
@@ -45,7 +46,7 @@ class Pipeline:
 
     def _stage(self, stage: Stage) -> None:
         """Run or resume the stage, unless it is done or no time is left. It is cut short when time is up."""
-        state = self.state
+        state, self.at_work = self.state, stage
         if state.has_done(stage.key) or (state.is_outgrown and not stage.is_last_word) or not stage.is_wanted(state):
             return
         if state.current is None and state.result is not None and stage.latest_start.passed:
@@ -57,6 +58,11 @@ class Pipeline:
         except TimeIsUp:
             self._skip(stage, stage.cut_short(self.state))
             self.on_stage(stage, self.state)
+
+    def hand_over(self) -> None:
+        """Tell, after an interruption, what the stage at work has found so far, if that is anything to hand on."""
+        if self.at_work and (state := self.at_work.cut_short(self.state)) is not self.state:
+            self.on_stage(self.at_work, state)
 
     def _skip(self, stage: Stage, state: State) -> None:
         limit = self.plan.problem.deadline.seconds or 0
@@ -109,9 +115,9 @@ class Teller:
             self._tell(self.on_step, stage, state.step, state.now, preview=preview, candidate=first)
 
     def stage(self, stage: Stage, state: State) -> None:
-        """Report the end of a stage."""
-        if self.on_step:
-            self._tell(self.on_step, stage, stage.most_moves, state.found, code=state.found.code)
+        """Report the end of a stage, unless time was up before anything was found."""
+        if self.on_step and state.result:
+            self._tell(self.on_step, stage, stage.most_moves, state.result, code=state.result.code)
 
     def fraction(self, stage: Stage, step: int) -> float:
         """The share that is done after `step` moves of a stage: of all expected moves, or of the time if that is
@@ -125,4 +131,4 @@ class Teller:
         place = self.places[stage.key]
         scalars = {"score": now.score, "error": now.error, "maps": float(len(now.maps)), "stage": float(place.number)}
         on_step(Progress(place.moves_before + step, self.fraction(stage, step), scalars, stage=stage.name,
-                         preview=preview, code=code, candidate=candidate))
+                         preview=preview, code=code, candidate=candidate, camera=now.camera))

@@ -175,6 +175,21 @@ def test_a_search_stopped_while_a_stage_begins_goes_on_bit_for_bit(image, whole,
     assert torch.equal(whole[1].linear, resumed.linear)
 
 
+def test_an_interrupted_search_tells_what_its_moves_have_found_with_its_camera(image):
+    told = []
+
+    def interrupt(progress):
+        told.append(progress)
+        if [each.stage for each in told[-2:]] == 2 * ["image"] and progress.code is None:  # the second move
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        small(moves={"count": 2}).reconstruct(image, on_step=interrupt)
+    moved, _, last = told[-3:]
+    assert moved.code is None and last.stage == "image" and last.code is not None
+    assert last.scalars["error"] == moved.scalars["error"] and last.camera == DENSITY.camera
+
+
 def test_weights_of_its_own_come_back_from_a_checkpoint_as_they_were():
     maps = torch.randn(4, 6, generator=torch.Generator().manual_seed(0)) * 0.3
     own = Candidate(maps, torch.tensor([0.7, 0.2, 0.07, 0.03]) * 1.7, 0.1)

@@ -244,6 +244,32 @@ def test_however_late_it_is_there_is_a_paving_at_least():
     torch.testing.assert_close(after.result.maps, some.grower.plain(18).maps)
 
 
+def test_a_search_without_time_for_a_sketch_goes_on():
+    told = []
+    found = Collage(seconds=1e-6, growth=FEW).reconstruct(clouds(48), on_step=told.append)
+    assert len(found.code) and "sketch" not in {each.stage for each in told}
+
+
+def test_a_search_whose_sketch_took_all_the_time_goes_on():
+    some = stage(clouds(48), seconds=1e-6, growth=FEW)
+    pipeline = Pipeline(plan_of(some.problem), State(curve=(some.grower.plain(6),)), on_move=lambda *_: None,
+                        on_stage=lambda *_: None)
+    assert len(pipeline.run().maps) and pipeline.state.stopped
+
+
+def test_an_interrupted_growth_tells_what_it_has_grown():
+    told = []
+
+    def interrupt(progress):
+        told.append(progress)
+        if len(told) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Collage(maps=12, likeness=None, growth={**FEW, "steps": 5}).reconstruct(clouds(), on_step=interrupt)
+    assert [each.stage for each in told] == 3 * ["sketch"] and len(told[2].code) == 6 and told[2].camera.is_known
+
+
 def test_growth_goes_on_where_it_was_interrupted(tmp_path, monkeypatch):
     path, options = tmp_path / "growth.safetensors", {"maps": 24, "growth": {**FEW, "steps": 5}}
     whole = Collage(**options).reconstruct(BRANCH)

@@ -267,7 +267,8 @@ class Stage(ABC):
         return False
 
     def cut_short(self, state: State) -> State:
-        """The state that the stage hands on if time is up in the midst of it: without what it has found."""
+        """The state that the stage hands on if it ends in the midst of its moves, because time is up or somebody
+        interrupts it; as it is if the stage has found nothing to hand on."""
         return state
 
     def close(self, state: State) -> State:

@@ -77,7 +77,7 @@ class Construction(Stage):
     def is_wanted(self, state: State) -> bool:
         if state.current is not None:
             return True
-        if state.measured_through is not None:  # a density: no construction
+        if state.measured_through is not None or state.best is None:  # a density; or no time was left for a search
             return False
         if len(state.leader.maps) > MOST_MAPS:  # so many draw anything
             return True

@@ -68,6 +68,11 @@ class Growth(Stage):
         return len(state.curve) == len(self.counts) or (
             bool(state.curve) and state.curve[-1].likeness >= self._goal)
 
+    def cut_short(self, state: State) -> State:
+        if not state.step:
+            return state
+        return self.close(state) if self._fitting(state.curve) else replace(state, current=None)
+
     def close(self, state: State) -> State:
         found, chosen = state.before or state.best, self._chosen(state.curve)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
@@ -96,6 +101,10 @@ class Growth(Stage):
         objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
         return not objective.is_hopeless(objective.judge(found.maps, found.weights).error)
 
+    def _fitting(self, curve: tuple[Grown, ...]) -> list[Grown]:
+        """The sets with the given number of maps, if there is one."""
+        return [each for each in curve if self.params.maps in (None, len(each.maps))]
+
     @property
     def _goal(self) -> float:
         """The likeness at which growth ends; infinite if the number of maps is given."""
@@ -104,9 +113,8 @@ class Growth(Stage):
         return self.params.likeness or self.params.growth.enough
 
     def _chosen(self, curve: tuple[Grown, ...]) -> Grown:
-        """The first set that reaches the goal, or else the one of highest likeness; of those with the given number of
-        maps, if there is one."""
-        fitting = [each for each in curve if self.params.maps in (None, len(each.maps))]
+        """The first set that reaches the goal, or else the one of highest likeness, of those that fit."""
+        fitting = self._fitting(curve)
         reached = [each for each in fitting if each.likeness >= self._goal]
         return reached[0] if reached else max(fitting, key=lambda each: each.likeness)
 

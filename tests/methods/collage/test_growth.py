@@ -164,6 +164,12 @@ def test_so_many_maps_are_grown_as_asked_for_and_the_curve_is_kept():
     assert found.stopped.startswith("24 maps were grown, likeness 0.9")
 
 
+@pytest.mark.parametrize("asked", [{"at_most": 10}, {"maps": 10}])
+def test_no_more_maps_are_grown_than_asked_for_in_a_photograph(asked):
+    growth = stage(clouds(), **asked)
+    assert Sketch(growth.problem).counts[-1] == 10 == growth.counts[-1]
+
+
 def test_bytes_bound_the_number_of_maps():
     found = Collage(bytes=263, growth={**FEW, "counts": (6,)}).reconstruct(LETTER)
     assert len(found.code) == 21 and found.curve[-1].bytes == 252

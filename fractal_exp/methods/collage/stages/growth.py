@@ -149,7 +149,8 @@ class Sketch(Growth):
         return replace(state, current=None)
 
     def _counts(self) -> list[int]:
-        return sorted({*super()._counts(), TILES})
+        counts = super()._counts()
+        return sorted({*counts, min(TILES, counts[-1])})
 
 
 class Comparison(Sketch):

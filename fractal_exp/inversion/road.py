@@ -85,7 +85,7 @@ def conclude(work: Work, target: ReadImage, *, name: str, options: Mapping[str, 
         source=target.image if target.source is None else target.source, likeness=likeness, verdict=verdict,
         camera=camera, history=work.stages, stopped=work.stopped, seconds=work.seconds, method=name,
         options=options, notes=(*target.notes, *found.notes),
-        curve=tuple(replace(each, code=replace(each.code, meta=with_tone(each.code, tone))) for each in found.curve),
+        curve=tuple(replace(each, code=with_tone(each.code, tone)) for each in found.curve),
         warnings=warnings_of(target, verdict, likeness, work.stopped))
 
 

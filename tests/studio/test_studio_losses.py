@@ -146,7 +146,8 @@ def test_a_full_disk_is_told_and_leaves_no_half_files(tmp_path, quick, monkeypat
         assert status == 400 and "No space left" in why and "free some space" in why
         assert "No space left" in tab.refused("save")
         tab.do("edit", code=SECOND)
-        tab.until(lambda state: judged(state) and "No space left" in state["why"])
+        tab.until(lambda state: judged(state) and linear(state["code"]) == SECOND["linear"]
+                  and "No space left" in state["why"])
         assert files(tmp_path) <= before
         studio.end()
     assert "No space left" in studio.left[0]

@@ -87,7 +87,8 @@ class Likeness:
 
     def __str__(self) -> str:
         colour = "" if self.colour is None else f", colours {self.colour:.2g} apart (CIEDE2000)"
-        inside = "" if self.ssim is None else f"SSIM {self.ssim:.3f} inside (by chance {self.ssim_chance:.3f}), "
+        known = self.ssim is not None and self.ssim_chance is not None
+        inside = "" if not known else f"SSIM {self.ssim:.3f} inside (by chance {self.ssim_chance:.3f}), "
         return (f"F1 {self.f1:.3f} ({self.f1_1px:.3f} within a pixel), IoU {self.iou:.3f}, {inside}"
                 f"error {self.noise_ratio:.3g} × noise{colour}")
 

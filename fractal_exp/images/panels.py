@@ -170,6 +170,7 @@ def beside(bar: Box, shape: tuple[int, int]) -> Box:
 
 
 def part_of(picture: Bands, box: Box, block: int) -> Bands:
+    """The part of a picture in a box, whose sides are counted in blocks of so many pixels."""
     return picture.part(box.top * block, min(box.bottom * block, picture.height),
                         box.left * block, min(box.right * block, picture.width))
 

@@ -59,7 +59,9 @@ def test_colours_of_another_form_are_refused(colours, tmp_path):
 def test_notes_about_colours_of_any_kind_do_not_hinder_a_drawing(tmp_path, capsys):
     for note in ("x", [], [1], [7, 0, 0], {"a": 1}, None, True, "\n", ["a", "b", "c"], [[1], 0, 0], float("nan")):
         (tmp_path / "noted.json").write_text(json.dumps(CODE | {"meta": {"ground": note, "background": note}}))
-        ended(render, capsys, "noted.json", "a.png", "--size", 16, "--points", 100)  # or one line of error
+        drawn = ended(render, capsys, "noted.json", "a.png", "--size", 16, "--points", 100)  # or one line of error
+        assert (tmp_path / "a.png").exists() == drawn
+        (tmp_path / "a.png").unlink(missing_ok=True)
 
 
 @pytest.mark.parametrize("alpha", ["none", "one pixel", "checks", "steps"])

@@ -22,7 +22,7 @@ from ...runtime.params import Count, Odds, Share
 VERSION = 17   # of the stages and their scores; stored in checkpoints
 LARGEST = 10.0**6  # of a camera's values
 CANDIDATES = "current", "best", "before"   # fields of `State`
-STAGES = ("sketch", "population", "restart", "mixture", "detail", "comparison", "approach", "construction", "image",
+STAGES = ("sketch", "population", "restart", "mixture", "detail", "promise", "approach", "construction", "image",
           "full size", "rounding", "growth")   # in order; the last three come after all rounds
 
 
@@ -135,7 +135,12 @@ class State:
     @property
     def result(self) -> Candidate | None:
         """The candidate to return if the search ended here."""
-        return self.before or self.best or (self.curve[-1].candidate if self.curve else None)
+        return self.searched or (self.curve[-1].candidate if self.curve else None)
+
+    @property
+    def searched(self) -> Candidate | None:
+        """The candidate that the search has found, rather than grown."""
+        return self.before or self.best
 
     def has_done(self, key: Key) -> bool:
         """Whether this stage is done."""

@@ -40,6 +40,7 @@ def pick(bits, thresholds, guide):
 
 @njit(inline="always")
 def step(maps, i, x, y):
+    """Where map i of maps (N,6) sends the point (x, y)."""
     return maps[i, 0] * x + (maps[i, 1] * y + maps[i, 4]), maps[i, 2] * x + (maps[i, 3] * y + maps[i, 5])
 
 

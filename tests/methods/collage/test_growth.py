@@ -26,7 +26,7 @@ from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.growing import Grower
-from fractal_exp.methods.collage.stages.growth import Comparison, Growth, Sketch
+from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch
 from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Candidate, Key, State, WeightedMaps
 from fractal_exp.runtime.checkpoint import Checkpoint
@@ -232,14 +232,25 @@ def test_a_photograph_ends_the_search_and_a_density_of_others_does_not(fern_dots
     """The search is as far as two maps that are hardly like the one, and as the true code of the other."""
     for image, found, ends in ((clouds(), tied(BLOB), True), (*fern_dots, False)):
         some = stage(image, growth={"steps": 100, "counts": (8,), "usual": 64})
-        sketch, comparison = (kind(some.problem) for kind in (Sketch, Comparison))
+        sketch, promise = (kind(some.problem) for kind in (Sketch, Promise))
         assert Sketch.may_help(some.problem)
         state = Pipeline(plan_of(some.problem), State(), on_move=lambda *_: None, on_stage=lambda *_: None)
         state._stage(sketch)
         assert state.state.best is None and state.state.result is not None, "a code from the start"
         state.state = replace(state.state, best=found)
-        state._stage(comparison)
+        state._stage(promise)
         assert state.state.is_outgrown is ends
+
+
+def test_what_a_sketch_has_grown_is_not_grown_again():
+    some = stage(clouds(48), seconds=1e6, growth={"usual": 70, "steps": 1})
+    few, many = (replace(some.grower.plain(count), likeness=0.5) for count in (64, 70))
+    assert Sketch(some.problem).counts == [64, 70] and some.counts == [70]
+    assert some.is_settled(State(curve=(few, many))) and not some.is_settled(State(curve=(few,)))
+    after = some.move(State(current=few.candidate, curve=(few,)))
+    assert [len(each.maps) for each in after.curve] == [64, 70]
+    late = stage(clouds(48), seconds=1e-6, growth={"usual": 70, "steps": 1})
+    assert late.is_settled(State(curve=(few,))), "no time is left"
 
 
 def test_however_late_it_is_there_is_a_paving_at_least():

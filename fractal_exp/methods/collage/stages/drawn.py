@@ -17,7 +17,7 @@ from ..simplify.removal import without_doubles
 from ..state import Candidate, State
 from .base import SearchProblem, Stage
 from .construction import Construction, is_construction
-from .growth import Comparison, Sketch
+from .growth import Promise, Sketch
 from .image import ImageMoves, Rounding
 from .measure import Restart
 from .plan import Plan
@@ -133,7 +133,7 @@ class DrawnPlan(Plan):
         restart, *others = super().search(number)
         curved = [Uncurved(self.problem)] if not number and Uncurved.may_help(self.problem) else []
         found = [restart, *curved, *others]
-        return [Sketch(self.problem), *found, Comparison(self.problem)] if not number and Sketch.may_help(
+        return [Sketch(self.problem), *found, Promise(self.problem)] if not number and Sketch.may_help(
             self.problem) else found
 
     def moves(self, number: int) -> list[Stage]:

@@ -49,8 +49,13 @@ class Growth(Stage):
         """No deadline: even if time is up, there is at least a plain paving. Its refinement ends in time."""
         return NO_DEADLINE
 
+    @property
+    def limit(self) -> Deadline:
+        """When the descent of a set ends."""
+        return self.problem.deadline
+
     def is_wanted(self, state: State) -> bool:
-        found = state.before or state.best
+        found = state.searched
         if found is None or state.current is not None or state.curve:
             return True
         likeness = self._likeness(found)
@@ -60,13 +65,13 @@ class Growth(Stage):
         return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)
 
     def move(self, state: State) -> State:
-        grown = self.grower.grown(self.counts[state.step], self.problem.deadline)
+        grown = self.grower.grown(self._missing(state)[0], self.limit)
         return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def is_settled(self, state: State) -> bool:
-        """Whether the goal is reached, or an earlier stage has grown all."""
-        return len(state.curve) == len(self.counts) or (
-            bool(state.curve) and state.curve[-1].likeness >= self._goal)
+        """Whether the goal is reached, or nothing is left to grow after an earlier stage, or no time."""
+        return not self._missing(state) or (
+            bool(state.curve) and (self.problem.deadline.passed or state.curve[-1].likeness >= self._goal))
 
     def cut_short(self, state: State) -> State:
         if not state.step:
@@ -74,7 +79,7 @@ class Growth(Stage):
         return self.close(state) if self._fitting(state.curve) else replace(state, current=None)
 
     def close(self, state: State) -> State:
-        found, chosen = state.before or state.best, self._chosen(state.curve)
+        found, chosen = state.searched, self._chosen(state.curve)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
                 chosen.likeness < self._likeness(found) + MARGIN):
             return replace(state, best=found, before=None)
@@ -91,6 +96,11 @@ class Growth(Stage):
     def _likeness(self, found: Candidate) -> float:
         """The likeness of what the search found."""
         return self.grower.likeness(found, found.camera or self.problem.camera(found.code, self.grower.seed))
+
+    def _missing(self, state: State) -> list[int]:
+        """The numbers of maps that are not on the curve yet."""
+        there = {len(each.maps) for each in state.curve}
+        return [count for count in self.counts if count not in there]
 
     def _explains_rendering(self, found: Candidate) -> bool:
         """Whether what the search found renders a density or a binary image of our own roughly. Such an image is that
@@ -130,6 +140,10 @@ class Sketch(Growth):
         """Whether the image, which others drew, is grey inside."""
         return problem.params.growth.enabled and may_be_density(problem.image)
 
+    def _counts(self) -> list[int]:
+        counts = super()._counts()
+        return sorted({*counts, min(TILES, counts[-1])})
+
     @property
     def expected_moves(self) -> int:
         return len(self.counts)
@@ -138,42 +152,34 @@ class Sketch(Growth):
     def deadline(self) -> Deadline:
         return self.problem.deadline.until(SKETCH_ENDS)
 
+    @property
+    def limit(self) -> Deadline:
+        return self.deadline
+
     def is_wanted(self, state: State) -> bool:
         return True
-
-    def move(self, state: State) -> State:
-        grown = self.grower.grown(self.counts[state.step], self.deadline)
-        return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def close(self, state: State) -> State:
         return replace(state, current=None)
 
-    def _counts(self) -> list[int]:
-        counts = super()._counts()
-        return sorted({*counts, min(TILES, counts[-1])})
 
-
-class Comparison(Sketch):
+class Promise(Stage):
     """Looks whether the code that the search has found on the measure is more like the picture than `TILES` maps that
     were grown. If not, no few maps explain the picture, and the search ends."""
 
-    name = "comparison"
-
-    @property
-    def most_moves(self) -> int:
-        return 0
-
-    @property
-    def expected_moves(self) -> int:
-        return 0
+    name = "promise"
 
     def is_wanted(self, state: State) -> bool:
-        return any(len(each.maps) <= TILES for each in state.curve)
+        return bool(_tiles(state))
 
     def open(self, state: State) -> State:
         return state
 
     def close(self, state: State) -> State:
-        tiles = max(each.likeness for each in state.curve if len(each.maps) <= TILES)
-        return replace(state, is_outgrown=self._likeness(state.leader) < tiles)
+        grower, found = Grower(self.problem, derive(self.problem.seed, "growth")), state.leader
+        likeness = grower.likeness(found, found.camera or self.problem.camera(found.code, grower.seed))
+        return replace(state, is_outgrown=likeness < max(each.likeness for each in _tiles(state)))
 
+
+def _tiles(state: State) -> list[Grown]:
+    return [each for each in state.curve if len(each.maps) <= TILES]

@@ -10,11 +10,11 @@ import torch
 from numba import float32, int32, intp, njit, prange, uint64
 from torch import Tensor
 
-from ...ifs.code import PROBABILITY_FLOOR
 from ...runtime.jit import FUSED, kernel
 from ..chaos.cpu_kernels import GUIDE_BITS, guide_of, hold, next_state, start
 from .reference import EDGE as EDGE_CELLS
 from .reference import Descent, Settings, Target
+from .steps import adam, contract, pass_on, push_off_identity, volume_of
 
 EDGE = float32(EDGE_CELLS)
 
@@ -241,50 +241,12 @@ def _error(bins, roots, grids, floor):
     return total * float32(1 / grids)
 
 
-@njit(inline="always")
-def _volume(m):
-    return abs(m[0] * m[3] - m[1] * m[2]) + PROBABILITY_FLOOR
-
-
-@njit
-def _push_off_identity(m, weight, mean, covariance, radius, strength, gradient):
-    """Add the gradient of strength · weight · max(0, 1 - D²/radius²)², D the rms displacement of the measure."""
-    a, b, c, d = m[0] - 1, m[1], m[2], m[3] - 1
-    dx, dy = a * mean[0] + b * mean[1] + m[4], c * mean[0] + d * mean[1] + m[5]
-    ga, gb = a * covariance[0, 0] + b * covariance[1, 0], a * covariance[0, 1] + b * covariance[1, 1]
-    gc, gd = c * covariance[0, 0] + d * covariance[1, 0], c * covariance[0, 1] + d * covariance[1, 1]
-    near = 1 - (a * ga + b * gb + c * gc + d * gd + dx * dx + dy * dy) / (radius * radius)
-    if near > 0:
-        g = -4 * near * strength * weight / (radius * radius)
-        gradient[0] += g * (ga + dx * mean[0])
-        gradient[1] += g * (gb + dx * mean[1])
-        gradient[2] += g * (gc + dy * mean[0])
-        gradient[3] += g * (gd + dy * mean[1])
-        gradient[4] += g * dx
-        gradient[5] += g * dy
-
-
-@njit
-def _contract(m, largest, smaller):
-    """Clip the singular values, by the closed form of the 2 × 2 decomposition."""
-    e, f, g, h = (m[0] + m[3]) / 2, (m[0] - m[3]) / 2, (m[2] + m[1]) / 2, (m[2] - m[1]) / 2
-    q, r = math.hypot(e, h), math.hypot(f, g)
-    smaller = min(smaller, largest)
-    if q + r <= largest and abs(q - r) <= smaller:
-        return
-    s1, s2 = min(q + r, largest), min(max(q - r, -smaller), smaller)
-    q_scale = (s1 + s2) / 2 / max(q, 1e-12)
-    r_scale = (s1 - s2) / 2 / max(r, 1e-12)
-    m[0], m[3] = e * q_scale + f * r_scale, e * q_scale - f * r_scale
-    m[2], m[1] = g * r_scale + h * q_scale, g * r_scale - h * q_scale
-
-
 @njit(fastmath=FUSED)
 def _total_volume(maps, weights):
     total = 0.0
     for n in range(maps.shape[0]):
         if weights[n] > 0:
-            total += _volume(maps[n])
+            total += volume_of(maps[n])
     return total
 
 
@@ -294,28 +256,7 @@ def _tie(maps, weights, total):
     volume = _total_volume(maps, weights)
     for n in range(maps.shape[0]):
         if weights[n] > 0:
-            weights[n] = total * _volume(maps[n]) / volume
-
-
-@njit(fastmath=FUSED)
-def _pass_on(m, g, by_volume):
-    """Turn the gradient by a tied weight, times the weight's slope by the volume, into one by the map's matrix."""
-    if m[0] * m[3] < m[1] * m[2]:
-        by_volume = -by_volume
-    g[0] += by_volume * m[3]
-    g[3] += by_volume * m[0]
-    g[1] -= by_volume * m[2]
-    g[2] -= by_volume * m[1]
-    g[6] = 0
-
-
-@njit(fastmath=FUSED)
-def _adam(g, first, second, k, how):
-    """The moments after step k, and what Adam makes of the gradient, which it replaces."""
-    for j in range(7):
-        first[j] = how.beta_1 * first[j] + (1 - how.beta_1) * g[j]
-        second[j] = how.beta_2 * second[j] + (1 - how.beta_2) * g[j] * g[j]
-        g[j] = first[j] / (1 - how.beta_1**k) / (math.sqrt(second[j] / (1 - how.beta_2**k)) + how.epsilon)
+            weights[n] = total * volume_of(maps[n]) / volume
 
 
 @kernel(parallel=True, fastmath=FUSED, error_model="numpy")  # weights that sum to 0 spoil their own code alone
@@ -349,18 +290,18 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
                     continue
                 g = gradient[n]
                 if how.tied:
-                    _pass_on(m[n], g, (g[6] - pull) * total / volume)
+                    pass_on(m[n], g, (g[6] - pull) * total / volume)
                 else:
                     g[6] *= w[n]
-                    g[6] += how.prior * w[n] * math.log(w[n] * volume / (total * _volume(m[n])))
-                _push_off_identity(m[n], w[n], target.mean, target.covariance, how.identity_radius,
+                    g[6] += how.prior * w[n] * math.log(w[n] * volume / (total * volume_of(m[n])))
+                push_off_identity(m[n], w[n], target.mean, target.covariance, how.identity_radius,
                                    how.identity_weight, g)
-                _adam(g, first[n], second[n], k, how)
+                adam(g, first[n], second[n], k, how)
                 for j in range(6):
                     m[n, j] -= how.rate * falling * g[j]
                 if not how.tied:
                     w[n] *= math.exp(-how.weight_rate * falling * g[6])
-                _contract(m[n], how.largest, how.smaller)
+                contract(m[n], how.largest, how.smaller)
         if how.tied:
             _tie(m, w, total)
         _tile(m, w, samples, background, size, grids, bins, corner, right, down)

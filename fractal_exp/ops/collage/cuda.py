@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ...ifs.code import PROBABILITY_FLOOR
 from ..cuda_launch import blocks_of, launch
-from . import cpu as cpu_collage
+from . import steps
 from .cpu import EDGE
 from .reference import Descent, Settings, Target
 
@@ -26,8 +26,8 @@ UNITS = float(1 << 40)  # of mass 1
 SUMS = 7                # of a map: the gradients of its six numbers, and of its weight
 
 inlined = cuda.jit(device=True, inline="always")
-_adam, _contract, _pass_on, _push_off_identity = (inlined(function.py_func) for function in (
-    cpu_collage._adam, cpu_collage._contract, cpu_collage._pass_on, cpu_collage._push_off_identity))
+_adam, _contract, _pass_on, _push_off_identity = (
+    inlined(function.py_func) for function in (steps.adam, steps.contract, steps.pass_on, steps.push_off_identity))
 
 
 class Workspace(NamedTuple):

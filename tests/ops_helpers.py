@@ -47,6 +47,21 @@ def check_pushforward(backend: str, device: str = "cpu", **problem: int) -> None
     torch.testing.assert_close(ours.sum((1, 2)).cpu(), torch.ones(4))
 
 
+def check_pushforward_gradients(backend: str, **problem: int) -> None:
+    """By maps and weights, beside those of the twin; an absent map has none."""
+    measure, maps, weights = tiling_problem(**problem)
+    slope = torch.randn(len(maps), measure.size, measure.size, generator=torch.Generator().manual_seed(1))
+    found = []
+    for each in (backend, "torch"):
+        given = maps.clone().requires_grad_(), weights.clone().requires_grad_()
+        bins = pushforward(*given, measure.samples, measure.size, backend=each)
+        found.append(torch.autograd.grad((bins * slope).sum(), given))
+    present = weights > 0
+    for ours, twin in zip(*found, strict=True):
+        torch.testing.assert_close(ours[present], twin[present], atol=1e-5, rtol=1e-4)
+        assert not bool(ours[~present].any())
+
+
 def check_descent(backend: str, how: Descent, device: str = "cpu", astray: float = 0, **problem: float) -> None:
     """Beside the twin; a map that is absent does not move. astray: the part of all numbers that may differ, since Adam
     makes a whole step of a slope that is next to nothing."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 from collage_helpers import DENSITY, PARAMS, distances, measure_search, problem, small, tied
-from ops_helpers import check_descent, check_pushforward, tiling_problem
+from ops_helpers import check_descent, check_pushforward, check_pushforward_gradients, tiling_problem
 
 from fractal_exp import IFS, InputError, codes, suite
 from fractal_exp.evaluation import evaluate
@@ -38,6 +38,11 @@ def test_a_search_of_a_grey_picture_loads_nothing_that_only_other_pictures_need(
 
 def test_the_kernel_pushes_measures_forward_as_its_twin_does():
     check_pushforward("cpu")
+
+
+def test_gradients_of_a_pushforward_are_those_of_the_twin():
+    check_pushforward_gradients("cpu")
+    check_pushforward_gradients("cpu", maps=1, samples=40, size=16)
 
 
 def test_a_map_of_nan_leaves_the_canvas_nowhere():

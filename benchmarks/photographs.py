@@ -2,6 +2,7 @@
 
     python -m benchmarks.photographs                    the pictures for tuning
     python -m benchmarks.photographs --role reporting   others, on which nothing was chosen
+    python -m benchmarks.photographs --maps 0           as many maps as `invert` takes without being told
     python -m benchmarks.photographs --maps 128 --sheet sheet.png    with a sheet of pictures and drawings, to look at
     python -m benchmarks.photographs --record benchmarks/results/photographs.jsonl
 
@@ -50,12 +51,12 @@ def pictures(role: str, count: int) -> list[Path]:
 
 
 def fit(path: Path, maps: int, **options: Any) -> tuple[Inversion, dict[str, Any]]:
-    """A code of so many maps, and its scores. options: of `invert`."""
+    """A code of so many maps, or of as many as `invert` takes if `maps` is 0, and its scores. options: of `invert`."""
     start = time.process_time()
-    found = invert(path, maps=maps, **options)
+    found = invert(path, maps=maps or None, **options)
     seconds = time.process_time() - start
     drawn, image = found.redrawn(), found.target.image
-    return found, {"picture": f"{path.parent.name}/{path.stem}", "maps": maps, "ssim": ssim_inside(drawn, image),
+    return found, {"picture": f"{path.parent.name}/{path.stem}", "maps": maps, "found": len(found.code), "ssim": ssim_inside(drawn, image),
                    "psnr": float(metrics.psnr(drawn.clamp(0, 1)[None], image[None])), "seconds": seconds,
                    "verdict": found.verdict.words}
 

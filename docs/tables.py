@@ -218,12 +218,13 @@ def shapes(*folders: Path) -> tuple[list[str], Rows]:
 
 
 def photographs(path: Path) -> tuple[list[str], Rows]:
-    """Photographs of plants as small maps: the newest record of each role, by number of maps."""
-    newest = {line["figures"]["role"]: line["figures"] for line in lines_of(path)}
-    rows = [[maps, f"for {role}", f"{sum(fit['maps'] == int(maps) for fit in found['fits'])}",
+    """Photographs of plants as small maps: the newest record of each role and number of maps."""
+    newest = {(line["figures"]["role"], maps): (line["figures"]["fits"], means)
+              for line in lines_of(path) for maps, means in line["figures"]["means"].items()}
+    rows = [["not told" if maps == "0" else maps, f"for {role}", f"{sum(fit['maps'] == int(maps) for fit in fits)}",
              *(f"{mean:.{digits}f}{interval(low, high, digits)}"
                for digits, (mean, low, high) in zip((2, 1, 0), means.values(), strict=True))]
-            for role, found in newest.items() for maps, means in found["means"].items()]
+            for (role, maps), (fits, means) in newest.items()]
     return ["maps", "pictures", "number", "SSIM inside", "PSNR", "seconds of a core"], rows
 
 

@@ -6,7 +6,8 @@
     python -m benchmarks.pictures samples --seconds 0 --methods collage --pictures fern
                                                              the two fits of `make run`
 
-Each is judged on its input: F1, IoU, PSNR and SSIM of the inner 75% at the input's resolution. A line of JSON for each
+Each is judged on its input: F1, IoU, PSNR and SSIM of the inner 75% at the input's resolution; and, drawn by the camera
+that was found, F1 within a pixel and SSIM inside the shape. A line of JSON for each
 fit is added to --record: its code and scores, the seconds that cores worked on it, after each stage as well, commit and
 machine.
 """
@@ -24,7 +25,9 @@ import torch
 from fractal_exp import View
 from fractal_exp.evaluation import metrics
 from fractal_exp.images import samples
+from fractal_exp.images.levels import TargetImage
 from fractal_exp.images.reading import write_image
+from fractal_exp.likeness import Likeness
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import Progress
 from fractal_exp.rendering.sheets import comparison_strip
@@ -64,7 +67,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 seconds, work = time.perf_counter() - start, time.process_time() - work
                 result = found.render(View(), resolution=args.resolution)
                 scores = {k: float(v) for k, v in metrics.compare(result[None], image[None]).items()}
+                likeness = Likeness.of(found.code, TargetImage.of(image), found.camera)
                 rows.append({"picture": name, "method": method, "seed": seed, "maps": len(found.code), **scores,
+                             "f1_1px": likeness.f1_1px, "ssim_inside": likeness.ssim,
                              "seconds": seconds, "core_seconds": work})
                 if args.record:
                     figures = rows[-1] | {"limit": args.seconds or None, "threads": used, "stages": stages,

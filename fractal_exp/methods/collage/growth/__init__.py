@@ -1,1 +1,1 @@
-"""Growth, for shapes without a code: as many small copies as asked for, moved together until they cover the shape."""
+"""Growth, for pictures without a code: as many small copies as asked for, moved together until they show it."""

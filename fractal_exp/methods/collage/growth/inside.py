@@ -16,8 +16,7 @@ RADIUS = round(REACH * SIGMA_PX)   # of the window, pixels
 
 class InsideSsim:
     """The sum of the SSIM map of images against a picture `grey` (R,R), over the pixels within `AROUND_PX` of the
-    picture's shape. It has the picture's own part of the map ready, which makes it several times as fast as a library's
-    that takes two images."""
+    picture's shape. What the map takes from the picture alone is computed once."""
 
     def __init__(self, grey: Tensor):
         from scipy.ndimage import distance_transform_edt
@@ -51,8 +50,8 @@ class InsideSsim:
 
 
 def filtered(images: Tensor, window: Sequence[float]) -> Tensor:
-    """Images (…,h,w) under a window of odd length along both axes, black outside. A sum of shifted images is much
-    faster on a CPU than torch's convolution of a single channel."""
+    """Images (…,h,w) under a window of odd length along both axes, black outside. They are summed with shifts,
+    because torch convolves a single channel slowly on a CPU."""
     radius = len(window) // 2
     for axis, margins in ((-2, (0, 0, radius, radius)), (-1, (radius, radius, 0, 0))):
         wide, size = pad(images, margins), images.shape[axis]

@@ -56,7 +56,8 @@ def fit(path: Path, maps: int, **options: Any) -> tuple[Inversion, dict[str, Any
     found = invert(path, maps=maps or None, **options)
     seconds = time.process_time() - start
     drawn, image = found.redrawn(), found.target.image
-    return found, {"picture": f"{path.parent.name}/{path.stem}", "maps": maps, "found": len(found.code), "ssim": ssim_inside(drawn, image),
+    return found, {"picture": f"{path.parent.name}/{path.stem}", "maps": maps, "found": len(found.code),
+                   "ssim": ssim_inside(drawn, image),
                    "psnr": float(metrics.psnr(drawn.clamp(0, 1)[None], image[None])), "seconds": seconds,
                    "verdict": found.verdict.words}
 

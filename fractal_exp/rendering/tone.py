@@ -14,6 +14,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..ifs.code import IFS
+from ..ops.filters import filtered
 from ..runtime.checks import check_number, shown
 
 log = logging.getLogger(__name__)
@@ -133,12 +134,7 @@ def usual_mode(code: IFS) -> str:
 
 def softened(density: Tensor) -> Tensor:
     """A density (H,W) blurred by half a pixel, so that thin lines have no steps; nothing lies beyond its edges."""
-    for axis in (0, 1):
-        inner, edge = density.shape[axis] - 1, torch.zeros_like(density.narrow(axis, 0, 1))
-        around = (torch.cat([edge, density.narrow(axis, 0, inner)], axis)
-                  + torch.cat([density.narrow(axis, 1, inner), edge], axis))
-        density = (1 - 2 * BESIDE) * density + BESIDE * around
-    return density
+    return filtered(density, (BESIDE, 1 - 2 * BESIDE, BESIDE))
 
 
 def white_level(density: Tensor) -> float:

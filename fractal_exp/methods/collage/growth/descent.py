@@ -14,11 +14,12 @@ from ....cameras.points import attractor_points
 from ....ifs import affine
 from ....ops.collage import pushforward
 from ....ops.collage.reference import BETA_1, BETA_2, EPSILON, contract
+from ....ops.filters import filtered
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import generator
 from ..state import WeightedMaps
 from .exposed import Exposed
-from .inside import InsideSsim, filtered
+from .inside import InsideSsim
 from .paving import LARGEST
 
 SAMPLES = 1200          # of the measure that every map moves in a step

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
 
 from ....evaluation.inside import AROUND_PX, C1, C2, LIT, REACH, SIGMA_PX
+from ....ops.filters import filtered
 
 RADIUS = round(REACH * SIGMA_PX)   # of the window, pixels
 
@@ -47,15 +45,3 @@ class InsideSsim:
     def _averaged(self, images: Tensor) -> Tensor:
         """Images (n,h,w) under the window."""
         return filtered(images, self.window)
-
-
-def filtered(images: Tensor, window: Sequence[float]) -> Tensor:
-    """Images (…,h,w) under a window of odd length along both axes, black outside. They are summed with shifts,
-    because torch convolves a single channel slowly on a CPU."""
-    radius = len(window) // 2
-    for axis, margins in ((-2, (0, 0, radius, radius)), (-1, (radius, radius, 0, 0))):
-        wide, size = pad(images, margins), images.shape[axis]
-        images = wide.narrow(axis, 0, size) * window[0]
-        for shift, weight in enumerate(window[1:], 1):
-            images = torch.add(images, wide.narrow(axis, shift, size), alpha=weight)
-    return images

@@ -22,8 +22,9 @@ from ..rendering.film import check_film, forecast, frames, write_film
 from ..rendering.film_formats import NAMES, format_of, is_film
 from ..rendering.morph import morph_path
 from ..rendering.png import PngWriter
-from ..rendering.still import CHANNELS, TONE, render, render_tiles, tile_side
-from ..rendering.tone import softened, tone_map, tone_of, usual_mode, white_level
+from ..rendering.still import CHANNELS, UNDIVIDED, render, render_tiles, tile_side
+from ..rendering.tone import tone_map, usual_mode, white_level
+from ..rendering.toned import COLOUR, Toned
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
 from .code_names import read_code
@@ -31,7 +32,7 @@ from .commands import LARGEST
 
 Item = TypeVar("Item")
 STILLS = {"bits": 8, "transparent": False}
-COLOUR, OCCUPANCY, COUNTING = "colour", "occupancy", ("density", TONE)
+OCCUPANCY = "occupancy"
 FILMS = {"seconds": None, "fps": None}
 ZOOMS = {"start_zoom": 1.0}
 MORPHS = {"loop": False}
@@ -62,12 +63,11 @@ def _choose_mode(codes: Sequence[IFS], options: argparse.Namespace) -> None:
     change nothing, and on tones that no code has."""
     coloured, usual = all(code.colours is not None for code in codes), {usual_mode(code) for code in codes}
     options.mode = options.mode or (usual.pop() if len(usual) == 1 else OCCUPANCY)
-    if options.mode == TONE:
-        for code in codes:
-            tone_of(code)
-    if options.supersample is not None and options.mode in COUNTING:
-        raise InputError(f"--supersample changes nothing with --mode {options.mode}; leave it out"
-                         + (f", or add --mode {OCCUPANCY}" if options.mode == TONE else ""))
+    toned = all([Toned.of(code, options.mode) for code in codes])
+    if options.supersample is not None and (toned or options.mode in UNDIVIDED):
+        raise InputError(f"--supersample changes nothing with --mode {options.mode}"
+                         + (" and a tone" if toned and options.mode == COLOUR else "") + "; leave it out"
+                         + (f", or add --mode {OCCUPANCY}" if toned else ""))
     if options.background is not None and options.mode != COLOUR:
         raise InputError(f"--background changes nothing with --mode {options.mode}; leave it out"
                          + ("" if coloured else ", or find the code with fractal-invert --colour"))
@@ -117,26 +117,24 @@ def draw_still(code: IFS, options: argparse.Namespace) -> Path:
 
 def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iterator[np.ndarray]:
     """The picture as bands of whole rows, each as high as a tile: density with a tone, colours on their ground."""
-    rows = _rows(code, view, size, options)
-    if options.mode in COUNTING:  # one white level or exposure for all tiles, from a small picture of the whole view
-        small = render(code, view, resolution=min(size, 512), mode="density")
-        if options.mode == TONE:
-            tone, rows = tone_of(code), _softened(rows)
-            exposure = tone.exposure(softened(small))
-            finished = (tone.grey(each, exposure) for each in rows)
+    toned = Toned.of(code, options.mode)
+    mode = toned.mode if toned else options.mode
+    rows = _rows(code, view, size, options, mode)
+    if mode in UNDIVIDED:  # one white level or exposure for all tiles, from a small picture of the whole view
+        small = render(code, view, resolution=min(size, 512), mode=mode)
+        if toned:
+            exposure = toned.exposure(toned.softened(small))
+            rows = (toned.shown(each, exposure) for each in _softened(rows, toned))
         else:
             white = white_level(small)
-            finished = (tone_map(each, white) for each in rows)
-    elif options.mode != COLOUR or options.transparent:
-        finished = rows
-    else:
-        finished = (on_ground(each, options.ground) for each in rows)
-    return (each.numpy() for each in finished)
+            rows = (tone_map(each, white) for each in rows)
+    if options.mode == COLOUR and not options.transparent:
+        rows = (on_ground(each, options.ground) for each in rows)
+    return (each.numpy() for each in rows)
 
 
-def _rows(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iterator[torch.Tensor]:
-    """What `render_tiles` draws, as bands of whole rows."""
-    mode = "density" if options.mode in COUNTING else options.mode
+def _rows(code: IFS, view: View, size: int, options: argparse.Namespace, mode: str) -> Iterator[torch.Tensor]:
+    """What `render_tiles` draws in a mode, as bands of whole rows."""
     side = tile_side(size, options.supersample, mode)
     across = math.ceil(size / side)
     band = np.empty((side, across * side, *CHANNELS.get(mode, ())), np.float32)
@@ -148,16 +146,16 @@ def _rows(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iter
             yield torch.from_numpy(band[:size - tile.row, :size])
 
 
-def _softened(bands: Iterable[torch.Tensor]) -> Iterator[torch.Tensor]:
+def _softened(bands: Iterable[torch.Tensor], toned: Toned) -> Iterator[torch.Tensor]:
     """Bands of rows, softened as the whole image would be: each with the rows beside it."""
     above = held = torch.empty(0, 0)
     for band in bands:
         if len(held):
-            yield softened(torch.cat([above, held, band[:1]]))[1:-1]
+            yield toned.softened(torch.cat([above, held, band[:1]]))[1:-1]
         above = held[-1:] if len(held) else torch.zeros_like(band[:1])
         held = band.clone()
     if len(held):
-        yield softened(torch.cat([above, held]))[1:]
+        yield toned.softened(torch.cat([above, held]))[1:]
 
 
 def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:

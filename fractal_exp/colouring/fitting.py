@@ -4,8 +4,8 @@ The mean colour of the points of the chaos game in a pixel p is Σ_i A_pi(b) c_i
 maps' colours c_i, and A is the mean over the points of (1-b)-weighted counts of the maps that led to them. The picture
 shows α_p Σ_i A_pi(b) c_i + (1-α_p) g, with the cover α_p and the ground g of `Painted`. So colours for given blends are
 a bounded linear least-squares problem (scipy's `lsq_linear`). It is solved for a few blends that are alike in all
-maps, and from the best of these, colours and blends together are improved within their bounds (scipy's `least_squares`,
-trust region reflective), with exact derivatives of the same sampled points.
+maps. From the best of these, unless there are many maps, colours and blends together are improved within their bounds
+(scipy's `least_squares`, trust region reflective), with exact derivatives of the same sampled points.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ FEWEST_PIXELS = 16            # that the shape and the code must share
 LEAST_BLEND = 0.01            # of a map that is fitted; below, colours take hundreds of steps to change
 ALIKE = (0.12, 0.3, 0.55, 0.85)  # blends that all maps have at the start
 STARTS = 2                    # the best of these that are improved
+MOST_IMPROVED = 12            # maps: with more, an improvement takes minutes and gains a hundredth
 EVALUATIONS = 40              # at most, of an improvement
 ENOUGH = 1e-5                 # relative change of the error or of the parameters at which it ends
 
@@ -66,7 +67,9 @@ def fitted(code: IFS, painted: Painted, seed: int = 0) -> IFS | None:
     if sample is None:
         return None
     starts = sorted((_alike(sample, blend) for blend in ALIKE), key=lambda start: start.cost)[:STARTS]
-    best = min((_improved(sample, start.x) for start in starts), key=lambda found: found.cost)
+    if len(code) <= MOST_IMPROVED:
+        starts = [_improved(sample, start.x) for start in starts]
+    best = min(starts, key=lambda found: found.cost)
     rgb, blends = _parts(best.x)
     ground = "#" + bytes(np.rint(255 * painted.ground.clip(0, 1)).astype(np.uint8)).hex()
     return replace(code, meta={**code.meta, "ground": ground},
@@ -107,9 +110,11 @@ def _alike(sample: _Sample, blend: float) -> OptimizeResult:
     maps = len(sample.probabilities)
     blends = np.full(maps, blend)
     weights, _ = sample.walked(np.zeros((maps, 3)), blends)
-    solved = [lsq_linear(sample.cover[:, None] * weights, channel, (0, 1)) for channel in sample.seen.T]
-    rgb = np.stack([each.x for each in solved], 1)
-    return OptimizeResult(x=np.concatenate([rgb.ravel(), blends]), cost=sum(each.cost for each in solved))
+    covered = sample.cover[:, None] * weights
+    q, r = np.linalg.qr(covered)  # as few equations as unknowns
+    rgb = np.stack([lsq_linear(r, channel, (0, 1)).x for channel in (q.T @ sample.seen).T], 1)
+    cost = float(np.square(covered @ rgb - sample.seen).sum()) / 2
+    return OptimizeResult(x=np.concatenate([rgb.ravel(), blends]), cost=cost)
 
 
 def _improved(sample: _Sample, start: np.ndarray) -> OptimizeResult:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import torch
+
 from ..cameras.camera import Camera
 from ..cameras.kinds import kind_of
 from ..cameras.params import CameraParams
@@ -17,7 +19,7 @@ from ..images.reading import ReadImage
 from ..likeness import Likeness, camera_for, redrawn
 from ..methods.base import CodeReconstruction, Method, OnStep, Progress, Reconstruction, stop_reason
 from ..methods.history import History, StageRecord
-from ..rendering.tone import Tone, with_tone
+from ..rendering.tone import Tone, own_tone, with_tone
 from ..runtime.checkpoint import Checkpoint
 from ..verdict import Verdict
 from .result import Inversion, warnings_of
@@ -95,6 +97,8 @@ def coloured(shape: Inversion, painted: Painted, seed: int = 0) -> Inversion:
     if code is None:
         note = "no colours: hardly any pixel is lit by both the code and the picture"
         return replace(shape, notes=(*shape.notes, note), warnings=(*shape.warnings, note))
+    if tone := own_tone(code):
+        code = with_tone(code, tone.covering(torch.from_numpy(painted.cover)))
     grey = ["the picture is grey, so the colours found are greys"] if painted.is_grey else []
     likeness = replace(shape.likeness, colour=colour_error(code, painted, seed))
     return replace(shape, code=code, likeness=likeness, verdict=shape.verdict.with_colours(likeness.colour),

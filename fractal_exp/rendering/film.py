@@ -24,8 +24,9 @@ from ..ifs.code import IFS, View
 from ..runtime.checks import check_count, check_memory
 from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
-from .still import REUSE, TONE, RenderInfo, render_with_info
-from .tone import softened, tone_map, tone_of, white_level
+from .still import REUSE, RenderInfo, render_with_info
+from .tone import tone_map, white_level
+from .toned import Toned
 
 MEMORY = 0.9  # weight of the last frame's white level or exposure
 AHEAD = 2     # frames in work at a time: what Python does for one takes no time from the kernels of the other
@@ -49,22 +50,23 @@ def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int 
         raise InputError(f"a film needs one code for all views or one for each, got {len(codes)} codes and "
                          f"{len(views)} views")
 
-    tones = [tone_of(code) for code in codes] if mode == TONE else []
+    tones = [Toned.of(code, mode) for code in codes]
+    toned = [each for each in tones if each] if None not in tones else []
 
     def draw(number: int, near: float) -> tuple[Tensor, RenderInfo]:
         return render_with_info(codes[number], views[number], resolution=resolution, points_in_view=points_in_view,
-                                supersample=supersample, seed=number, mode="density" if tones else mode, reuse=REUSE,
-                                near=near)
+                                supersample=supersample, seed=number, mode=toned[number].mode if toned else mode,
+                                reuse=REUSE, near=near)
 
     def drawn() -> Iterator[Tensor]:
         last = None
         for number, image in enumerate(_ahead(draw, len(codes))):
-            if tones or mode == "density":
-                image = softened(image) if tones else image
-                now = tones[number].exposure(image) if tones else white_level(image)
+            if toned or mode == "density":
+                image = toned[number].softened(image) if toned else image
+                now = toned[number].exposure(image) if toned else white_level(image)
                 last = now if last is None else last**MEMORY * now ** (1 - MEMORY)
-                image = tones[number].grey(image, last) if tones else tone_map(image, last)
-            elif mode == "colour":
+                image = toned[number].shown(image, last) if toned else tone_map(image, last)
+            if mode == "colour":
                 image = on_ground(image, own_ground(codes[0]) if ground is None else ground)
             yield image
     return drawn()

@@ -22,7 +22,7 @@ from ..ops.histogram import AddressTree, Window
 from ..ops.histogram.boxes import lit_share
 from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
 from ..runtime.checks import check_count, check_memory, shown
-from .tone import tone_of
+from .toned import Toned
 
 log = logging.getLogger(__name__)
 
@@ -31,9 +31,9 @@ MAX_ZOOM = 1e12              # above it, a pixel is no longer large compared wit
 MAX_SUPERSAMPLE = 64
 TILE = 8192                  # maximum supersampled pixels per side that are drawn at once
 COLOUR_TILE = 1024           # maximum pixels per side that are drawn at once in colour
-CHANNELS = {"colour": (4,)}  # of a pixel, for modes whose pixels have several
-TONE = "tone"                # the mode that makes a picture of a whole view's density
-MODES = {"occupancy": LIT, "density": COUNTED, "colour": COLOURED}
+CHANNELS = {"colour": (4,), "tinted": (4,)}  # of a pixel, for modes whose pixels have several
+UNDIVIDED = "density", "tinted"   # modes that need no subpixels
+MODES = {"occupancy": LIT, "density": COUNTED, "colour": COLOURED, "tinted": COLOURED}
 
 REUSE = 8                    # words under which a point of a film or a large picture is used, see `AddressTree`
 MANY = 2 * POINTS_AT_1024    # points from which on a picture is large
@@ -92,13 +92,14 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
     - view: the window; the whole canvas by default.
     - points_in_view: how many points of the chaos game land in the window, 50 million · (resolution / 1024)² by
       default, however small the part of the attractor in the window.
-    - supersample: subpixels per side of a pixel; unused in the modes "density" and "tone".
+    - supersample: subpixels per side of a pixel; unused where a density or a tone is drawn.
     - mode: "occupancy" gives the share, in [0,1], of the subpixels of a pixel that a point has hit. "density" gives the
       points in a pixel over their mean in the window, in [0, resolution²]: the density of the invariant measure
       relative to a uniform one. `tone.tone_map` makes an image of it. "tone", for a code that was found on a density,
       gives it the tone of that picture, in every view; see `tone.Tone`. "colour", for a code with colours, gives an
-      image (resolution, resolution, 4): the mean red, green and blue of the points in a pixel, and the "occupancy" as
-      its opacity. `colour.on_ground` lays it on one colour. A pixel without points is 0 in all four.
+      image (resolution, resolution, 4): the mean red, green and blue of the points in a pixel, and its opacity, which
+      is the "occupancy", or for a code with a tone its cover; see `toned.Toned`. `colour.on_ground` lays it on one
+      colour. "tinted" has the "density" in the place of the opacity. A pixel without points is 0 in all modes.
     - device: "cpu" or "cuda"; colours are drawn on the CPU alone. A GPU throws other points of the same
       distribution. The CPU always renders views in which points must be searched for.
 
@@ -122,11 +123,10 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
     """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only). effort: the
     share, above 0, of the points that weigh the view, and of the work after which `render` gives up on its last points.
     near: the mass of a view much like this one, which makes weighing faster, or 0."""
-    if mode == TONE:
-        tone = tone_of(_drawable(code))
-        density, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view, seed=seed,
-                                         mode="density", device=device, reuse=reuse, effort=effort, near=near)
-        return tone.drawn(density), info
+    if toned := Toned.of(_drawable(code), mode):
+        drawn, info = render_with_info(code, view, resolution=resolution, points_in_view=points_in_view, seed=seed,
+                                       mode=toned.mode, device=device, reuse=reuse, effort=effort, near=near)
+        return toned.drawn(drawn), info
     check_resolution(resolution)
     check_device(device, mode)
     code, view = _drawable(code), _checked(view)
@@ -144,14 +144,14 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
                  supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Iterator[Tile]:
     """`render` in square tiles, row by row from the top, with memory that does not grow with the resolution.
 
-    Tiles overhang the right and the lower edge. Arguments and errors are those of `render`, but the mode "tone" is
-    refused, which exposes a whole view. Each tile has its own
-    points, all at the same density, so no seams show. From a hundred million points on, each is used several times.
+    Tiles overhang the right and the lower edge. Arguments and errors are those of `render`, but a picture with a tone,
+    which is exposed for a whole view, is refused. Each tile has its own points, all at the same density, so no seams
+    show. From a hundred million points on, each is used several times.
     """
     check_device(device, mode)
-    if mode == TONE:
-        raise InputError('a tone is exposed for a whole view; draw tiles with mode="density", and see '
-                         "fractal_exp.rendering.tone.Tone")
+    if toned := Toned.of(_drawable(code), mode):
+        raise InputError(f'a tone is exposed for a whole view; draw tiles with mode="{toned.mode}", and see '
+                         "fractal_exp.rendering.toned.Toned")
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view, resolution, wanted, supersample, seed, mode, REUSE if wanted >= MANY else 1)
@@ -194,7 +194,7 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
     if not isinstance(seed, Integral) or seed < 0:
         raise InputError(f"seed must be an integer of at least 0, got {seed!r}")
     if mode not in MODES:
-        raise InputError(f"mode must be one of {', '.join([*MODES, TONE])}, got {mode!r}")
+        raise InputError(f"mode must be one of {', '.join([*MODES, 'tone'])}, got {mode!r}")
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
     tree = _address_tree(code, reuse, with_colours=MODES[mode] == COLOURED)
@@ -270,7 +270,7 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
 def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
            device: str) -> Iterator[Tile]:
     whole, side = _window(view, resolution), tile_side(resolution, supersample, mode)
-    factor = 1 if MODES[mode] == COUNTED else supersample
+    factor = 1 if mode in UNDIVIDED else supersample
     scatter = SCATTER[torch.device(device).type]
     for number, (row, column) in enumerate((r, c) for r in range(0, resolution, side)
                                            for c in range(0, resolution, side)):
@@ -279,15 +279,19 @@ def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: i
             window = Window(whole.left + column / whole.scale, whole.top - row / whole.scale, whole.scale * factor,
                             side * factor)
             pixels, drawn = scatter(plan, window, factor, (seed, 0, number), MODES[mode], device)
-            if MODES[mode] == COUNTED:
-                pixels = (pixels * (resolution**2 / (plan.thrown * plan.mass))).astype(np.float32)
+            per_mean = resolution**2 / (plan.thrown * plan.mass)
+            if mode == "density":
+                pixels = (pixels * per_mean).astype(np.float32)
+            elif mode in CHANNELS:
+                opacity = pixels[..., 3] if mode == "colour" else pixels[..., 4] * per_mean
+                pixels = np.dstack([pixels[..., :3], opacity.astype(np.float32)])
         yield Tile(row, column, pixels, drawn)
 
 
 def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
                     ) -> tuple[np.ndarray, int]:
-    """The lit share of the factor² parts of each pixel for LIT, the number of its points for COUNTED, or its colour and
-    lit share for COLOURED; and the number of points in the window."""
+    """The lit share of the factor² parts of each pixel for LIT, the number of its points for COUNTED, or its colour,
+    lit share and number of points for COLOURED; and the number of points in the window."""
     canvas, side = histogram.planes(window.size, mode), window.size // factor
     sums = histogram.colour_planes(side) if mode == COLOURED else None
     drawn = plan.tree.scatter(window, plan.thrown, seed=seed, canvas=canvas, sums=sums, mode=mode).kept
@@ -299,7 +303,7 @@ def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, .
         return pixels, drawn
     whole = sums.sum(0)
     mean = whole[..., 1:] / (COLOUR_UNIT * np.maximum(whole[..., :1], 1))
-    return np.dstack([mean.clip(0, 1).astype(np.float32), pixels]), drawn
+    return np.dstack([mean.clip(0, 1).astype(np.float32), pixels, whole[..., 0].astype(np.float32)]), drawn
 
 
 def _scatter_on_cuda(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
@@ -326,7 +330,7 @@ def check_device(device: str, mode: str = "occupancy") -> None:
         kind = None
     if kind not in SCATTER:
         raise InputError(f"images are drawn on {' or '.join(SCATTER)}, got device={device!r}")
-    if kind == "cuda" and mode == "colour":
+    if kind == "cuda" and mode in CHANNELS:
         raise InputError(f"colours are drawn on the CPU, got device={device!r}; take device='cpu', or another mode "
                          "than 'colour'")
     if kind == "cuda" and not (torch.cuda.is_available() and cuda_launch.INSTALLED):

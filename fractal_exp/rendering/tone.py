@@ -36,18 +36,22 @@ class Tone:
     d is the density of a view, of any scale, and e the view's exposure: with it the view has as much `light` as the
     picture that the code was found on. So a copy has the tone of the whole at every zoom, although its density may be
     any, and nothing here depends on pixels or points. light: the mean grey level of a picture where it is lit, from
-    0.001 to 1; gamma: from 0.05 to 20. Raises `InputError` on others.
+    0.001 to 1; gamma: from 0.05 to 20; cover: the mean share of a lit pixel that the shape covers, from 0.001 to 1,
+    with which a code in colours is drawn, or None. Raises `InputError` on others.
     """
 
     light: float
     gamma: float = 1.0
     linear: bool = False
+    cover: float | None = None
 
     def __post_init__(self) -> None:
         check_number("light", self.light, "a mean grey level from 0.001 to 1", LEAST_LIGHT, 1)
         check_number("gamma", self.gamma, "a number from 0.05 to 20", 1 / MOST_GAMMA, MOST_GAMMA)
         if not isinstance(self.linear, bool):
             raise InputError(f"linear must be true or false, got {shown(self.linear)}")
+        if self.cover is not None:
+            check_number("cover", self.cover, "a mean share from 0.001 to 1", LEAST_LIGHT, 1)
 
     @classmethod
     def of_picture(cls, picture: Tensor, gamma: float = 1.0, *, linear: bool = False) -> Self | None:
@@ -57,9 +61,18 @@ class Tone:
             return None
         return cls(min(round(light, 4), 1.0), min(max(gamma, 1 / MOST_GAMMA), MOST_GAMMA), linear)
 
+    def covering(self, cover: Tensor) -> Tone:
+        """The same tone for a code in colours, found where a shape covers the shares `cover` (R,R) of pixels."""
+        return replace(self, cover=min(max(round(_light(cover.clamp(0, 1)), 4), LEAST_LIGHT), 1.0))
+
+    @property
+    def of_cover(self) -> Tone | None:
+        """The tone of the cover, with which a code in colours is drawn; None if it is not known."""
+        return None if self.cover is None else replace(self, light=self.cover, cover=None)
+
     def facts(self) -> dict[str, Any]:
         """The note that a code keeps of it, as JSON data."""
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
     def exposure(self, density: Tensor) -> float:
         """The exposure of a softened density (R,R): the largest with which it has this tone's light."""
@@ -83,15 +96,11 @@ class Tone:
         ink = exposure * density
         return (ink.clamp(max=1) if self.linear else -torch.expm1(-ink)) ** (1 / self.gamma)
 
-    def drawn(self, density: Tensor) -> Tensor:
-        """The picture (R,R) of a density (R,R)."""
-        soft = softened(density)
-        return self.grey(soft, self.exposure(soft))
-
     def towards(self, other: Tone, t: float) -> Tone:
         """The tone at time t in [0,1] on the way to another: light and gamma move along straight lines."""
+        cover = None if self.cover is None or other.cover is None else (1 - t) * self.cover + t * other.cover
         return Tone((1 - t) * self.light + t * other.light, (1 - t) * self.gamma + t * other.gamma,
-                    (other if t > 0.5 else self).linear)
+                    (other if t > 0.5 else self).linear, cover)
 
 
 def tone_of(code: IFS) -> Tone:
@@ -101,8 +110,8 @@ def tone_of(code: IFS) -> Tone:
     if given is None:
         raise InputError('the code has no tone to draw with; invert finds it in a picture whose grey levels are a '
                          'density, and mode="density" draws without')
-    if not isinstance(given, Mapping) or not {"light"} <= given.keys() <= {"light", "gamma", "linear"}:
-        raise InputError(f"a tone holds light, gamma and linear by name, got {shown(given)}")
+    if not isinstance(given, Mapping) or not {"light"} <= given.keys() <= {"light", "gamma", "linear", "cover"}:
+        raise InputError(f"a tone holds light, gamma, linear and cover by name, got {shown(given)}")
     try:
         return Tone(**given)
     except InputError as error:

@@ -8,21 +8,25 @@ import pytest
 import torch
 from PIL import Image
 
-from fractal_exp import IFS, InputError, Inversion, View, codes, render
+from fractal_exp import IFS, Colours, InputError, Inversion, View, codes, render
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.kinds import kind_of
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cli import drawing
 from fractal_exp.cli import render as render_app
 from fractal_exp.ifs import attractor
+from fractal_exp.images.painted import Painted
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Work, conclude, write
+from fractal_exp.inversion.road import coloured
 from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.rendering import still
+from fractal_exp.rendering.colour import on_ground
 from fractal_exp.rendering.film import frames
 from fractal_exp.rendering.morph import morph
 from fractal_exp.rendering.still import render_tiles
 from fractal_exp.rendering.tone import Tone, own_tone, softened, tone_of, usual_mode
+from fractal_exp.rendering.toned import Toned
 from fractal_exp.rendering.zoom import zoom_path
 
 SIDE = 160
@@ -33,6 +37,8 @@ CAMERAS = {"dots": Camera("dots", gain=0.05, blur=1 / SIDE),
 CURVES = {"dots": (1.0, False), "tonemapped": (2.2, False), "linear": (1.0, True)}
 TONE = {"light": 0.3, "gamma": 1.5, "linear": False}
 TONED = replace(FERN, meta={"tone": TONE})
+COLOURS = Colours([[0.1, 0.5, 0.1], [0.2, 0.8, 0.3], [0.9, 0.7, 0.1], [0.6, 0.2, 0.7]], [1, 0.3, 0.6, 0.6])
+PAINTED = replace(FERN, meta={"tone": TONE | {"cover": 0.7}, "ground": "#fff8e7"}, colours=COLOURS)
 INSIDE = -0.16, -0.1  # a point of the fern, with fronds around it
 
 
@@ -118,14 +124,14 @@ def test_an_exposure_gives_the_light_whatever_the_scale(tone):
     exposure = tone.exposure(density)
     assert Tone.of_picture(tone.grey(density, exposure)).light == pytest.approx(tone.light, rel=0.01)
     assert tone.exposure(1000 * density) == pytest.approx(exposure / 1000, rel=1e-3)
-    assert not tone.drawn(torch.zeros(8, 8)).any()
+    assert not Toned(tone).drawn(torch.zeros(8, 8)).any()
     assert Tone.of_picture(torch.zeros(8, 8)) is None
 
 
 def test_a_thin_line_that_is_far_denser_leaves_the_rest_of_a_view_visible():
     density = torch.ones(64, 64)
     density[:, 32] = 1e4
-    drawn = Tone(0.3).drawn(density)
+    drawn = Toned(Tone(0.3)).drawn(density)
     assert 0.2 < float(drawn[:, :30].mean()) < 0.4
 
 
@@ -174,9 +180,51 @@ def test_the_command_draws_the_tone_unless_told_otherwise(tmp_path, capsys):
 def test_a_still_of_several_tiles_has_no_seams(tmp_path, monkeypatch):
     density = render(FERN, resolution=90, mode="density")
     for height in (1, 40, 90):
-        bands = torch.cat(list(drawing._softened(iter(density.split(height)))))
+        bands = torch.cat(list(drawing._softened(iter(density.split(height)), Toned(Tone(0.3)))))
         assert torch.equal(bands, softened(density))
     monkeypatch.setattr(still, "TILE", 256)  # 32 pixels a side
     TONED.save(tmp_path / "code.json")
     render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", "96", "--frame", "own"])
     assert np.abs(pixels(tmp_path / "a.png") - render(TONED, resolution=96, mode="tone").numpy()).max() < 0.1
+
+
+def test_a_code_in_colours_covers_as_much_as_the_shape_did_in_its_picture():
+    for view in (View(), View(INSIDE, 8)):
+        image = render(PAINTED, view, resolution=96, mode="colour")
+        assert Tone.of_picture(image[..., 3]).light == pytest.approx(0.7, abs=0.02)
+        tinted = render(PAINTED, view, resolution=96, mode="tinted")
+        density = render(PAINTED, view, resolution=96, mode="density")
+        assert tinted[..., 3].mean() == pytest.approx(1, abs=0.02) and psnr(tinted[..., 3] / 16, density / 16) > 25
+        dense = density > 1  # where the neighbours' points hardly change the mean colour
+        assert (image[dense][:, :3] - tinted[dense][:, :3]).abs().mean() < 0.05
+
+
+def test_without_a_cover_colours_are_as_opaque_as_the_points_lie():
+    bare = replace(PAINTED, meta={"tone": TONE})
+    assert torch.equal(render(bare, resolution=64, mode="colour"),
+                       render(replace(bare, meta={}), resolution=64, mode="colour"))
+
+
+def test_stills_tiles_and_films_in_colour_have_the_cover(tmp_path, monkeypatch):
+    ground = (1.0, 248 / 255, 231 / 255)
+    image = on_ground(render(PAINTED, resolution=96, mode="colour"), ground).numpy()
+    film = next(iter(frames(PAINTED, [View()], resolution=96, mode="colour")))
+    assert np.abs(film.numpy() - image).mean() < 0.01
+    monkeypatch.setattr(still, "COLOUR_TILE", 32)
+    PAINTED.save(tmp_path / "code.json")
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", "96", "--frame", "own"])
+    assert np.abs(pixels(tmp_path / "a.png") - image).mean() < 0.02
+    with pytest.raises(InputError, match='mode="tinted"'):
+        render_tiles(PAINTED, resolution=96, mode="colour")
+
+
+def test_colours_found_in_a_picture_bring_its_cover_with_them():
+    result = found("dots")
+    grey = result.target.image.numpy()
+    cover = np.where(grey > 0.02, 0.8, 0).astype(np.float32)
+    seen = np.stack([cover * 0.2, cover * 0.8, cover * 0.3], -1)
+    code = coloured(result, Painted(seen, np.zeros(3), cover, cover > 0.5)).code
+    assert tone_of(code).cover == pytest.approx(0.8, abs=0.01) and tone_of(code).light == tone_of(result.code).light
+    drawn = render(code, resolution=SIDE, mode="colour")
+    lit = drawn[..., 3] > 0.5
+    assert (drawn[lit][:, :3].mean(0) - torch.tensor([0.2, 0.8, 0.3])).abs().max() < 0.03

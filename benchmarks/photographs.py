@@ -72,8 +72,9 @@ def fit(path: Path, maps: int, **options: Any) -> tuple[Inversion, dict[str, Any
 def colour_psnr(found: Inversion) -> float:
     """PSNR of the code drawn in its colours, against the picture in the target's square."""
     seen = torch.from_numpy(Painted.of(found.target).seen).movedim(-1, 0)
-    shrunk = adaptive_avg_pool2d(seen, len(found.target.image)).movedim(0, -1)
-    return float(metrics.psnr(found.redrawn(colour=True).clamp(0, 1)[None], shrunk[None]))
+    shrunk = adaptive_avg_pool2d(seen, len(found.target.image))
+    error = (found.redrawn(colour=True).clamp(0, 1).movedim(-1, 0) - shrunk).square().mean()
+    return float(-10 * error.log10())
 
 
 def table(lines: list[dict[str, Any]]) -> dict[str, dict[str, list[float]]]:

@@ -7,8 +7,9 @@ import pytest
 from browser_helpers import COARSE
 from test_colour_page import seen
 
-from fractal_exp import View, codes, render
+from fractal_exp import Colours, View, codes, render
 from fractal_exp.ifs import attractor
+from fractal_exp.rendering.colour import on_ground
 
 FERN = replace(attractor.normalize(codes.known("fern")), meta={"tone": {"light": 0.3, "gamma": 1.4, "linear": False}})
 DEEP = attractor.random_point(FERN, 3)
@@ -28,6 +29,17 @@ def test_a_code_with_a_tone_is_shown_with_it_unless_told_otherwise(tmp_path, ope
     plain = seen(opened.go(f"file://{path}?thrower={thrower}&again{place}&by=plain"))[..., 0]
     assert np.abs(plain - 255 * render(FERN, view, resolution=128).numpy()).mean() < 6
     assert not opened.said
+
+
+@pytest.mark.parametrize("thrower", ["cpu", pytest.param("gpu", marks=pytest.mark.slow)])
+def test_a_code_in_colours_covers_the_ground_as_render_has_it(tmp_path, open_page, thrower):
+    colours = Colours([[0.1, 0.5, 0.1], [0.2, 0.8, 0.3], [0.9, 0.7, 0.1], [0.6, 0.2, 0.7]], [1, 0.3, 0.6, 0.6])
+    code = replace(FERN, colours=colours, meta={"tone": {"light": 0.3, "cover": 0.2}, "ground": "#ffffff"})
+    picture = seen(open_page().go(f"file://{code.save_html(tmp_path / 'fern.html')}?thrower={thrower}"))
+    expected = 255 * on_ground(render(code, resolution=128, mode="colour"), (1.0, 1.0, 1.0)).numpy()
+    bare = replace(code, meta={"ground": "#ffffff"})
+    without = 255 * on_ground(render(bare, resolution=128, mode="colour"), (1.0, 1.0, 1.0)).numpy()
+    assert 3 * np.abs(picture - expected).mean() < np.abs(without - expected).mean() > 6
 
 
 def test_a_tone_that_is_none_is_left_out_of_the_page(tmp_path, open_page):

@@ -4,7 +4,7 @@ import { PLAIN, foldsOf, whiteOf } from "./colours.mjs";
 import { isSoftware, throwByHand } from "./hand.mjs";
 import { DRAW, POOL, Pool, placeIn, shareInView, shareOut } from "./points.mjs";
 import { randomNumbers } from "./random.mjs";
-import { Renderer } from "./renderer.mjs";
+import { COUNTING, Renderer } from "./renderer.mjs";
 import { exposureOf, toneOf } from "./tone.mjs";
 import { windowOf } from "./view.mjs";
 import { addressTree, cut } from "./words.mjs";
@@ -64,17 +64,25 @@ export class Picture {
 
   /** The kind of canvas that the choice of colours needs. */
   get kind() {
-    return this.tree.folds ? "colour" : this.tone ? "count" : KINDS[this.choice.by] ?? "lit";
+    if (this.tree.folds) return this.tone ? "tinted" : "colour";
+    return this.tone ? "count" : KINDS[this.choice.by] ?? "lit";
   }
 
-  /** The tone with which the code is drawn: its own, where it has no colours; null for none. */
+  /** The tone with which the code is drawn: its own, or where it has colours, that of its cover; null for none. */
   get tone() {
-    return this.choice.by === "own" && !this.code.plain.colours ? toneOf(this.code.plain) : null;
+    const { plain } = this.code, tone = this.choice.by === "own" ? toneOf(plain) : null;
+    if (!plain.colours) return tone;
+    return tone?.cover ? { ...tone, light: tone.cover } : null;
+  }
+
+  /** Whether the canvas counts points. */
+  get counting() {
+    return COUNTING.includes(this.kind);
   }
 
   /** Whether the processor throws the points: where it is quicker, and where the GPU cannot count. */
   get byHand() {
-    return this.software || (this.kind === "count" && !this.renderer?.counts);
+    return this.software || (this.counting && !this.renderer?.counts);
   }
 
   /** Draw another code from now on, in the same view. */
@@ -173,7 +181,7 @@ export class Picture {
     const { kind, byHand } = this;
     const target = (this.targets[name] ??= this.renderer.target(width, height, this.supersample(name), byHand, kind));
     this.renderer.clear(target);
-    const side = kind === "count" ? { coarse: COARSE, fine: FINE[0] }[name] : target.supersample;
+    const side = this.counting ? { coarse: COARSE, fine: FINE[0] }[name] : target.supersample;
     const goal = PER_SUBPIXEL * width * height * side ** 2;
     this.stage = { name, target, goal, thrown: 0, kept: 0, shownAt: 0, done: false };
     this.cut();
@@ -181,7 +189,7 @@ export class Picture {
 
   supersample(name) {
     const { width, height } = this.canvas;
-    if (this.kind === "count") return 1;
+    if (this.counting) return 1;
     const most = Math.min(this.renderer.mostTexels / Math.max(width, height),
       Math.sqrt(MOST_SUBPIXELS[this.kind] / (width * height)));
     const fine = FINE.find((side) => side <= most) ?? 1;
@@ -237,7 +245,7 @@ export class Picture {
     if (!(due || stage.done)) return;
     stage.shownAt = done;
     const mean = Math.max(stage.kept, 1) / (stage.target.width * stage.target.height);
-    const counts = this.kind === "count" ? this.renderer.someCounts(stage.target) : [], { tone: own } = this;
+    const counts = this.counting ? this.renderer.someCounts(stage.target) : [], { tone: own } = this;
     const exposure = own ? exposureOf(counts, mean, own) : 1, white = own ? 1 : whiteOf(counts, mean);
     this.shown = { target: stage.target, done: stage.done ? 1 : done, mean, white, own, exposure };
     this.showAgain();

@@ -1,18 +1,19 @@
 // WebGL 2: points thrown under words into a canvas of subpixels, and the share of them that is lit as a picture.
 //
 // A word comes as one affine map to clip space, so that single precision is enough at any zoom: the points beside it
-// are of the attractor's size, and the word brings them to the window's. There are three kinds of canvas. "lit": every
+// are of the attractor's size, and the word brings them to the window's. There are four kinds of canvas. "lit": every
 // point sets its subpixel to 1; the mean over a pixel's subpixels is a level of the canvas's mipmap. "colour": every
-// point gives its subpixel its colour. "count": every point adds 1 to its pixel.
+// point gives its subpixel its colour. "count": every point adds 1 to its pixel. "tinted": it adds its colour too.
 
 import { STOPS, stopsOf } from "./colours.mjs";
-import { canvasByHand, clearByHand, colouredByHand } from "./hand.mjs";
+import { canvasByHand, clearByHand, colouredByHand, tintedByHand } from "./hand.mjs";
 import { DRAW, POOL } from "./points.mjs";
 import {
-  ACROSS, COVER, LIGHT, SHOW, SHOW_COLOUR, TEXELS, THROW, THROW_IN_COLOUR, TINT, showDensity,
+  ACROSS, COVER, LIGHT, SHOW, SHOW_COLOUR, SHOW_TINTED, TEXELS, THROW, THROW_IN_COLOUR, TINT, showDensity,
 } from "./shaders.mjs";
 import { MOST_WORDS } from "./words.mjs";
 
+export const COUNTING = ["count", "tinted"]; // kinds of canvas
 const SAMPLED_ROWS = 48; // of a canvas of counts, from which the palette's end is taken
 
 /** Throws points into a canvas; throws an Error where WebGL 2 is absent. */
@@ -22,13 +23,13 @@ export class Renderer {
     if (!this.gl) throw new Error("this browser has no WebGL 2");
     const { gl } = this;
     this.throwing = { lit: program(gl, THROW, LIGHT), colour: program(gl, THROW_IN_COLOUR, TINT) };
-    this.throwing.count = this.throwing.lit;
+    Object.assign(this.throwing, { count: this.throwing.lit, tinted: this.throwing.colour });
     this.showing = {
       lit: program(gl, COVER, SHOW), colour: program(gl, COVER, SHOW_COLOUR),
-      count: program(gl, COVER, showDensity(STOPS)),
+      count: program(gl, COVER, showDensity(STOPS)), tinted: program(gl, COVER, SHOW_TINTED),
     };
     this.counts = Boolean(gl.getExtension("EXT_color_buffer_float") && gl.getExtension("EXT_float_blend"));
-    this.formats = { lit: gl.R8, colour: gl.RGBA8, count: gl.R32F };
+    this.formats = { lit: gl.R8, colour: gl.RGBA8, count: gl.R32F, tinted: gl.RGBA32F };
     const names = gl.getExtension("WEBGL_debug_renderer_info");
     this.name = String(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
     this.mostTexels = gl.getParameter(gl.MAX_TEXTURE_SIZE);
@@ -122,7 +123,7 @@ export class Renderer {
     gl.useProgram(this.throwing[target.kind]);
     gl.bindTexture(gl.TEXTURE_2D, this.words);
     gl.bindVertexArray(this.array);
-    if (target.kind === "count") gl.enable(gl.BLEND);
+    if (COUNTING.includes(target.kind)) gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
     for (const offset of offsets) {
       gl.bindBuffer(gl.ARRAY_BUFFER, this.points);
@@ -135,14 +136,14 @@ export class Renderer {
   }
 
   /** Counts of the points in some rows of a target that counts. */
-  someCounts({ width, height, frame, byHand }) {
+  someCounts({ kind, width, height, frame, byHand }) {
     const step = Math.max(1, Math.floor(height / SAMPLED_ROWS)), counts = [];
     const read = new Float32Array(4 * width), { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     for (let row = step >> 1; row < height; row += step) {
       if (byHand) counts.push(...byHand.points.subarray(row * width, (row + 1) * width));
       else gl.readPixels(0, row, width, 1, gl.RGBA, gl.FLOAT, read);
-      if (!byHand) for (let column = 0; column < width; column++) counts.push(read[4 * column]);
+      if (!byHand) for (let column = 0; column < width; column++) counts.push(read[4 * column + (kind === "count" ? 0 : 3)]);
     }
     return counts;
   }
@@ -169,7 +170,7 @@ export class Renderer {
     gl.uniform1f(set("scale"), byHand ? 255 / supersample ** 2 : 1);
     gl.uniform3fv(set("ground"), look.ground);
     gl.uniform3fv(set("ink"), look.ink);
-    if (target.kind === "count") {
+    if (COUNTING.includes(target.kind)) {
       for (const name of ["mean", "white", "tone", "exposure"]) gl.uniform1f(set(name), look[name]);
       gl.uniform1f(set("gamma"), look.own?.gamma ?? 0);
       gl.uniform1i(set("linear"), look.own?.linear ? 1 : 0);
@@ -185,6 +186,7 @@ export class Renderer {
       lit: () => [gl.RED, gl.UNSIGNED_BYTE, byHand.counts],
       colour: () => [gl.RGBA, gl.UNSIGNED_BYTE, colouredByHand(byHand)],
       count: () => [gl.RED, gl.FLOAT, byHand.points],
+      tinted: () => [gl.RGBA, gl.FLOAT, tintedByHand(byHand)],
     }[kind]();
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, format, type, data);

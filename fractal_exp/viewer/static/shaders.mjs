@@ -64,25 +64,42 @@ void main() {
   vec3 own = byHand ? sum.rgb : sum.rgb / max(sum.a, 1e-6);
   colour = vec4(mix(ground, own, 1.0 - pow(1.0 - lit, 1.0 / done)), 1.0);
 }`;
+// The tone of a code that was found on a density, softened as in the package.
+const TONED = `uniform float mean, exposure, gamma;
+uniform bool linear;
+vec4 softened(ivec2 at, ivec2 size) {
+  vec4 sum = vec4(0.0);
+  for (int r = -1; r <= 1; r++)
+    for (int c = -1; c <= 1; c++) {
+      float share = (r == 0 ? 0.75 : 0.125) * (c == 0 ? 0.75 : 0.125);
+      sum += share * texelFetch(canvas, clamp(at + ivec2(c, r), ivec2(0), size - 1), 0);
+    }
+  return sum;
+}
+float toned(float count) {
+  float d = exposure * count / mean;
+  return pow(linear ? min(1.0, d) : 1.0 - exp(-d), 1.0 / gamma);
+}`;
+// Sums of the colours of a pixel's points, and their number, whose tone is the opacity.
+export const SHOW_TINTED = `${HEAD}
+${TONED}
+void main() {
+  ivec2 size = textureSize(canvas, 0), at = place(size);
+  vec4 sum = softened(at, size);
+  colour = vec4(mix(ground, sum.rgb / max(sum.a, 1e-6), toned(sum.a)), 1.0);
+}`;
 // The density is that of `render`: the points of a pixel over their mean. Its logarithm against that of `white`, to the
 // power 1/tone, is the place on the palette; a pixel of few points is partly ground. With a gamma, the code's own tone
-// makes it ink; the density is softened as in the package.
+// makes it ink.
 export const showDensity = (stops) => `${HEAD}
-uniform float mean, white, tone, exposure, gamma;
-uniform bool linear;
+${TONED}
+uniform float white, tone;
 uniform vec3 ink, palette[${stops}];
 void main() {
   ivec2 size = textureSize(canvas, 0), at = place(size);
   float count = texelFetch(canvas, at, 0).r;
   if (gamma > 0.0) {
-    float sum = 0.0;
-    for (int r = -1; r <= 1; r++)
-      for (int c = -1; c <= 1; c++) {
-        float share = (r == 0 ? 0.75 : 0.125) * (c == 0 ? 0.75 : 0.125);
-        sum += share * texelFetch(canvas, clamp(at + ivec2(c, r), ivec2(0), size - 1), 0).r;
-      }
-    float d = exposure * sum / mean;
-    colour = vec4(mix(ground, ink, pow(linear ? min(1.0, d) : 1.0 - exp(-d), 1.0 / gamma)), 1.0);
+    colour = vec4(mix(ground, ink, toned(softened(at, size).r)), 1.0);
     return;
   }
   float along = pow(min(1.0, log(1.0 + count / mean) / log(1.0 + white)), 1.0 / tone) * ${stops - 1}.0;

@@ -5,14 +5,14 @@ const OVER = 40; // exposure times density from which a pixel is white under eve
 const HALVINGS = { least: 100, last: 12 };
 const LEAST = { light: 1e-3, gamma: 1 / 20, cover: 1e-3 }, MOST = { light: 1, gamma: 20, cover: 1 };
 
-/** The tone {light, gamma, linear} in the notes of a plain code; null without one that can be drawn. Its cover is for
- * drawings in colours, which the page makes without a tone. */
+/** The tone {light, gamma, linear}, perhaps with a cover, in the notes of a plain code; null without one that can be drawn. A code with
+ * colours has the light `cover` of its cover. */
 export function toneOf({ meta }) {
-  const { light, gamma = 1, linear = false, cover = 1, ...others } = Object(meta?.tone);
-  const tone = { light, gamma, cover };
+  const { light, gamma = 1, linear = false, cover, ...others } = Object(meta?.tone);
+  const tone = cover === undefined ? { light, gamma } : { light, gamma, cover };
   const fits = Object.entries(tone).every(([name, number]) => number >= LEAST[name] && number <= MOST[name]
     && typeof number === "number");
-  return fits && typeof linear === "boolean" && !Object.keys(others).length ? { light, gamma, linear } : null;
+  return fits && typeof linear === "boolean" && !Object.keys(others).length ? { ...tone, linear } : null;
 }
 
 /** The exposure of counts, whose mean over a whole picture is given: with it they have the tone's light. */

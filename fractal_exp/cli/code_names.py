@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -14,16 +15,52 @@ from ..ifs import attractor, formats
 from ..ifs.code import IFS
 from ..images.bands import FORMATS
 from ..suite import SUITE_SEED, random_suite
-from .commands import CODE_HELP
+from .commands import CODE_HELP, tell
+
+MOST_NAMES = 5  # of codes beside a line that is told of them
 
 
-def read_code(text: str, frame: str = "own") -> IFS:
-    """The code that a command line names, brought to the canvas if `frame` says so. Raises `InputError` if there is
-    none."""
-    return attractor.normalize(_code(text)) if frame == "canvas" else _code(text)
+def read_code(text: str, frame: str = "own", order: str | None = None) -> IFS:
+    """The code that a command line names, brought to the canvas if `frame` says so. What its reader reports is told.
+    order: of the columns in a file of rows. Raises `InputError` if there is none."""
+    return _framed(_code(text, order), frame)
 
 
-def _code(text: str) -> IFS:
+def read_codes(text: str, frame: str = "own", order: str | None = None) -> list[IFS]:
+    """The code that a command line names, or all those of a file with several that can be read; of others it is told
+    why not. Raises `InputError` if there is none."""
+    path, name = file_and_name(text)
+    if name is not None or not path.is_file() or len(entries := formats.listing(path, order)) < 2:
+        return [read_code(text, frame, order)]
+    found: list[IFS] = []
+    told: dict[str, list[str]] = {}
+    for i, entry in enumerate(entries, 1):
+        try:
+            read = entry.read()
+            found.append(_framed(read.code, frame))
+        except InputError as error:
+            told[f"not read: {error}"] = [f"#{i}"]
+        else:
+            for line in read.report:
+                told.setdefault(line, []).append(f"#{i}" if entry.name is None else entry.name)
+    _tell(path, told)
+    if not found:
+        raise InputError(f"{path.absolute()}: none of the {len(entries)} codes can be read, as told above")
+    return found
+
+
+def _tell(path: Path, report: Mapping[str, Sequence[str]]) -> None:
+    """Tell each line of a report, and of which of a file's codes it is said."""
+    for line, names in report.items():
+        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        tell(f"{path}: {line}" + (f" (of {', '.join(names[:MOST_NAMES])}{more})" if names else ""))
+
+
+def _framed(code: IFS, frame: str) -> IFS:
+    return attractor.normalize(code) if frame == "canvas" else code
+
+
+def _code(text: str, order: str | None) -> IFS:
     if text.startswith("suite:"):
         index, seed = suite_address(text)
         return random_suite(index + 1, seed)[index]
@@ -31,17 +68,20 @@ def _code(text: str) -> IFS:
     if path.is_dir() and (path / "code.json").is_file():
         path = path / "code.json"
     if _may_be_file(path):
-        return load_code(path, name)
-    if text in codes.names():
-        return codes.known(text)
+        return load_code(path, name, order)
+    if text.lower() in codes.names():
+        return codes.known(text.lower())
     near = did_you_mean(text, codes.names())
     raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
 
 
-def load_code(path: Path, name: str | None = None) -> IFS:
-    """`IFS.load`, whose `InputError` on a picture names the command that finds its code."""
+def load_code(path: Path, name: str | None = None, order: str | None = None) -> IFS:
+    """`IFS.load`, which tells what the reader reports, and whose `InputError` on a picture names the command that finds
+    its code."""
     try:
-        return IFS.load(path, name)
+        found = formats.read(path, name, order)
+        _tell(path, dict.fromkeys(found.report, ()))
+        return found.code
     except InputError:
         if _is_picture(path):
             raise InputError(f"{path} is a picture, and a code is asked for; fractal-invert {shlex.quote(str(path))} "

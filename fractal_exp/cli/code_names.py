@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PIL import Image
@@ -16,8 +15,6 @@ from ..ifs.code import IFS
 from ..images.bands import FORMATS
 from ..suite import SUITE_SEED, random_suite
 from .commands import CODE_HELP, tell
-
-MOST_NAMES = 5  # of codes beside a line that is told of them
 
 
 def read_code(text: str, frame: str = "own", order: str | None = None) -> IFS:
@@ -33,27 +30,22 @@ def read_codes(text: str, frame: str = "own", order: str | None = None) -> list[
     if name is not None or not path.is_file() or len(entries := formats.listing(path, order)) < 2:
         return [read_code(text, frame, order)]
     found: list[IFS] = []
-    told: dict[str, list[str]] = {}
     for i, entry in enumerate(entries, 1):
+        source = f"{path}:{entry.name or f'#{i}'}"
         try:
-            read = entry.read()
-            found.append(_framed(read.code, frame))
+            found.append(_framed(_told(entry.read(), source), frame))
         except InputError as error:
-            told[f"not read: {error}"] = [f"#{i}"]
-        else:
-            for line in read.report:
-                told.setdefault(line, []).append(f"#{i}" if entry.name is None else entry.name)
-    _tell(path, told)
+            tell(f"{source}: not read: {error}")
     if not found:
         raise InputError(f"{path.absolute()}: none of the {len(entries)} codes can be read, as told above")
     return found
 
 
-def _tell(path: Path, report: Mapping[str, Sequence[str]]) -> None:
-    """Tell each line of a report, and of which of a file's codes it is said."""
-    for line, names in report.items():
-        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-        tell(f"{path}: {line}" + (f" (of {', '.join(names[:MOST_NAMES])}{more})" if names else ""))
+def _told(found: formats.Import, source: str) -> IFS:
+    """The code that was found, after its report is told."""
+    for line in found.report:
+        tell(f"{source}: {line}")
+    return found.code
 
 
 def _framed(code: IFS, frame: str) -> IFS:
@@ -79,9 +71,7 @@ def load_code(path: Path, name: str | None = None, order: str | None = None) -> 
     """`IFS.load`, which tells what the reader reports, and whose `InputError` on a picture names the command that finds
     its code."""
     try:
-        found = formats.read(path, name, order)
-        _tell(path, dict.fromkeys(found.report, ()))
-        return found.code
+        return _told(formats.read(path, name, order), str(path))
     except InputError:
         if _is_picture(path):
             raise InputError(f"{path} is a picture, and a code is asked for; fractal-invert {shlex.quote(str(path))} "

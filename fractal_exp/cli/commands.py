@@ -12,11 +12,11 @@ from ..errors import InputError, did_you_mean
 from ..runtime.files import explain, is_of_file
 from . import interruption
 
-CODE_HELP = ("a code: a file (.json, .csv, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a classic "
-             "(fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
+CODE_HELP = ("a code: a file (.json, .csv, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a "
+             "classic (fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
 FRAMES = ("canvas", "own")
-ORDER_HELP = ("columns of a file's rows of numbers, such as abecdf (default: abcdefp, or what a first line names), for x' "
-              "= a x + b y + e, y' = c x + d y + f and the probability p")
+ORDER_HELP = ("columns of a file's rows of numbers, such as abecdf, for x' = a x + b y + e, y' = c x + d y + f and the "
+              "probability p (default: abcdefp, or what a first line names)")
 LARGEST = 16_384  # pixels a side of a drawing
 
 

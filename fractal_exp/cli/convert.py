@@ -9,8 +9,6 @@ from ..errors import InputError
 from ..runtime import threads
 from .commands import CODE_HELP, FRAMES, ORDER_HELP, command, command_parser
 
-MOST_LISTED = 12  # codes whose maps are counted in the answer
-
 DESCRIPTION = """Write codes in another format, which the end of the file's name chooses:
 
   .json           all of a code, every bit (--to lists and --to rows: the two public spellings)
@@ -20,9 +18,9 @@ DESCRIPTION = """Write codes in another format, which the end of the file's name
   .svg            a drawing of the maps over the shape
   .ply            200 000 points in space, at z = 0
 
-Several codes go into one .ifs or .flame file; a file of several gives it all that can be read. What a file of another
-program holds beside maps is told, line by line, if it is left out. Codes stay where they are unless --frame canvas brings each to the canvas
-[-1,1]², its longer side from -0.75 to 0.75. A .flame file's camera shows the attractor in either case.
+Several codes go into one .ifs or .flame file, and a file of several gives it all that can be read. What was read of
+another program's file, what was left out and why is told. Codes stay where they are unless --frame canvas brings each
+to the canvas [-1,1]², its longer side from -0.75 to 0.75. A .flame file's camera shows the attractor in either case.
 
 examples
   fractal-convert fern fern.flame                            then: env in=fern.flame flam3-render
@@ -56,11 +54,7 @@ def convert(options: argparse.Namespace) -> None:
         raise InputError(f"a {format.key} file holds one code, got {len(options.codes)}; write a file for each, or "
                          f"all to one that holds several: "
                          f"{', '.join(suffix for suffix, each in formats.suffixes().items() if each.several)}")
-    if format.several:
-        codes = [code for text in options.codes for code in read_codes(text, options.frame, options.order)]
-    else:
-        codes = [read_code(options.codes[0], options.frame, options.order)]
+    codes = ([code for text in options.codes for code in read_codes(text, options.frame, options.order)]
+             if format.several else [read_code(options.codes[0], options.frame, options.order)])
     path = formats.save(codes, Path(options.out), options.to)
-    maps = ", ".join(f"{len(code)} maps" for code in codes[:MOST_LISTED])
-    more = f" and {len(codes) - MOST_LISTED} codes more" if len(codes) > MOST_LISTED else ""
-    print(f"{path} ({format.key}, {maps}{more})")
+    print(f"{path} ({format.key}, {', '.join(f'{len(code)} maps' for code in codes)})")

@@ -47,10 +47,12 @@ def drawable(code):
 
 @pytest.mark.parametrize(("text", "suffix"), [
     (GASKET, ".csv"), (GASKET, ".ifs"), (GASKET.replace(" ", ","), ".csv"), (GASKET.replace(" ", ", "), ".txt"),
-    (GASKET.replace(" ", "\t"), ".tsv"), (f"3\n{GASKET}", ".ifs"), (f"# gasket, a b c d e f p\n\n{GASKET}", ".txt"),
+    (GASKET.replace(" ", "\t"), ".tsv"), (GASKET.replace(" ", ";"), ".csv"),
+    (f"3\n{GASKET}", ".ifs"), (f"# gasket, a b c d e f p\n\n{GASKET}", ".txt"),
     (f"a,b,c,d,e,f,prob\n{GASKET}", ".csv"), (f"\ufeff{GASKET}".replace("\n", "\r\n"), ".dat"),
     (f"gasket {{\n{GASKET}}}", ".txt"), (f"[[{GASKET.strip()}]]".replace(" ", ", ").replace("\n", "], ["), ".txt"),
-    ("5.0e-01,0.0E+00,-0,+.5,0,0,.34 ; stem\n0.5 , 0 ,0,0.5, 0.5,0 ,0.33 # leaf\n0.5,0,0,0.5,0.25,0.433,0.33,\n", ".csv"),
+    ("5.0e-01,0.0E+00,-0,+.5,0,0,.34 ; stem\n0.5 , 0 ,0,0.5, 0.5,0 ,0.33 # leaf\n0.5,0,0,0.5,0.25,0.433,0.33,\n",
+     ".csv"),
 ])
 def test_a_table_is_a_code(tmp_path, text, suffix):
     found = read(tmp_path, text, suffix)
@@ -85,8 +87,8 @@ def test_columns_may_stand_in_any_order(tmp_path, text, order):
 @pytest.mark.parametrize(("text", "suffix", "order", "message"), [
     (GASKET, ".csv", "abcde", "names a, b, c, d, e and f once each"), (GASKET, ".csv", "aabcdef", "got 'aabcdef'"),
     (".5 0 0 .5 0 0", ".csv", "pabcdef", "the order pabcdef has seven columns, and the rows have six numbers"),
-    (flame(xform()), ".flame", "abecdf", "order of columns is known in a flame file; leave order"),
-    ('{"ifs_m": [[0, 0, 0, 0]], "ifs_t": [[0, 0]]}', ".json", "abecdf", "in rows of numbers alone"),
+    (flame(xform()), ".flame", "abecdf", "flame files have no rows of numbers; leave order"),
+    ('{"ifs_m": [[0, 0, 0, 0]], "ifs_t": [[0, 0]]}', ".json", "abecdf", "the file has no rows of numbers; leave order"),
 ])
 def test_an_order_that_says_nothing_is_refused(tmp_path, text, suffix, order, message):
     with pytest.raises(InputError, match=message):
@@ -142,33 +144,35 @@ def test_codes_whose_maps_do_not_all_contract_are_read_if_any_are(tmp_path, text
     assert float(code.probabilities.min()) > 0 or "never chosen, as its weight is not above 0: map 1" in found.report
 
 
-PALETTE = "".join(bytes((k, 255 - k, 128)).hex() for k in range(256))
+PALETTE = " ".join(bytes((k, 255 - k, 128)).hex() for k in range(256))
 
 
 def test_the_affine_maps_of_other_programs_are_read_and_what_is_left_out_is_told(tmp_path):
     text = flame(
         xform(linear=0.4, linear3D=0.6, color_type="DIFFUSION", material="0.5", linear_fx_priority=0, chaos="1.0 1.0",
-              yzCoefs="1.0 0.0 0.0 1.0 0.0 0.0", onclick="alert(1)", opacity=0.5, flatten=1, spherical=0),
-        xform(linear=0, linear3D=0.5, coefs="1 6.1E-17 0 1 0 0", animate=1), xform(weight=0, spherical=1),
-        "<edit><sheep/></edit>", version="JWildfire", rotate="90", cam_pitch=0.9, cam_zoom="1.0", cam_yaw="0.0", quality=9)
+              onclick="alert(1)", opacity=0.5, flatten=1, swirl=0, target="1 2"),
+        xform(linear=0, linear3D=0.5, coefs="1 6.1E-17 0 1 0 0", animate=1),
+        "<edit><sheep/></edit>", version="JWildfire", rotate="90", cam_pitch=0.9, cam_zoom="1.0", cam_yaw="0.0",
+        quality=9)
     found = read(tmp_path, text, ".flame")
     torch.testing.assert_close(found.code.linear, 0.5 * torch.eye(2).expand(2, 2, 2))
     assert found.report == (
         "2 maps read, with probabilities", "weights are divided by their sum, 2",
-        "left out: xform 3, as its weight is 0 and it is not affine",
         "left out: the camera's turn and tilt, so that the plane is seen straight from above (cam_pitch, rotate)",
-        "left out: attributes of maps that do not move points (color_type, flatten, material, onclick, opacity, spherical)",
-        "left out: how the flame is drawn (quality, version)", "left out: its history (edit)")
+        "left out: attributes of maps that do not move points (color_type, flatten, material, onclick, opacity, "
+        "target)",
+        "left out: elements (edit)", "left out: how the flame is drawn (quality, version)")
 
 
 @pytest.mark.parametrize(("palette", "report"), [
     ('<color index="0" rgb="255 0 0"/><color index="255" rgb="0 0 255"/>', ()),
-    (f'<palette count="256" format="RGB">\n{PALETTE}\n</palette>', ("colours between those of the maps are mixed",)),
-    (f'<palette count="256" format="RGBA">{"".join(f"{PALETTE[i:i + 6]}ff" for i in range(0, 1536, 6))}</palette>', ("",)),
-    (f'<colors count="256" data="{"".join(f"00{PALETTE[i:i + 6]}" for i in range(0, 1536, 6))}"/>', ("",)),
+    (f'<palette count="256" format="RGB">\n{PALETTE}\n</palette>', ("colours are mixed in red, green and blue",)),
+    (f'<palette count="256" format="RGBA">{"".join(f"{rgb}ff" for rgb in PALETTE.split())}</palette>', ("",)),
+    (f'<colors count="256" data="{"".join(f"00{rgb}" for rgb in PALETTE.split())}"/>', ("",)),
 ])
 def test_a_palette_gives_colours(tmp_path, palette, report):
-    found = read(tmp_path, flame(xform(color="0 0"), xform(color_speed=0.25), xform(color=0.5, symmetry=-1), palette), ".flame")
+    maps = xform(color="0 0"), xform(color_speed=0.25), xform(color=0.5, symmetry=-1)
+    found = read(tmp_path, flame(*maps, palette), ".flame")
     rgb = [[0, 255, 128], [255, 0, 128], [128, 127, 128]] if report else [[255, 0, 0], [0, 0, 255], [127, 0, 128]]
     torch.testing.assert_close(found.code.colours.rgb, torch.tensor(rgb) / 255, atol=0.005, rtol=0)
     assert found.code.colours.blends.tolist() == [0.5, 0.25, 1]
@@ -177,15 +181,20 @@ def test_a_palette_gives_colours(tmp_path, palette, report):
 
 @pytest.mark.parametrize(("elements", "reason"), [
     ('<color index="0" rgb="1 2 3"/>', "the file has no palette of two colours"),
-    ('<color index="256" rgb="1 2 3"/>' * 2, "its palette cannot be read"), ("<color/>", "its palette cannot be read"),
-    ('<palette count="2" format="RGB">00112</palette>', "its palette cannot be read"),
-    (f'<palette format="RGB">{"0" * 20_000}</palette>', "its palette cannot be read"),
-    ('<colors data="0011223344556677"/><finalxform linear="1" coefs="1 0 0 1 0 0" color="x"/>', "a color must be a number"),
+    ('<color index="256" rgb="1 2 3"/>' * 2, "elements (color)"), ("<color/>", "elements (color)"),
+    ('<palette count="2" format="RGB">00112</palette>', "elements (palette)"),
+    (f'<palette format="RGB">{"0" * 20_000}</palette>', "elements (palette)"),
+    ('<colors data="0011223344556677"/><finalxform linear="1" coefs="1 0 0 1 0 0" color="x"/>',
+     "colours, as a color must be a number"),
 ])
 def test_colours_that_the_file_does_not_settle_are_left_out(tmp_path, elements, reason):
     found = read(tmp_path, flame(xform(color=0), elements), ".flame")
-    assert found.code.colours is None and any(f"left out: colours, as {reason}" in line for line in found.report)
-    assert read(tmp_path, flame(xform(color_speed=0), '<colors data="0011223344556677"/>'), ".flame").code.colours is None
+    assert found.code.colours is None and "left out: colours, as" in str(found.report) and reason in str(found.report)
+
+
+def test_maps_without_a_colour_have_none(tmp_path):
+    found = read(tmp_path, flame(xform(color_speed=0), '<colors data="0011223344556677"/>'), ".flame")
+    assert found.code.colours is None and "left out: colours, as no map that is chosen has one" in found.report
 
 
 def test_a_code_without_colours_gets_none_from_the_palette_that_tells_its_maps_apart(tmp_path):
@@ -227,7 +236,8 @@ def test_a_symmetry_is_written_out_with_the_same_measure(tmp_path, kind):
     code = read(tmp_path, text, ".flame").code
     assert len(code) == 2 * abs(kind) * (2 if kind < 0 else 1)
     angles = 2 * np.pi * np.arange(1, abs(kind)) / abs(kind)
-    added = [np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]]) for t in angles] + [np.diag([-1, 1])] * (kind < 0)
+    added = [np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]]) for t in angles]
+    added += [np.diag([-1, 1])] * (kind < 0)
     down = np.diag([1.0, -1.0])  # flam3's y, in which the maps stand
     maps = [(np.array([[a, c], [b, d]]), (e, f)) for a, b, c, d, e, f in coefs] + [(m, (0, 0)) for m in added]
     maps = [(down @ m @ down, down @ t) for m, t in maps]
@@ -251,9 +261,11 @@ def test_a_symmetry_is_what_flam3_draws(tmp_path, kind):
 
 
 def test_text_between_entries_is_a_comment_or_is_told(tmp_path):
-    found = read(tmp_path, "; of the course\n# 1994\nnotes on it\n\nfern #2 {\n.5 0 0 .5 0 0 # stem\n}\n", ".ifs")
+    entry = "fern #2 {\n.5 0 0 .5 0 0 # stem\n}\n"
+    found = read(tmp_path, f"; of the course\n# 1994\nnotes on it\n\n{entry}", ".ifs")
     assert found.code.meta == {"name": "fern #2", "comment": "of the course\n1994\nstem"}
     assert found.report == ("1 map read", "left out: what stands between entries, from 'notes' on")
+    assert read(tmp_path, f"{entry}the end", ".ifs").report[1] == "left out: what stands between entries, from 'the' on"
 
 
 COLLECTION = ("sheep { .5 0 0 .5 0 0 1 }\n fish { .5 0 0 .5 1 0 3 .5 0 0 .5 0 1 1 }\n bird { .5 0 0 x 0 0 1 }\n"
@@ -267,10 +279,10 @@ def test_a_collection_is_converted_whole_and_told_of(tmp_path, monkeypatch, caps
     out, told = capsys.readouterr()
     assert out == f"{tmp_path}/all.flame (flame, 1 maps, 2 maps, 1 maps)\n"
     assert told.splitlines() == [
-        "all.ifs: 1 map read, with probabilities (of sheep, goat)", "all.ifs: 2 maps read, with probabilities (of fish)",
-        "all.ifs: weights are divided by their sum, 4 (of fish)",
-        "all.ifs: not read: entry 'bird': number 4 of map 1 must be a number, got 'x' (of #3)",
-        "all.ifs: weights are divided by their sum, 2 (of goat)"]
+        "all.ifs:sheep: 1 map read, with probabilities", "all.ifs:fish: 2 maps read, with probabilities",
+        "all.ifs:fish: weights are divided by their sum, 4",
+        "all.ifs:bird: not read: entry 'bird': number 4 of map 1 must be a number, got 'x'",
+        "all.ifs:goat: 1 map read, with probabilities", "all.ifs:goat: weights are divided by their sum, 2"]
     assert [entry.name for entry in formats.listing("all.flame")] == ["sheep", "fish", "goat"]
     (tmp_path / "none.ifs").write_text("a { x }\nb { y }")
     for arguments, why in ((["all.ifs", "one.json"], "the file holds 4 codes; choose one"),

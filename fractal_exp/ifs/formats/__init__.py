@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+import copy
+from collections.abc import Generator, Sequence
 from pathlib import Path
 
 from ...errors import InputError, did_you_mean
@@ -14,6 +15,7 @@ from .flame import FlameFile
 from .fractint import Fractint, Table
 from .own import Json, Lists, Rows, from_json
 from .ply import Ply
+from .rows import check_order
 
 __all__ = ["FORMATS", "CodeFormat", "Entry", "Import", "code_of", "from_json", "listing", "load", "of_file", "read",
            "register", "save", "suffixes"]
@@ -59,14 +61,17 @@ def read(path: str | Path, name: str | None = None, order: str | None = None) ->
 
 def listing(path: str | Path, order: str | None = None) -> list[Entry]:
     """The codes of a file, each with its name and the function that reads it. Raises `InputError` naming the file."""
-    format = suffixes().get(Path(path).suffix.lower(), DEFAULT)
+    format = copy.copy(suffixes().get(Path(path).suffix.lower(), DEFAULT))
     data = read_file(path, "the code", LARGEST)
     with _naming(path):
-        return (format if order is None else format.in_order(order)).entries(data)
+        if order is not None and not format.rows:
+            raise InputError(f"{format.key} files have no rows of numbers; leave order (--order) out")
+        format.order = None if order is None else check_order(order)
+        return format.entries(data)
 
 
 @contextlib.contextmanager
-def _naming(path: str | Path) -> Iterator[None]:
+def _naming(path: str | Path) -> Generator[None]:
     try:
         yield
     except InputError as error:
@@ -78,8 +83,9 @@ def save(codes: IFS | Sequence[IFS], path: str | Path, format: str | None = None
 
     The suffix chooses the format: `.json` (the complete code, bit for bit; also without a suffix), `.csv` (a table),
     `.ifs` (Fractint), `.flame` (flam3), `.svg` (a drawing of the maps), `.ply` (points). format: its key instead:
-    "json", "lists", "rows", "table", "fractint", "flame", "svg" or "ply". The class of each format says what it loses. Raises `InputError` on another
-    suffix or format, if the file cannot be written, or if the format cannot hold the codes.
+    "json", "lists", "rows", "table", "fractint", "flame", "svg" or "ply". The class of each format says what it loses.
+    Raises `InputError` on another suffix or format, if the file cannot be written, or if the format cannot hold the
+    codes.
     """
     path = Path(path).absolute()
     write_atomically(path, of_file(path, format).write([codes] if isinstance(codes, IFS) else codes))

@@ -51,18 +51,15 @@ class CodeFormat:
     """A format of files that hold codes.
 
     key: its name in `IFS.save(path, format=…)` and `fractal-convert --to`. suffixes: of its files, in lower case, the
-    usual one first. several: whether a file may hold more than one code. A format overrides `entries` if it can be read
+    usual one first. several: whether a file may hold more than one code. rows: whether it has rows of numbers, whose
+    order of columns is then `order`, or None if nothing is said of it. A format overrides `entries` if it can be read
     and `write` if it can be written.
     """
 
     key: str
     suffixes: tuple[str, ...] = ()
-    several = False
-
-    def in_order(self, order: str) -> CodeFormat:
-        """The same format, whose rows of numbers stand in an order of columns that no file tells. Raises `InputError`
-        if there is no such choice."""
-        raise InputError(f"the order of columns is known in a {self.key} file; leave order (--order) out")
+    several = rows = False
+    order: str | None = None
 
     def entries(self, data: bytes) -> list[Entry]:
         """The codes in a file's bytes, which may come from anywhere. Raises `InputError`."""
@@ -107,12 +104,7 @@ def listed(entries: Sequence[Entry]) -> str:
     return ", ".join(names) + (f" and {more} more" if more > 0 else "")
 
 
-def text_of(data: bytes) -> str:
-    """A file's text, see `decoded`."""
-    return decoded(data)[0]
-
-
-def decoded(data: bytes) -> tuple[str, tuple[str, ...]]:
+def text_of(data: bytes) -> tuple[str, tuple[str, ...]]:
     """A file's bytes as text, without the final 0x1A of DOS files, and a note if some letters may be wrong.
 
     It is UTF-16 with a byte order mark, or UTF-8, or what an XML declaration says, or else Windows-1252, which has all
@@ -125,8 +117,7 @@ def decoded(data: bytes) -> tuple[str, tuple[str, ...]]:
     except UnicodeDecodeError:
         declared = DECLARED.match(data)
         text = data.decode(declared[1].decode() if declared else "cp1252", "replace")
-        notes = () if declared else ("the text is not UTF-8 and is read as Windows-1252; its numbers are right, letters "
-                                     "of names may be wrong",)
+        notes = () if declared else ("read as Windows-1252, as it is not UTF-8; letters of names may be wrong",)
     text = text.rstrip("\x1a")
     if not text.strip():
         raise InputError("the file is empty")
@@ -173,10 +164,8 @@ def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any], no
         if not 0 < total < math.inf:
             raise InputError("the maps' weights must have a sum above 0 that is not huge; correct them, or leave them "
                              "all out")
-        never = [str(i) for i, weight in enumerate(weights, 1) if weight == 0]
-        if never:
-            more = f" and {len(never) - MOST_LISTED} more" if len(never) > MOST_LISTED else ""
-            report.append(f"never chosen, as its weight is not above 0: map {', '.join(never[:MOST_LISTED])}{more}")
+        if never := ", ".join(str(i) for i, weight in enumerate(weights, 1) if weight == 0):
+            report.append(f"never chosen, as its weight is not above 0: map {plain(never)}")
         if abs(total - 1) > NORMALISED:
             report.append(f"weights are divided by their sum, {total:.6g}")
             weights = [weight / total for weight in weights]

@@ -63,12 +63,12 @@ class Palette:
 
 
 def of_palette(entries: Mapping[int, Sequence[float]], places: np.ndarray, speeds: np.ndarray) -> Colours | None:
-    """The colours of maps at places (N,) of a palette with speeds (N,), both in [0,1]; None if the palette stands for no
-    colours, as `Palette.of` gives one to a code without any.
+    """The colours of maps with places on a palette and speeds (N,), in [0,1]; None if the palette is the one that
+    `Palette.of` gives to codes without any.
 
-    entries: red, green and blue in [0,255] of indices in [0,255]. What lies between two of them is interpolated, round
-    the palette's end, as in flam3. A code mixes colours where flam3 mixes places, so it has the colours of the flame
-    exactly if the speeds are 1, or the palette is a straight line in RGB.
+    entries: red, green and blue in [0,255] of indices in [0,255]. Between two of them, round the palette's end as well,
+    flam3 interpolates. A code mixes colours where flam3 mixes places. They are the same if the speeds are 1 or the
+    palette is a straight line in RGB.
     """
     given = sorted(entries)
     table = np.array([entries[index] for index in given], np.float64).clip(0, 255)

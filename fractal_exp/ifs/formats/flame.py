@@ -14,7 +14,7 @@ from ...errors import InputError
 from ..code import IFS, View
 from ..colours import Colours
 from ..numbers import MOST_MAPS
-from .base import CodeFormat, Entry, Import, check_count, code_of, decoded, number_of, numbers_of, plain
+from .base import CodeFormat, Entry, Import, check_count, code_of, number_of, numbers_of, plain, text_of
 from .colours import COLOURS, SPEED, Palette, of_palette
 from .flame_xml import Flame, flames
 
@@ -24,7 +24,7 @@ MIRROR = np.diag([-1.0, 1.0])
 IDENTITY = "1 0 0 1 0 0"
 MOVING = {"weight", "coefs", "post", "linear", "linear3D", "chaos"}  # attributes of an xform that are read
 COLOURED = {"color", "color_speed", "symmetry"}                      # and for its colour
-IN_SPACE = {"yzCoefs", "zxCoefs", "yzPost", "zxPost"}                # six numbers each
+IN_SPACE = {"yzCoefs", "zxCoefs", "yzPost", "zxPost"}
 # Attributes that do not move points in the plane. All others with a number are variations or their parameters.
 UNMOVING = {"opacity", "plotmode", "var_color", "animate", "name", "flatten", "zscale", "ztranslate", "pre_zscale",
             "pre_ztranslate", "material", "material_speed", *(f"mod_{what}{end}" for end in ("", "_speed") for what in (
@@ -62,7 +62,7 @@ class FlameFile(CodeFormat):
     key, suffixes, several = "flame", (".flame", ".flam3"), True
 
     def entries(self, data: bytes) -> list[Entry]:
-        text, notes = decoded(data)
+        text, notes = text_of(data)
         return [Entry(flame.name, lambda flame=flame: _code(flame, notes)) for flame in flames(text)]
 
     def write(self, codes: Sequence[IFS]) -> bytes:
@@ -80,29 +80,18 @@ def _code(flame: Flame, notes: Sequence[str]) -> Import:
     try:
         if flame.problem is not None:
             raise InputError(flame.problem)
-        said, maps, weights, dyes = [*notes], [], [], []
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # the code refuses values that are not finite
-            for i, xform in enumerate(flame.xforms, 1):
-                weight = max(0.0, number_of(xform.get("weight", "0"), f"weight of xform {i}"))
-                try:
-                    maps.append(_affine(xform, f"xform {i}"))
-                except InputError:
-                    if weight > 0:
-                        raise
-                    said.append(f"left out: xform {i}, as its weight is 0 and it is not affine")
-                else:
-                    weights.append(weight)
-                    dyes.append((xform, (i - 1) % 2))
-            turns, shares = _symmetry(flame.symmetry, sum(weights), len(maps))
-            maps = [(turn @ linear, turn @ offset) for turn in turns for linear, offset in maps]
-            weights = [float(share) * weight for share in shares for weight in weights]
-            rows = [_row(*_through(flame.final, linear, offset)) for linear, offset in maps]
-        if flame.symmetry is not None:
-            said.append(f"the symmetry {plain(flame.symmetry, 40)} is written out: a map for each map and each of its "
-                        f"{len(turns)} images, with the same density")
-        colours, said_of_them = _colours(flame, dyes, weights, len(turns))
-        said += [*said_of_them, *_left_out(flame)]
-        return code_of(rows, weights or None, _meta(flame), said, colours)
+        xforms = [(xform, f"xform {i}") for i, xform in enumerate(flame.xforms, 1)]
+        weights = [max(0.0, number_of(xform.get("weight", "0"), f"weight of {what}")) for xform, what in xforms]
+        with np.errstate(all="ignore"):  # the code refuses values that are not finite
+            affine = [_affine(xform, what) for xform, what in xforms]
+            turns, shares = _symmetry(flame.symmetry, sum(weights), len(affine))
+            rows = [_row(*_through(flame.final, turn @ linear, turn @ offset))
+                    for turn in turns for linear, offset in affine]
+        weights = [float(share) * weight for share in shares for weight in weights]
+        turned = [] if flame.symmetry is None else [
+            f"symmetry {plain(flame.symmetry, 40)} is written out: {len(turns)} maps for each, of the same density"]
+        colours, said = _colours(flame, np.array(weights))
+        return code_of(rows, weights or None, _meta(flame), [*notes, *turned, *said, *_left_out(flame)], colours)
     except InputError as error:
         raise InputError(f"flame {reprlib.repr(flame.name)}: {error}" if flame.name else f"flame: {error}") from None
 
@@ -110,16 +99,14 @@ def _code(flame: Flame, notes: Sequence[str]) -> Import:
 def _affine(xform: Mapping[str, str], what: str) -> tuple[np.ndarray, np.ndarray]:
     """Matrix (2,2) and offset (2,) of an xform, y downwards. Raises `InputError` that names what is not affine."""
     for key in sorted(xform.keys() - MOVING - COLOURED - UNMOVING):
-        if key in IN_SPACE and _is_identity(xform[key]):
-            continue
         if key in IN_SPACE:
             raise InputError(f"{what} moves points in space, by {key}; only maps in the plane are read")
-        if NUMERIC.fullmatch(xform[key].strip()) and not _is(0, xform[key]):
+        if NUMERIC.fullmatch(xform[key].strip()) and not _is_zero(xform[key]):
             raise InputError(f"{what} has the variation or parameter {plain(key, 40)!r}; only 'linear' is affine and "
                              "read, so set the others to 0")
     if any(number_of(word, f"chaos of {what}") != 1 for word in xform.get("chaos", "").split(None, MOST_MAPS)):
         raise InputError(f"{what} has 'chaos' (xaos), which a code cannot hold; remove it")
-    if _is(0, xform.get("opacity", "1")) or xform.get("plotmode") == "off":
+    if _is_zero(xform.get("opacity", "1")) or xform.get("plotmode") == "off":
         raise InputError(f"{what} is invisible (opacity 0), which a code cannot hold; remove it or set its opacity")
     if "coefs" not in xform:
         raise InputError(f"{what} has no coefs; give it six numbers")
@@ -134,12 +121,11 @@ def _affine(xform: Mapping[str, str], what: str) -> tuple[np.ndarray, np.ndarray
 def _symmetry(kind: str | None, weight: float, maps: int) -> tuple[np.ndarray, np.ndarray]:
     """The isometries (G,2,2) of a symmetry, and the share (G,) of each that multiplies the weights of the maps.
 
-    For flam3, a kind n is n - 1 turns as maps of weight 1 beside the others, whose weight is given in sum; -n adds the
-    mirror at the y axis, as one more. Between two of the others, its chaos game takes any number of these. So a map f
-    is followed by an isometry g, as often as the sum over k of Q^k has g, where Q gives each isometry its probability
-    r; and the maps g f have the same measure. That sum is the inverse of 1 - Q among the multiples of the identity, the
-    mirror M, the sum U of all n turns, and U M: with A = 1 + r, (A - r U - m M)(a + b M + c U + d U M) = 1, where m is
-    r if there is a mirror, else 0.
+    To flam3, a kind n is n - 1 turns beside the maps, of weight 1 each, and -n the mirror at the y axis as well; weight
+    is the sum of the others'. Between two maps, its chaos game takes any number of these. So f is followed by g as
+    often as the sum of all powers of Q has g, where Q gives each isometry its probability r, and the maps g f have the
+    same measure. The sum is the inverse of 1 - Q among multiples of the identity, the mirror M, the sum U of all turns
+    and U M: (1 + r - r U - m M)(a + b M + c U + d U M) = 1, where m is r with a mirror, else 0.
 
     Raises `InputError` on a kind that is no whole number, that flam3 draws at random (0), or of too many maps.
     """
@@ -153,43 +139,39 @@ def _symmetry(kind: str | None, weight: float, maps: int) -> tuple[np.ndarray, n
     check_count(turns * (1 + mirrored) * max(maps, 1))
     angles = 2 * np.pi * np.arange(turns) / turns
     matrices = np.stack([np.cos(angles), -np.sin(angles), np.sin(angles), np.cos(angles)], 1).reshape(-1, 2, 2)
-    r = 1 / (weight + turns - 1 + mirrored) if weight + turns - 1 + mirrored > 0 else 1.0
-    m = r * mirrored
-    one, rest = 1 + r, 1 + r - r * turns
+    r = 1 / np.float64(weight + turns - 1 + mirrored)
+    m, one, rest = r * mirrored, 1 + r, 1 + r - r * turns
     a, b = one / (one**2 - m**2), m / (one**2 - m**2)
     shares = np.full((2, turns), [[rest * a + m * b], [rest * b + m * a]]) * r / (rest**2 - m**2)
     shares[:, 0] += a, b
-    if not mirrored:
-        return matrices, r * shares[0]
-    return np.concatenate([matrices, matrices @ MIRROR]), r * shares.ravel()
+    return np.concatenate([matrices, matrices @ MIRROR])[:turns * (1 + mirrored)], r * shares[:1 + mirrored].ravel()
 
 
-def _colours(flame: Flame, dyes: Sequence[tuple[Mapping[str, str], int]], weights: Sequence[float], images: int
-             ) -> tuple[Colours | None, list[str]]:
-    """The colours of a flame's maps, and what is to be said of them. dyes: the xforms that are read, each with its usual
-    place on the palette. weights (images N,): of the maps, N for each image of a symmetry, which changes no colour."""
-    given = any(COLOURED & xform.keys() for xform, _ in dyes)
-    if flame.has_bad_palette or len(flame.palette) < 2:
-        reason = "its palette cannot be read" if flame.has_bad_palette else "the file has no palette of two colours"
-        return None, [f"left out: colours, as {reason}"] if given or flame.has_bad_palette else []
-    try:
-        places, speeds = np.array([_dye(*dye) for dye in dyes]).reshape(-1, 2).T.clip(0, 1)
-        if flame.final is not None:  # it colours what is shown, after all other maps
-            place, speed = np.clip(_dye(flame.final, len(flame.xforms) % 2), 0, 1)
-            places = (1 - speed) * places + speed * place
-    except InputError as error:
-        return None, [f"left out: colours, as {error}"]
-    if not (np.tile(speeds, images) * weights > 0).any():
-        return None, ["left out: colours, as no map that is chosen has one"]
-    colours = of_palette(flame.palette, np.tile(places.clip(0, 1), images), np.tile(speeds, images))
-    mixed = colours is not None and len(flame.palette) > 2 and bool((speeds < 1).any())
-    return colours, ["colours between those of the maps are mixed in red, green and blue, not along the palette"] * mixed
+def _colours(flame: Flame, weights: np.ndarray) -> tuple[Colours | None, list[str]]:
+    """The colours of a flame's maps, and what is to be said of them. weights (K N,): of the N maps in K images, which
+    have the colours of the maps themselves."""
+    why = "the file has no palette of two colours"
+    if len(flame.palette) > 1:
+        try:
+            places, speeds = np.array([_dye(xform, i) for i, xform in enumerate(flame.xforms)]).T.clip(0, 1)
+            if flame.final is not None:  # it colours what is shown, after all other maps
+                place, speed = np.clip(_dye(flame.final, len(flame.xforms)), 0, 1)
+                places = (1 - speed) * places + speed * place
+            places, speeds = np.resize([places, speeds], (2, len(weights)))
+            if (speeds * weights > 0).any():
+                mixed = len(flame.palette) > 2 and bool((speeds < 1).any())
+                return of_palette(flame.palette, places, speeds), [
+                    "colours are mixed in red, green and blue between the maps, not along the palette"] * mixed
+            why = "no map that is chosen has one"
+        except InputError as error:
+            why = str(error)
+    return None, [f"left out: colours, as {why}"] * any(COLOURED & xform.keys() for xform in flame.xforms)
 
 
-def _dye(xform: Mapping[str, str], usual: int) -> tuple[float, float]:
-    """The place of an xform's colour on the palette, and its speed. Raises `InputError`."""
+def _dye(xform: Mapping[str, str], index: int) -> tuple[float, float]:
+    """The place on the palette of the colour of an xform with an index, and its speed. Raises `InputError`."""
     speed = (1 - number_of(xform["symmetry"].strip(), "a symmetry")) / 2 if "symmetry" in xform else SPEED
-    return (number_of((xform.get("color", "").split(None, 1) or [str(usual)])[0], "a color"),
+    return (number_of((xform.get("color", "").split(None, 1) or [str(index % 2)])[0], "a color"),
             number_of(xform["color_speed"].strip(), "a color_speed") if "color_speed" in xform else speed)
 
 
@@ -198,28 +180,21 @@ def _left_out(flame: Flame) -> list[str]:
     final = [] if flame.final is None else [flame.final]
     of_maps = _unused((pair for xform in flame.xforms + final for pair in xform.items()), MOVING | COLOURED)
     of_flame = _unused(flame.attributes.items(), FRAMING)
-    camera = [key for key in of_flame if key == "rotate" or key.startswith("cam_")]
-    look = [key for key in of_flame if key not in camera]
+    camera = [key for key in of_flame if key.startswith(("rotate", "cam_"))]
     return [f"left out: {what} ({plain(', '.join(names), 300)})" for what, names in (
         ("the camera's turn and tilt, so that the plane is seen straight from above", camera),
-        ("attributes of maps that do not move points", of_maps), ("how the flame is drawn", look),
-        ("its history", ["edit"] * flame.has_history)) if names]
+        ("attributes of maps that do not move points", of_maps), ("elements", sorted(flame.left_out)),
+        ("how the flame is drawn", sorted({*of_flame} - {*camera}))) if names]
 
 
 def _unused(pairs: Iterable[tuple[str, str]], used: set[str]) -> list[str]:
     """The names of attributes that say something, sorted."""
-    return sorted({key for key, value in set(pairs) - USUAL if key not in used and not _is(0, value)
-                   and not (key in IN_SPACE and _is_identity(value))})
+    return sorted({key for key, value in set(pairs) - USUAL if key not in used and not _is_zero(value)})
 
 
-def _is_identity(text: str) -> bool:
-    words, identity = text.split(None, 6), IDENTITY.split()
-    return len(words) == len(identity) and all(_is(float(one), word) for one, word in zip(identity, words, strict=True))
-
-
-def _is(number: float, text: str) -> bool:
+def _is_zero(text: str) -> bool:
     try:
-        return number_of(text.strip(), "") == number
+        return number_of(text.strip(), "") == 0
     except InputError:
         return False
 

@@ -8,7 +8,7 @@ from typing import Any
 from xml.parsers import expat
 
 from ...errors import InputError
-from .base import check_codes, check_count, number_of, numbers_of, plain
+from .base import NUMBER, check_codes, check_count, plain
 from .colours import COLOURS
 
 DEEPEST = 64
@@ -21,17 +21,16 @@ IGNORED = {"edit"}  # the edit history, with its content
 
 @dataclass
 class Flame:
-    """A `flame` element: attributes of itself, its maps, its final map and its symmetry, the entries of its palette by
-    index, red, green and blue in [0,255], and any problem that prevents reading it, or its palette."""
+    """A `flame` element: attributes of itself, its maps and its final map; its kind of symmetry; entries of its palette
+    by index, red, green and blue in [0,255]; elements that are left out; any problem that prevents reading it."""
 
     attributes: dict[str, str]
     xforms: list[dict[str, str]] = field(default_factory=list)
     final: dict[str, str] | None = None
     symmetry: str | None = None
     palette: dict[int, tuple[float, ...]] = field(default_factory=dict)
+    left_out: set[str] = field(default_factory=set)
     problem: str | None = None
-    has_bad_palette: bool = False
-    has_history: bool = False
 
     @property
     def name(self) -> str | None:
@@ -81,7 +80,7 @@ class _Handler:
         if name in IGNORED:
             self._ignored_depth = len(self._path)
             if self._flame_depth:
-                self.found[-1].has_history = True
+                self.found[-1].left_out.add(name)
         elif name == ROOT:
             if self._flame_depth:
                 raise InputError("a <flame> stands in another; put them beside each other")
@@ -132,22 +131,18 @@ def _take(flame: Flame, path: list[str], attributes: dict[str, str]) -> None:
 
 def _take_colour(flame: Flame, attributes: dict[str, str]) -> None:
     """Record one entry of a palette."""
-    try:
-        index = number_of(attributes.get("index", ""), "index")
-        rgb = tuple(numbers_of(attributes.get("rgb", ""), 3, "rgb"))
-    except InputError:
-        index, rgb = -1, ()
-    if index in range(COLOURS):
-        flame.palette[int(index)] = rgb
+    words = [attributes.get("index", ""), *attributes.get("rgb", "").split(None, 3)]
+    if len(words) == 4 and all(map(NUMBER.fullmatch, words)) and float(words[0]) in range(COLOURS):
+        flame.palette[int(float(words[0]))] = tuple(map(float, words[1:]))
     else:
-        flame.has_bad_palette = True
+        flame.left_out.add("color")
 
 
 def _take_palette(flame: Flame, text: str, digits: int, skipped: int) -> None:
     """Record a palette of hexadecimal digits. digits: of each colour, whose red begins after those skipped."""
     letters = "".join(text[:LONGEST_PALETTE].split())
-    if not HEX.fullmatch(letters) or len(letters) % digits or not 0 < len(letters) <= COLOURS * digits:
-        flame.has_bad_palette = True
-        return
-    for index, start in enumerate(range(skipped, len(letters), digits)):
-        flame.palette[index] = tuple(bytes.fromhex(letters[start:start + 6]))
+    if HEX.fullmatch(letters) and len(letters) % digits == 0 < len(letters) <= COLOURS * digits:
+        for index, start in enumerate(range(skipped, len(letters), digits)):
+            flame.palette[index] = tuple(bytes.fromhex(letters[start:start + 6]))
+    else:
+        flame.left_out.add("palette")

@@ -11,12 +11,13 @@ from typing import Any
 from ...errors import InputError
 from ..code import IFS
 from ..numbers import MOST_MAPS
-from .base import CodeFormat, Entry, Import, check_codes, code_of, decoded, only_one, plain
+from .base import CodeFormat, Entry, Import, check_codes, code_of, only_one, plain, text_of
 from .own import Json, rows_of
-from .rows import BY_MATRICES, IN_3D, check_order, maps_of, words_of
+from .rows import BY_MATRICES, IN_3D, maps_of, words_of
 
 # Of a text: a brace, a comment, or what stands between. "#" begins a comment in a line of its own, or after numbers.
 PIECES = re.compile(r"[{}]|;[^\n\r]*|(?<![^\n\r])[ \t]*#[^\n\r]*|[^{};\n\r]+")
+BETWEEN = re.compile(r"(?<=[\d.]);(?=[-+.\d])")  # spreadsheets separate numbers so where a comma is their decimal point
 JSON = re.compile(rb'\s*(\[|\{\s*")')
 UNSAFE = re.compile(r"[^A-Za-z0-9_.+-]+")
 LONGEST_NAME, MOST_COMMENT = 60, 2000  # characters that are kept
@@ -38,18 +39,12 @@ class Fractint(CodeFormat):
     probabilities, so a code without any is written with those of the chaos game.
     """
 
-    key, suffixes, several = "fractint", (".ifs",), True
-
-    def __init__(self, order: str | None = None) -> None:
-        self._order = order
-
-    def in_order(self, order: str) -> CodeFormat:
-        return type(self)(check_order(order))
+    key, suffixes, several, rows = "fractint", (".ifs",), True, True
 
     def entries(self, data: bytes) -> list[Entry]:
-        text, notes = decoded(data)
-        blocks = _blocks(text) if "{" in text or "}" in text else [_Block(None, text)]
-        return [Entry(block.name, lambda block=block: block.code(self._order, notes)) for block in blocks]
+        text, notes = text_of(data)
+        blocks = _blocks(text) if "{" in text or "}" in text else [_Block(None, BETWEEN.sub(" ", text))]
+        return [Entry(block.name, lambda block=block: block.code(self.order, notes)) for block in blocks]
 
     def write(self, codes: Sequence[IFS]) -> bytes:
         taken: dict[str, int] = {}
@@ -66,7 +61,11 @@ class Table(Fractint):
     key, suffixes, several = "table", (".csv", ".txt", ".tsv", ".dat"), False
 
     def entries(self, data: bytes) -> list[Entry]:
-        return Json(self._order).entries(data) if JSON.match(data) else super().entries(data)
+        if not JSON.match(data):
+            return super().entries(data)
+        lists = Json()
+        lists.order = self.order
+        return lists.entries(data)
 
     def write(self, codes: Sequence[IFS]) -> bytes:
         return "".join(",".join(words) + "\n" for words in _numbers(only_one(codes, self.key))).encode()
@@ -75,7 +74,7 @@ class Table(Fractint):
 @dataclass(frozen=True)
 class _Block:
     """A code's text, read when it is asked for: the header before its braces, None without braces; what stands in them;
-    and what stands between the entry before and this one."""
+    and what stands before it, and after the last one, outside of entries."""
 
     header: str | None
     body: str
@@ -147,6 +146,8 @@ def _blocks(text: str) -> list[_Block]:
             header, named = piece, found.start()
     if begun:
         raise InputError(f"entry {plain(header, 40)!r} does not end; close it with '}}'")
+    if blocks and text[ended:].strip():
+        blocks[-1] = replaced(blocks[-1], before=f"{blocks[-1].before}\n{text[ended:]}")
     return blocks
 
 

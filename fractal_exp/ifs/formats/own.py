@@ -13,7 +13,7 @@ from ..code import FORMAT, IFS, VERSION
 from ..colours import Colours
 from ..numbers import floats, only_keys, only_numbers
 from .base import CodeFormat, Entry, Import, check_count, only_one
-from .rows import check_order, places_of
+from .rows import places_of
 
 
 class Json(CodeFormat):
@@ -22,18 +22,12 @@ class Json(CodeFormat):
     All three spellings can be read; see `from_json`.
     """
 
-    key, suffixes = "json", (".json",)
-
-    def __init__(self, order: str | None = None) -> None:
-        self._order = order
-
-    def in_order(self, order: str) -> Json:
-        return Json(check_order(order))
+    key, suffixes, rows = "json", (".json",), True
 
     def entries(self, data: bytes) -> list[Entry]:
         if not data.strip():
             raise InputError("the file is empty")
-        return [Entry(None, lambda: Import(_checked(parse_json(data, "the file"), self._order)))]
+        return [Entry(None, lambda: Import(_checked(parse_json(data, "the file"), self.order)))]
 
     def write(self, codes: Sequence[IFS]) -> bytes:
         return dumps(self.spelling(only_one(codes, self.key)), indent=1)
@@ -87,8 +81,7 @@ def _checked(data: Any, order: str | None) -> IFS:
     if order is None:
         return from_json(data)
     if not isinstance(data, list):
-        raise InputError("columns have an order in rows of numbers alone, which this file has not; leave order (--order) "
-                         "out")
+        raise InputError("the file has no rows of numbers; leave order (--order) out")
     return _from_rows(data, order).check_contractive()
 
 

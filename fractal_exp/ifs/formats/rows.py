@@ -79,8 +79,8 @@ def _uncounted(lines: Sequence[list[str]]) -> Sequence[list[str]]:
     if not lines or len(lines[0]) != 1 or {len(line) for line in lines[1:]} not in ({6}, {7}):
         return lines
     if lines[0][0].lstrip("0") != str(len(lines) - 1):
-        raise InputError(f"the first line is {reprlib.repr(lines[0][0])}, and {len(lines) - 1} maps follow; correct it, "
-                         "or leave it out")
+        raise InputError(f"the first line is {reprlib.repr(lines[0][0])}, and {len(lines) - 1} maps follow; correct "
+                         "it, or leave it out")
     return lines[1:]
 
 

@@ -53,7 +53,7 @@ def _framed(code: IFS, frame: str) -> IFS:
 
 
 def _code(text: str, order: str | None) -> IFS:
-    if text.startswith("suite:"):
+    if text.startswith("suite:") and order is None:
         index, seed = suite_address(text)
         return random_suite(index + 1, seed)[index]
     path, name = file_and_name(text)
@@ -61,6 +61,8 @@ def _code(text: str, order: str | None) -> IFS:
         path = path / "code.json"
     if _may_be_file(path):
         return load_code(path, name, order)
+    if order is not None:
+        raise InputError(f"{text!r} is no file with rows of numbers; leave --order out")
     if text.lower() in codes.names():
         return codes.known(text.lower())
     near = did_you_mean(text, codes.names())

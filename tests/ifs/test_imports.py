@@ -311,6 +311,10 @@ def test_columns_are_named_on_the_command_line(tmp_path, monkeypatch, capsys):
     told = capsys.readouterr().err
     assert told == ("koch.csv: 2 maps read, with probabilities\n"
                     "koch.csv: columns are read as a b e c d f p of x' = a x + b y + e, y' = c x + d y + f\n")
+    for other in ("fern", "suite:1"):
+        with pytest.raises(SystemExit):
+            convert.main([other, "other.json", "--order", "abecdf"])
+        assert "no file with rows of numbers; leave --order out" in capsys.readouterr().err
     for name in ("koch.csv --order abecdf", "koch.json"):
         render_app.main([*name.split(), f"{len(name)}.png", "--size", "48"])
     assert (tmp_path / "23.png").read_bytes() == (tmp_path / "9.png").read_bytes()

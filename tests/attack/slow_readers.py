@@ -42,7 +42,8 @@ FRACTINT = {
 TABLES = {
     **{f"a number of {name}": (lambda size, word=word: f"0 0 0 0 0 0 {word(size)}") for name, word in WORDS.items()},
     "maps": repeated(ROW), "numbers in a line": repeated("10 "), "commas": repeated(","),
-    "spaced commas": repeated(" ,"), "commas in words": repeated("1,", before="1 2 "), "semicolons": repeated("1;"), "comments": repeated("#\n"),
+    "spaced commas": repeated(" ,"), "commas in words": repeated("1,", before="1 2 "), "semicolons": repeated("1;"),
+    "comments": repeated("#\n"),
     "spaces before a comment": repeated(" ", after="#"), "tabs": repeated("\t\n"), "words": repeated("a b c d e f p\n"),
     "a count": repeated("1\n"), "a decimal comma": repeated("0,5 0,5\n"), "letters": repeated("é"),
     "text between": repeated("ab ;c\n#d\n", after="\na { 0 0 0 0 0 0 }"), "lists": repeated("[", before=" "),

@@ -140,6 +140,8 @@ BROKEN_FRACTINT = [
     ("no entry", "the table: number 1 of map 1 must be a number, got 'no'"), ("# 3 maps\n", "the table: has 0 numbers"),
     ("4\n.5 0 0 .5 0 0\n", "the table: the first line is '4', and 1 maps follow"),
     ("0.5 0 0 .5 0 0\n.5 0 0 .5 0 0 0\n", "has 13 numbers; a map is a line of 6"),
+    ("0.5 ; 0 ; 0 ; .5 ; 0 ; 0\n" * 7, "has 7 numbers; a map is a line of 6"),
+    ("0,5;0;0;0,5;0;0\n", "number 1 of map 1 must be a number, got '0,5'"),
     ("a b c d e e p\n.5 0 0 .5 0 0 1\n", "an order of columns names a, b, c, d, e and f once each"),
     (".5\0", "the file is no text, as it has the character 0"),
     ("}{}", "entry '': has 0 numbers"), ("comment {fern}", "holds no code"),

@@ -48,6 +48,7 @@ def drawable(code):
 @pytest.mark.parametrize(("text", "suffix"), [
     (GASKET, ".csv"), (GASKET, ".ifs"), (GASKET.replace(" ", ","), ".csv"), (GASKET.replace(" ", ", "), ".txt"),
     (GASKET.replace(" ", "\t"), ".tsv"), (GASKET.replace(" ", ";"), ".csv"),
+    (GASKET.replace(" ", "; "), ".csv"),
     (f"3\n{GASKET}", ".ifs"), (f"# gasket, a b c d e f p\n\n{GASKET}", ".txt"),
     (f"a,b,c,d,e,f,prob\n{GASKET}", ".csv"), (f"\ufeff{GASKET}".replace("\n", "\r\n"), ".dat"),
     (f"gasket {{\n{GASKET}}}", ".txt"), (f"[[{GASKET.strip()}]]".replace(" ", ", ").replace("\n", "], ["), ".txt"),

@@ -17,7 +17,7 @@ from .rows import BY_MATRICES, IN_3D, maps_of, words_of
 
 # Of a text: a brace, a comment, or what stands between. "#" begins a comment in a line of its own, or after numbers.
 PIECES = re.compile(r"[{}]|;[^\n\r]*|(?<![^\n\r])[ \t]*#[^\n\r]*|[^{};\n\r]+")
-BETWEEN = re.compile(r"(?<=[\d.]);(?=[-+.\d])")  # spreadsheets separate numbers so where a comma is their decimal point
+BETWEEN = re.compile(r"(?<=[\d.]);(?=[ \t]*[-+.\d])")  # so spreadsheets part numbers with decimal commas
 JSON = re.compile(rb'\s*(\[|\{\s*")')
 UNSAFE = re.compile(r"[^A-Za-z0-9_.+-]+")
 LONGEST_NAME, MOST_COMMENT = 60, 2000  # characters that are kept

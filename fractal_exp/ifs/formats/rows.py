@@ -58,7 +58,7 @@ def maps_of(lines: Sequence[list[str]], order: str | None) -> tuple[list[list[fl
     if widths == {IN_3D}:
         raise InputError("has 13 numbers a map, as codes in space do; only codes in the plane are read")
     numbers = [number_of(word, f"number {i % width + 1} of map {i // width + 1}") for i, word in enumerate(flat)]
-    if not flat or len(flat) % width:
+    if not flat or len(flat) % width or widths == {1}:
         raise InputError(f"has {len(flat)} numbers; a map is a line of 6, a b c d e f, or of 7 with its probability, "
                          "the same for all maps")
     check_count(len(flat) // width)

@@ -14,34 +14,66 @@ from ..ifs import attractor, formats
 from ..ifs.code import IFS
 from ..images.bands import FORMATS
 from ..suite import SUITE_SEED, random_suite
-from .commands import CODE_HELP
+from .commands import CODE_HELP, tell
 
 
-def read_code(text: str, frame: str = "own") -> IFS:
-    """The code that a command line names, brought to the canvas if `frame` says so. Raises `InputError` if there is
-    none."""
-    return attractor.normalize(_code(text)) if frame == "canvas" else _code(text)
+def read_code(text: str, frame: str = "own", order: str | None = None) -> IFS:
+    """The code that a command line names, brought to the canvas if `frame` says so. What its reader reports is told.
+    order: of the columns in a file of rows. Raises `InputError` if there is none."""
+    return _framed(_code(text, order), frame)
 
 
-def _code(text: str) -> IFS:
-    if text.startswith("suite:"):
+def read_codes(text: str, frame: str = "own", order: str | None = None) -> list[IFS]:
+    """The code that a command line names, or all those of a file with several that can be read; of others it is told
+    why not. Raises `InputError` if there is none."""
+    path, name = file_and_name(text)
+    if name is not None or not path.is_file() or len(entries := formats.listing(path, order)) < 2:
+        return [read_code(text, frame, order)]
+    found: list[IFS] = []
+    for i, entry in enumerate(entries, 1):
+        source = f"{path}:{entry.name or f'#{i}'}"
+        try:
+            found.append(_framed(_told(entry.read(), source), frame))
+        except InputError as error:
+            tell(f"{source}: not read: {error}")
+    if not found:
+        raise InputError(f"{path.absolute()}: none of the {len(entries)} codes can be read, as told above")
+    return found
+
+
+def _told(found: formats.Import, source: str) -> IFS:
+    """The code that was found, after its report is told."""
+    for line in found.report:
+        tell(f"{source}: {line}")
+    return found.code
+
+
+def _framed(code: IFS, frame: str) -> IFS:
+    return attractor.normalize(code) if frame == "canvas" else code
+
+
+def _code(text: str, order: str | None) -> IFS:
+    if text.startswith("suite:") and order is None:
         index, seed = suite_address(text)
         return random_suite(index + 1, seed)[index]
     path, name = file_and_name(text)
     if path.is_dir() and (path / "code.json").is_file():
         path = path / "code.json"
     if _may_be_file(path):
-        return load_code(path, name)
-    if text in codes.names():
-        return codes.known(text)
+        return load_code(path, name, order)
+    if order is not None:
+        raise InputError(f"{text!r} is no file with rows of numbers; leave --order out")
+    if text.lower() in codes.names():
+        return codes.known(text.lower())
     near = did_you_mean(text, codes.names())
     raise InputError(f"{text!r} is no file and no classic code{near or ';'} give {CODE_HELP.removeprefix('a code: ')}")
 
 
-def load_code(path: Path, name: str | None = None) -> IFS:
-    """`IFS.load`, whose `InputError` on a picture names the command that finds its code."""
+def load_code(path: Path, name: str | None = None, order: str | None = None) -> IFS:
+    """`IFS.load`, which tells what the reader reports, and whose `InputError` on a picture names the command that finds
+    its code."""
     try:
-        return IFS.load(path, name)
+        return _told(formats.read(path, name, order), str(path))
     except InputError:
         if _is_picture(path):
             raise InputError(f"{path} is a picture, and a code is asked for; fractal-invert {shlex.quote(str(path))} "

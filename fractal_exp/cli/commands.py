@@ -12,9 +12,11 @@ from ..errors import InputError, did_you_mean
 from ..runtime.files import explain, is_of_file
 from . import interruption
 
-CODE_HELP = ("a code: a file (.json, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a classic "
-             "(fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
+CODE_HELP = ("a code: a file (.json, .csv, .ifs, .flame), FILE:NAME or FILE:#2 in one with several, the name of a "
+             "classic (fern, sierpinski_triangle, …), suite:INDEX or suite:INDEX:SEED")
 FRAMES = ("canvas", "own")
+ORDER_HELP = ("columns of a file's rows of numbers, such as abecdf, for x' = a x + b y + e, y' = c x + d y + f and the "
+              "probability p (default: abcdefp, or what a first line names)")
 LARGEST = 16_384  # pixels a side of a drawing
 
 
@@ -76,6 +78,10 @@ def told(error: Exception) -> str | None:
 
 def complain(program: str, message: object) -> NoReturn:
     """Print an error as one line, whatever names are in it, and end with status 2."""
-    line = "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in str(message))
-    print(f"{program}: error: {line}", file=sys.stderr)
+    tell(f"{program}: error: {message}")
     raise SystemExit(2) from None
+
+
+def tell(message: str) -> None:
+    """Print a message beside the answer, as one line, whatever names are in it."""
+    print("".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in message), file=sys.stderr)

@@ -45,7 +45,7 @@ def draw(options: argparse.Namespace) -> None:
     threads.use()
     started = time.perf_counter()
     _refuse_unused(options)
-    codes = [read_code(text, options.frame) for text in options.code]
+    codes = [read_code(text, options.frame, options.order) for text in options.code]
     _choose_mode(codes, options)
     for name, value in DEFAULTS.items():
         if getattr(options, name) is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-from .commands import CODE_HELP, FRAMES, LARGEST, command, command_parser
+from .commands import CODE_HELP, FRAMES, LARGEST, ORDER_HELP, command, command_parser
 
 MODES = ("occupancy", "density", "tone", "colour")
 
@@ -47,6 +47,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--background", metavar="COLOUR", help="behind a drawing in colour: a name or #rrggbb "
                                                                "(default: the one it was found on, or black)")
     parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")
+    parser.add_argument("--order", metavar="COLUMNS", help=ORDER_HELP)
     parser.add_argument("--seed", type=int, help="of the points of a still, and of a film's target (default 0)")
     still = parser.add_argument_group("stills")
     still.add_argument("--bits", type=int, choices=(8, 16), help="of grey levels (default 8)")

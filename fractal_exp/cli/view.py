@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError
-from .commands import CODE_HELP, FRAMES, command, command_parser
+from .commands import CODE_HELP, FRAMES, ORDER_HELP, command, command_parser
 
 DESCRIPTION = """Write a code as a page to fly into: one HTML file that any browser opens, without a network.
 
@@ -27,6 +27,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--center", type=float, nargs=2, metavar=("X", "Y"), help="middle of the first view")
     parser.add_argument("--zoom", type=float, help="of the first view")
     parser.add_argument("--frame", choices=FRAMES, default="canvas", help="bring the code to the canvas or not")
+    parser.add_argument("--order", metavar="COLUMNS", help=ORDER_HELP)
     command("fractal-view", write, parser, arguments)
 
 
@@ -40,7 +41,7 @@ def write(options: argparse.Namespace) -> None:
         if options.center is None or options.zoom is None:
             raise InputError("a first view needs both --center X Y and --zoom; leave both out for the whole")
         view = View(tuple(options.center), options.zoom)
-    code = read_code(options.code, options.frame)
+    code = read_code(options.code, options.frame, options.order)
     path = code.save_html(options.output or _default(options.code), view=view)
     print(f"{path} ({path.stat().st_size // 1000} kB); open it in a browser")
 

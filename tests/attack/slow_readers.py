@@ -39,6 +39,15 @@ FRACTINT = {
     "empty comments": repeated(";\n", "a {", "}"), "a long comment": repeated("a ", "a {;", "\n}"),
     "a long name": repeated("a ", "", "{ 1 }"), "names": numbered("n{} {{}}"), "signs of 0": repeated("\x1a", "a {}"),
 }
+TABLES = {
+    **{f"a number of {name}": (lambda size, word=word: f"0 0 0 0 0 0 {word(size)}") for name, word in WORDS.items()},
+    "maps": repeated(ROW), "numbers in a line": repeated("10 "), "commas": repeated(","),
+    "spaced commas": repeated(" ,"), "commas in words": repeated("1,", before="1 2 "), "semicolons": repeated("1;"),
+    "comments": repeated("#\n"),
+    "spaces before a comment": repeated(" ", after="#"), "tabs": repeated("\t\n"), "words": repeated("a b c d e f p\n"),
+    "a count": repeated("1\n"), "a decimal comma": repeated("0,5 0,5\n"), "letters": repeated("é"),
+    "text between": repeated("ab ;c\n#d\n", after="\na { 0 0 0 0 0 0 }"), "lists": repeated("[", before=" "),
+}
 FLAMES = {
     **{f"coefs of {name}": (lambda size, word=word: f'<flame><xform coefs="1 0 0 1 0 {word(size)}"/></flame>')
        for name, word in WORDS.items()},
@@ -53,6 +62,13 @@ FLAMES = {
     "a long name": repeated("a ", '<flame name="', '"/>'), "text": repeated("a ", "<flame>", "</flame>"),
     "a long tag": repeated("a", "<", "/>"), "newlines": repeated("\n", "<flame>", "</flame>"),
     "palette": repeated('<color index="0" rgb="1 2 3"/>', "<flame>", "</flame>"),
+    "palettes": repeated('<palette format="RGB">00</palette>', "<flame>", "</flame>"),
+    "a long palette": repeated("0\n", '<flame><palette format="RGB">', "</palette></flame>"),
+    "a long colour": repeated("1 ", '<flame><color index="0" rgb="', '"/></flame>'),
+    "a long kind": repeated("1", '<flame><symmetry kind="', '"/></flame>'),
+    "turned maps": repeated(XFORM, '<flame><symmetry kind="-9"/>', "</flame>"),
+    "attributes of a flame": numbered('a{}="x" ', "<flame ", f">{XFORM}</flame>"),
+    "colours": repeated(XFORM.replace(" w", ' color="0" w'), '<flame><colors data="0011223344556677"/>', "</flame>"),
 }
 OWN = '{"format":"fractal-exp/ifs","version":1,"linear":['
 WHOLE = f'{OWN}[[0,0],[0,0]]],"offset":[[0,0]],'
@@ -81,8 +97,9 @@ def code_in(key):
     return read
 
 
-READERS = {"fractint": (FRACTINT, code_in("fractint")), "flame": (FLAMES, code_in("flame")),
-           "json": (JSON, code_in("json")), "plain json": (JSON, lambda data: parse_json(data, "the file"))}
+READERS = {"fractint": (FRACTINT, code_in("fractint")), "table": (TABLES, code_in("table")),
+           "flame": (FLAMES, code_in("flame")), "json": (JSON, code_in("json")),
+           "plain json": (JSON, lambda data: parse_json(data, "the file"))}
 KINDS = [(reader, kind) for reader, (texts, _) in READERS.items() for kind in texts]
 
 

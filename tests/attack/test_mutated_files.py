@@ -87,9 +87,13 @@ def make_codes(folder):
 def make_formats(folder):
     """Codes in the other formats that are read, alone and two in a file."""
     fern, levy = known("fern"), known("levy_c_curve")
-    for suffix in (".ifs", ".flame"):
+    for suffix in (".csv", ".ifs", ".flame"):
         fern.save(folder / f"fern{suffix}")
+    for suffix in (".ifs", ".flame"):
         formats.save([fern, levy], folder / f"both{suffix}")
+    whole = (folder / "fern.flame").read_text()
+    (folder / "turned.flame").write_text(whole.replace("<palette", '<symmetry kind="-3"/><palette'))
+    (folder / "matrices.txt").write_text("2\n.5 .5\n2 3\n.5 0 0\n.5 0 1\n2 3\n0 .5 0\n0 .5 1\n")
 
 
 def make_pictures(folder):
@@ -159,7 +163,7 @@ def read_record(path):
 KINDS = {"codes": (make_codes, read_code), "formats": (make_formats, read_every_code),
          "pictures": (make_pictures, read_picture), "checkpoints": (make_checkpoint, read_checkpoint),
          "records": (make_records, read_record)}
-TEXTUAL = (".json", ".ifs", ".flame")
+TEXTUAL = (".json", ".csv", ".txt", ".ifs", ".flame")
 
 
 def campaign(counts, folder, results):

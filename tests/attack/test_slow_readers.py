@@ -11,7 +11,8 @@ LONGEST = 2**24       # bytes
 
 
 QUICK = {"fractint": ("a number of digits and x", "a number of digits, e, x", "closed braces", "comments"),
-         "flame": ("coefs of digits and x", "flames", "edits", "zero variations"),
+         "table": ("maps", "spaced commas", "spaces before a comment", "text between"),
+         "flame": ("coefs of digits and x", "flames", "edits", "zero variations", "a long palette", "turned maps"),
          "json": ("keys", "keys twice at the end", "linear", "rows")}
 
 
@@ -25,6 +26,7 @@ def test_time_grows_with_the_length_of_a_text_and_no_faster(reader):
 @pytest.mark.parametrize(("reader", "kind", "bound"), [
     ("fractint", "closed braces", "more than 10000 codes"), ("flame", "flames", "more than 10000 codes"),
     ("fractint", "numbers in a line", "more than 130000 numbers; a code has from 1 to 10000 maps"),
+    ("table", "maps", "from 1 to 10000 maps"), ("flame", "turned maps", "from 1 to 10000 maps"),
     ("flame", "good maps", "from 1 to 10000 maps"), ("flame", "attributes", "at most 1000 are"),
     ("json", "rows", "from 1 to 10000 maps, got"),
     ("json", "offsets", "ifs_t must hold at most 100000 lists and numbers"),

@@ -104,7 +104,7 @@ def test_one_code_of_a_file_with_several_is_judged(folder):
     (["mine", "--truth", "true"], "true/fit-000.json"),
     (["empty", "--truth", "suite"], "holds neither codes"),
     (["none.json", "--truth", "suite"], "cannot read the code"),
-    (["mine/other.txt", "--truth", "suite"], "is not JSON"),
+    (["mine/other.txt", "--truth", "suite"], "number 1 of map 1 must be a number, got 'no'"),
     (["mine", "mine", "--truth", "suite"], "two codes are called"),
     (["run:5", "--truth", "suite"], "no runs are kept"),
     (["bare"], "bare: neither truth.json nor target.png is kept"),

@@ -22,7 +22,7 @@ from fractal_exp.suite import random_suite
 
 CHROMIUM = Path("/usr/bin/chromium")
 NASTY = "</text><script>alert('&\"')</script>\n\x00]]> \u202e é"
-READ = ["json", "lists", "rows", "fractint", "flame"]
+READ = ["json", "lists", "rows", "table", "fractint", "flame"]
 
 
 def half(x=0.0, y=0.0):
@@ -39,14 +39,14 @@ def test_every_bit_of_the_maps_comes_back(tmp_path, key, code):
     suffix = (formats.FORMATS[key].suffixes or (".json",))[0]
     back = IFS.load(code.save(tmp_path / f"code{suffix}", format=key))
     assert same(back, code)
-    if code.probabilities is not None or key in ("fractint", "flame"):
+    if code.probabilities is not None or key in ("table", "fractint", "flame"):
         assert torch.equal(back.sampling_probabilities(), code.sampling_probabilities())
     else:
         assert back.probabilities is None
 
 
 @pytest.mark.parametrize(("name", "format", "message"), [
-    ("a.flamy", None, r"no format of codes ends in '.flamy'; did you mean '.flame'.*there are .json, .ifs"),
+    ("a.flamy", None, r"no format of codes ends in '.flamy'; did you mean '.flame'.*there are .json, .csv, .*.ifs"),
     ("a.png", None, "ends in '.png'"), ("a.json", "rowz", "no format is called 'rowz'; did you mean 'rows'"),
 ])
 def test_an_unknown_format_is_refused_before_anything_is_written(tmp_path, name, format, message):

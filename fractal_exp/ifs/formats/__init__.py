@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import copy
+from collections.abc import Generator, Sequence
 from pathlib import Path
 
 from ...errors import InputError, did_you_mean
 from ...runtime.files import LARGEST_JSON, read_file, write_atomically
 from ..code import IFS
-from .base import CodeFormat, Entry, choose, code_of
+from .base import CodeFormat, Entry, Import, choose, code_of
 from .flame import FlameFile
-from .fractint import Fractint
+from .fractint import Fractint, Table
 from .own import Json, Lists, Rows, from_json
 from .ply import Ply
+from .rows import check_order
 
-__all__ = ["FORMATS", "CodeFormat", "Entry", "code_of", "from_json", "load", "of_file", "register", "save", "suffixes"]
+__all__ = ["FORMATS", "CodeFormat", "Entry", "Import", "code_of", "from_json", "listing", "load", "of_file", "read",
+           "register", "save", "suffixes"]
 
 LARGEST = LARGEST_JSON  # bytes of a file that is read
 FORMATS: dict[str, CodeFormat] = {each.key: each for each in (
-    Json(), Lists(), Rows(), Fractint(), FlameFile(), Ply())}
+    Json(), Lists(), Rows(), Table(), Fractint(), FlameFile(), Ply())}
 DEFAULT = FORMATS["json"]
 
 
@@ -37,16 +41,39 @@ def suffixes() -> dict[str, CodeFormat]:
     return {suffix: format for format in FORMATS.values() for suffix in format.suffixes}
 
 
-def load(path: str | Path, name: str | None = None) -> IFS:
-    """Read a code from a JSON (see `from_json`), Fractint (`.ifs`) or flam3 (`.flame`) file.
+def load(path: str | Path, name: str | None = None, order: str | None = None) -> IFS:
+    """Read a code from a JSON (see `from_json`), table (`.csv`, `.txt`), Fractint (`.ifs`) or flam3 (`.flame`) file.
 
-    name: which code of a file with several, or "#2" for the second. A file whose suffix no format has is read as JSON.
-    Raises `InputError` naming the file.
+    name: which code of a file with several, in any letter case, or "#2" for the second. order: of the columns in rows
+    of numbers, which no file tells: "abcdefp" unless given, for x' = a x + b y + e, y' = c x + d y + f and the
+    probability p; "abecdf" for the two rows of a matrix of 2 x 3. A file whose suffix no format has is read as JSON.
+    Raises `InputError` naming the file. `formats.read` also reports what was left out.
     """
-    format = suffixes().get(Path(path).suffix.lower(), DEFAULT)
+    return read(path, name, order).code
+
+
+def read(path: str | Path, name: str | None = None, order: str | None = None) -> Import:
+    """A code as `load` reads it, and the report of its reader."""
+    entries = listing(path, order)
+    with _naming(path):
+        return choose(entries, name)
+
+
+def listing(path: str | Path, order: str | None = None) -> list[Entry]:
+    """The codes of a file, each with its name and the function that reads it. Raises `InputError` naming the file."""
+    format = copy.copy(suffixes().get(Path(path).suffix.lower(), DEFAULT))
     data = read_file(path, "the code", LARGEST)
+    with _naming(path):
+        if order is not None and not format.rows:
+            raise InputError(f"{format.key} files have no rows of numbers; leave order (--order) out")
+        format.order = None if order is None else check_order(order)
+        return format.entries(data)
+
+
+@contextlib.contextmanager
+def _naming(path: str | Path) -> Generator[None]:
     try:
-        return choose(format.entries(data), name)
+        yield
     except InputError as error:
         raise InputError(f"{Path(path).absolute()}: {error}") from error
 
@@ -54,10 +81,11 @@ def load(path: str | Path, name: str | None = None) -> IFS:
 def save(codes: IFS | Sequence[IFS], path: str | Path, format: str | None = None) -> Path:
     """Write a code, or several, to a file, whole or not at all, and return its absolute path.
 
-    The suffix chooses the format: `.json` (the complete code, bit for bit; also without a suffix), `.ifs` (Fractint),
-    `.flame` (flam3), `.svg` (a drawing of the maps), `.ply` (points). format: its key instead: "json", "lists", "rows",
-    "fractint", "flame", "svg" or "ply". The class of each format says what it loses. Raises `InputError` on another
-    suffix or format, if the file cannot be written, or if the format cannot hold the codes.
+    The suffix chooses the format: `.json` (the complete code, bit for bit; also without a suffix), `.csv` (a table),
+    `.ifs` (Fractint), `.flame` (flam3), `.svg` (a drawing of the maps), `.ply` (points). format: its key instead:
+    "json", "lists", "rows", "table", "fractint", "flame", "svg" or "ply". The class of each format says what it loses.
+    Raises `InputError` on another suffix or format, if the file cannot be written, or if the format cannot hold the
+    codes.
     """
     path = Path(path).absolute()
     write_atomically(path, of_file(path, format).write([codes] if isinstance(codes, IFS) else codes))

@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import re
 import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import Any
 
 import torch
 
 from ...errors import InputError, did_you_mean
 from ..code import IFS
+from ..colours import Colours
 from ..numbers import MOST_MAPS
 
 MOST_CODES = 10_000  # of one file
 MOST_LISTED = 12     # names in an error message
 LOOKED_AT = 10       # times the characters of a note that are kept
 NORMALISED = 1e-3    # weights whose sum is closer to 1 than this stay as they are
+DECLARED = re.compile(rb"""<\?xml[^>]{0,100}?encoding\s*=\s*["'](iso-8859-(?:1?[1-9]|10)|windows-125[0-8]|koi8-[ru]|"""
+                      rb"""shift_jis|euc-jp|euc-kr|gbk|gb18030|big5)["']""", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d++(\.\d*+)?|\.\d++)([eE][+-]?\d++)?", re.ASCII)  # no digit is looked at twice
+
+
+@dataclass(frozen=True)
+class Import:
+    """A code from a file, and the report of its reader: what was read, what was left out or taken for granted, and why,
+    a line each. The package's own JSON needs no report."""
+
+    code: IFS
+    report: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -30,20 +44,22 @@ class Entry:
     """
 
     name: str | None
-    read: Callable[[], IFS]
+    read: Callable[[], Import]
 
 
 class CodeFormat:
     """A format of files that hold codes.
 
     key: its name in `IFS.save(path, format=…)` and `fractal-convert --to`. suffixes: of its files, in lower case, the
-    usual one first. several: whether a file may hold more than one code. A format overrides `entries` if it can be read
+    usual one first. several: whether a file may hold more than one code. rows: whether it has rows of numbers, whose
+    order of columns is then `order`, or None if nothing is said of it. A format overrides `entries` if it can be read
     and `write` if it can be written.
     """
 
     key: str
     suffixes: tuple[str, ...] = ()
-    several = False
+    several = rows = False
+    order: str | None = None
 
     def entries(self, data: bytes) -> list[Entry]:
         """The codes in a file's bytes, which may come from anywhere. Raises `InputError`."""
@@ -54,14 +70,17 @@ class CodeFormat:
         raise InputError(f"{self.key} files are read, not written")
 
 
-def choose(entries: Sequence[Entry], name: str | None) -> IFS:
-    """The code called `name`, or numbered #1, #2 … in the order of the file; without a name, the only code.
+def choose(entries: Sequence[Entry], name: str | None) -> Import:
+    """The code called `name`, if need be in other letter case, or numbered #1, #2 … in the order of the file; without a
+    name, the only code.
 
     Raises `InputError`, with a list of the names, if no code or several codes match.
     """
     if not entries:
         raise InputError("the file holds no code")
     found = [i for i, entry in enumerate(entries) if name in (None, entry.name)]
+    if not found and name:
+        found = [i for i, entry in enumerate(entries) if (entry.name or "").casefold() == name.casefold()]
     number = re.fullmatch(r"#(\d{1,9})", name or "")
     if not found and number and 1 <= int(number[1]) <= len(entries):
         found = [int(number[1]) - 1]
@@ -85,25 +104,33 @@ def listed(entries: Sequence[Entry]) -> str:
     return ", ".join(names) + (f" and {more} more" if more > 0 else "")
 
 
-def text_of(data: bytes) -> str:
-    """A file's bytes as UTF-8 text, without a byte order mark and without the final 0x1A of DOS files.
+def text_of(data: bytes) -> tuple[str, tuple[str, ...]]:
+    """A file's bytes as text, without the final 0x1A of DOS files, and a note if some letters may be wrong.
 
-    Raises `InputError` if it is empty or not UTF-8.
+    It is UTF-16 with a byte order mark, or UTF-8, or what an XML declaration says, or else Windows-1252, which has all
+    of Latin-1. Raises `InputError` if it is empty or no text.
     """
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    notes: tuple[str, ...] = ()
     try:
-        text = data.rstrip(b"\x1a").decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"the file is not UTF-8 text (byte {error.start} is 0x{data[error.start]:02x}); save it as "
-                         "UTF-8") from None
+        text = data.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        declared = DECLARED.match(data)
+        text = data.decode(declared[1].decode() if declared else "cp1252", "replace")
+        notes = () if declared else ("read as Windows-1252, as it is not UTF-8; letters of names may be wrong",)
+    text = text.rstrip("\x1a")
     if not text.strip():
         raise InputError("the file is empty")
-    return text
+    if "\0" in text:
+        raise InputError("the file is no text, as it has the character 0; name a file of codes")
+    return text, notes
 
 
 def number_of(text: str, what: str) -> float:
     """A finite number in decimal notation. Raises `InputError` that names it as `what`."""
     if not NUMBER.fullmatch(text):
-        raise InputError(f"{what} must be a number, got {reprlib.repr(text)}")
+        point = "; write a point for a decimal comma, or put commas between all numbers" if "," in text else ""
+        raise InputError(f"{what} must be a number, got {reprlib.repr(text)}{point}")
     value = float(text)
     if not math.isfinite(value):
         raise InputError(f"{what} must be a finite number, got {reprlib.repr(text)}")
@@ -118,21 +145,34 @@ def numbers_of(text: str, count: int, what: str) -> list[float]:
     return [number_of(word, what) for word in words]
 
 
-def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any]) -> IFS:
-    """The contractive code with rows a b c d e f and weights, which are divided by their sum unless it is 1.
+def code_of(rows: Any, weights: Sequence[float] | None, meta: dict[str, Any], notes: Sequence[str] = (),
+            colours: Colours | None = None) -> Import:
+    """The contractive code with rows a b c d e f, and the report of what was read, which ends with the notes.
 
-    Raises `InputError`.
+    Weights are divided by their sum unless it is 1. They are added up until the sum exceeds a random number, as
+    Fractint does, so that a map of a weight below 0 is never chosen. Raises `InputError`.
     """
     check_count(len(rows))
+    has = [name for name, given in (("probabilities", weights), ("colours", colours)) if given is not None]
+    report = [f"{len(rows)} map{'s' * (len(rows) > 1)} read" + (f", with {' and '.join(has)}" if has else "")]
     if weights is not None:
+        if min(weights) < 0:
+            sums = accumulate(accumulate(weights, initial=0.0), max)
+            weights = [after - before for before, after in pairwise(sums)]
+            report.append("weights below 0 are added up with those after them, as Fractint does")
         total = sum(weights)
-        if min(weights) < 0 or not 0 < total < math.inf:
-            raise InputError("the maps' weights must be at least 0, not all 0 and not huge; correct them, or leave "
-                             "them all out")
-        weights = weights if abs(total - 1) <= NORMALISED else [weight / total for weight in weights]
+        if not 0 < total < math.inf:
+            raise InputError("the maps' weights must have a sum above 0 that is not huge; correct them, or leave them "
+                             "all out")
+        if never := ", ".join(str(i) for i, weight in enumerate(weights, 1) if weight == 0):
+            report.append(f"never chosen, as its weight is not above 0: map {plain(never)}")
+        if abs(total - 1) > NORMALISED:
+            report.append(f"weights are divided by their sum, {total:.6g}")
+            weights = [weight / total for weight in weights]
     table = torch.tensor(rows, dtype=torch.float64)
     probabilities = None if weights is None else torch.tensor(weights, dtype=torch.float64)
-    return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:], probabilities, meta).check_contractive()
+    code = IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:], probabilities, meta, colours).check_contractive()
+    return Import(code, (*report, *notes))
 
 
 def check_count(maps: int) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from ..code import IFS
+from ..colours import Colours
 
 COLOURS = 256  # of a palette
 # Bright on black and not pale on white. Neighbours also differ in lightness, so they differ in grey.
@@ -57,6 +60,23 @@ class Palette:
         fits = [_mean_colours(each, shown) for each in where.T]
         best = min(range(len(fits)), key=lambda k: fits[k][1])
         return cls(np.rint(255 * fits[best][0]).astype(np.uint8), places[:, best], speeds[:, best])
+
+
+def of_palette(entries: Mapping[int, Sequence[float]], places: np.ndarray, speeds: np.ndarray) -> Colours | None:
+    """The colours of maps with places on a palette and speeds (N,), in [0,1]; None if the palette is the one that
+    `Palette.of` gives to codes without any.
+
+    entries: red, green and blue in [0,255] of indices in [0,255]. Between two of them, round the palette's end as well,
+    flam3 interpolates. A code mixes colours where flam3 mixes places. They are the same if the speeds are 1 or the
+    palette is a straight line in RGB.
+    """
+    given = sorted(entries)
+    table = np.array([entries[index] for index in given], np.float64).clip(0, 255)
+    if len(given) == COLOURS and np.array_equal(table, ramp(np.linspace(0, 1, COLOURS))):
+        return None
+    at = np.minimum(COLOURS * places, COLOURS - 1)
+    rgb = np.stack([np.interp(at, given, channel, period=COLOURS) for channel in table.T], 1) / 255
+    return Colours(torch.from_numpy(rgb), torch.from_numpy(speeds))
 
 
 def place(index: int, count: int) -> float:

@@ -1,4 +1,4 @@
-"""FRACTINT's `.ifs` files: several named codes as text, with comments."""
+"""Maps as rows of numbers in a text: FRACTINT's `.ifs` files of several named codes, and plain tables."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ from typing import Any
 from ...errors import InputError
 from ..code import IFS
 from ..numbers import MOST_MAPS
-from .base import CodeFormat, Entry, check_codes, check_count, code_of, number_of, plain, text_of
-from .own import rows_of
+from .base import CodeFormat, Entry, Import, check_codes, code_of, only_one, plain, text_of
+from .own import Json, rows_of
+from .rows import BY_MATRICES, IN_3D, maps_of, words_of
 
-PIECES = re.compile(r"[{}]|;[^\n\r]*|[^{};\n\r]+")  # of a line: a brace, a comment, or what stands between
+# Of a text: a brace, a comment, or what stands between. "#" begins a comment in a line of its own, or after numbers.
+PIECES = re.compile(r"[{}]|;[^\n\r]*|(?<![^\n\r])[ \t]*#[^\n\r]*|[^{};\n\r]+")
+BETWEEN = re.compile(r"(?<=[\d.]);(?=[ \t]*[-+.\d])")  # so spreadsheets part numbers with decimal commas
+JSON = re.compile(rb'\s*(\[|\{\s*")')
 UNSAFE = re.compile(r"[^A-Za-z0-9_.+-]+")
 LONGEST_NAME, MOST_COMMENT = 60, 2000  # characters that are kept
-IN_3D = 13                             # numbers of a map in space
 MOST_NUMBERS = IN_3D * MOST_MAPS       # of an entry
+MEANING = "x' = a x + b y + e, y' = c x + d y + f"
 
 
 class Fractint(CodeFormat):
@@ -26,72 +30,106 @@ class Fractint(CodeFormat):
 
     It follows the documentation of Fractint (`name` before a brace, `;` begins a comment, a map is seven numbers, an
     entry called `comment` is a comment, `(3D)` after the name marks a code in space) and of the IFS Construction Kit
-    (six numbers per line are a map without a probability, commas may separate them, names may have spaces).
-    Probabilities are divided by their sum if it is not 1. Entries in space are refused by name.
+    (six numbers per line are a map without a probability, commas may separate them, names may have spaces). A text
+    without braces is one code without a name, see `rows.maps_of`. Probabilities are divided by their sum if it is not
+    1, and those below 0 mean what they mean to Fractint. Entries in space are refused by name.
 
-    `meta` gets `name` and the entry's `comment`. Name, title, source and comment are written, with underscores for what
-    the format does not allow in names; other notes and colours are lost. Fractint needs probabilities, so a code
-    without any is written with those of the chaos game.
+    `meta` gets `name` and the comments in and before the entry. Name, title, source and comment are written, with
+    underscores for what the format does not allow in names; other notes and colours are lost. Fractint needs
+    probabilities, so a code without any is written with those of the chaos game.
     """
 
-    key, suffixes, several = "fractint", (".ifs",), True
+    key, suffixes, several, rows = "fractint", (".ifs",), True, True
 
     def entries(self, data: bytes) -> list[Entry]:
-        return [Entry(block.name, block.code) for block in _blocks(text_of(data))]
+        text, notes = text_of(data)
+        blocks = _blocks(text) if "{" in text or "}" in text else [_Block(None, BETWEEN.sub(" ", text))]
+        return [Entry(block.name, lambda block=block: block.code(self.order, notes)) for block in blocks]
 
     def write(self, codes: Sequence[IFS]) -> bytes:
         taken: dict[str, int] = {}
         return "\n".join(_written(code.check_contractive(), taken) for code in codes).encode()
 
 
+class Table(Fractint):
+    """Text with a row of six or seven numbers for each map, between spaces or commas, read like Fractint's files.
+
+    A row a,b,c,d,e,f,p is written for each map, with the probabilities of the chaos game if the code has none. `meta`
+    and colours are lost. A text that is JSON is read as such.
+    """
+
+    key, suffixes, several = "table", (".csv", ".txt", ".tsv", ".dat"), False
+
+    def entries(self, data: bytes) -> list[Entry]:
+        if not JSON.match(data):
+            return super().entries(data)
+        lists = Json()
+        lists.order = self.order
+        return lists.entries(data)
+
+    def write(self, codes: Sequence[IFS]) -> bytes:
+        return "".join(",".join(words) + "\n" for words in _numbers(only_one(codes, self.key))).encode()
+
+
 @dataclass(frozen=True)
 class _Block:
-    """An entry: the header before its braces, and the text between them, which is read when its code is asked for."""
+    """A code's text, read when it is asked for: the header before its braces, None without braces; what stands in them;
+    and what stands before it, and after the last one, outside of entries."""
 
-    header: str
+    header: str | None
     body: str
+    before: str = ""
 
     @property
     def name(self) -> str | None:
-        return plain(self.header.partition("(")[0]) or None
+        return plain((self.header or "").partition("(")[0]) or None
 
-    def code(self) -> IFS:
-        """The code. Raises `InputError` that begins with the entry's name."""
+    def code(self, order: str | None, notes: Sequence[str]) -> Import:
+        """The code, whose report ends with the notes. Raises `InputError` that begins with the entry's name."""
         try:
-            if "(3D)" in self.header.upper().replace(" ", ""):
+            if "(3D)" in (self.header or "").upper().replace(" ", ""):
                 raise InputError("is a code in space (3D); only codes in the plane are read, of 6 or 7 numbers a map")
-            lines, comments = self._words_and_comments()
-            maps = _maps(lines)
+            outside, before = _words_and_comments(self.before, 0)
+            lines, within = _words_and_comments(self.body, MOST_NUMBERS)
+            if sum(map(len, lines)) > MOST_NUMBERS:
+                raise InputError(f"has more than {MOST_NUMBERS} numbers; a code has from 1 to {MOST_MAPS} maps")
+            rows, weights, found = maps_of(lines, order)
+            said = list(notes)
+            if order is not None or self.header is None:
+                said.insert(0, f"columns are read as {' '.join(found)} of {MEANING}" + (
+                    "" if order or found == BY_MATRICES else "; if they stand otherwise, say so, as in --order abecdf"))
+            if outside:
+                said.append(f"left out: what stands between entries, from {plain(outside[0][0], 40)!r} on")
             meta: dict[str, Any] = {} if self.name is None else {"name": self.name}
-            comment = "\n".join(filter(None, comments))[:MOST_COMMENT]
-            meta |= {"comment": comment} if comment else {}
-            return code_of([row[:6] for row in maps], [row[6] for row in maps] if len(maps[0]) == 7 else None, meta)
+            comment = "\n".join(filter(None, before + within))
+            if len(comment) > MOST_COMMENT:
+                said.append(f"left out: comments after {MOST_COMMENT} characters")
+            meta |= {"comment": comment[:MOST_COMMENT]} if comment else {}
+            return code_of(rows, weights, meta, said)
         except InputError as error:
-            raise InputError(f"entry {plain(self.header, 40)!r}: {error}") from None
+            what = "the table" if self.header is None else f"entry {plain(self.header, 40)!r}"
+            raise InputError(f"{what}: {error}") from None
 
-    def _words_and_comments(self) -> tuple[list[list[str]], list[str]]:
-        """The words of each line that has any, and as many comments as are kept. Raises `InputError` if there are more
-        words than a code has numbers."""
-        lines: list[list[str]] = []
-        comments: list[str] = []
-        left = MOST_NUMBERS
-        for found in PIECES.finditer(self.body):
-            piece = found[0]
-            if piece[0] != ";":
-                words = piece.replace(",", " ").split(None, left + 1)
-                left -= len(words)
-                if left < 0:
-                    raise InputError(f"has more than {MOST_NUMBERS} numbers; a code has from 1 to {MOST_MAPS} maps")
-                lines += [words] if words else []
-            elif len(comments) < MOST_COMMENT:
-                comments.append(plain(piece[1:]))
-        return lines, comments
+
+def _words_and_comments(text: str, most: int) -> tuple[list[list[str]], list[str]]:
+    """The words of each line that has any, until they are more than `most`, and as many comments as are kept."""
+    lines: list[list[str]] = []
+    comments: list[str] = []
+    left = most
+    for found in PIECES.finditer(text):
+        words, _, comment = found[0].replace(";", "#", 1).partition("#")
+        if comment and len(comments) < MOST_COMMENT:
+            comments.append(plain(comment, MOST_COMMENT))
+        if left >= 0 and (line := words_of(words, left + 1)):
+            left -= len(line)
+            lines.append(line)
+    return lines, comments
 
 
 def _blocks(text: str) -> list[_Block]:
     """All entries but comments. Raises `InputError` if braces do not match, or on more codes than a file may have."""
     blocks: list[_Block] = []
-    begun, header, start = False, "", 0
+    begun, header, start, named, ended = False, "", 0, 0, 0
     for found in PIECES.finditer(text):
         piece = found[0]
         if piece == "{" and begun:
@@ -100,40 +138,32 @@ def _blocks(text: str) -> list[_Block]:
             begun, header, start = True, header.strip(), found.end()
         elif piece == "}":
             if begun and header.lower() != "comment":
-                blocks.append(_Block(header, text[start:found.start()]))
+                blocks.append(_Block(header, text[start:found.start()], text[ended:named]))
                 check_codes(len(blocks))
+                ended = found.end()
             begun, header = False, ""
-        elif not begun and piece[0] != ";" and piece.strip():
-            header = piece
+        elif not begun and piece.lstrip()[:1] not in ("", ";", "#"):
+            header, named = piece, found.start()
     if begun:
         raise InputError(f"entry {plain(header, 40)!r} does not end; close it with '}}'")
+    if blocks and text[ended:].strip():
+        blocks[-1] = replaced(blocks[-1], before=f"{blocks[-1].before}\n{text[ended:]}")
     return blocks
-
-
-def _maps(lines: list[list[str]]) -> list[list[float]]:
-    """Rows of six or seven numbers, from the words of each line. A map is a line, or seven numbers across lines."""
-    lengths = {len(line) for line in lines}
-    flat = [word for line in lines for word in line]
-    if lengths == {IN_3D}:
-        raise InputError("has 13 numbers a map, as codes in space do; only codes in the plane are read")
-    width = 6 if lengths == {6} else 7
-    if not flat or len(flat) % width:
-        raise InputError(f"has {len(flat)} numbers; a map is a line of 6, a b c d e f, or of 7 with its probability, "
-                         "the same for all maps")
-    check_count(len(flat) // width)
-    numbers = [number_of(word, f"number {i + 1}") for i, word in enumerate(flat)]
-    return [numbers[i:i + width] for i in range(0, len(numbers), width)]
 
 
 def _written(code: IFS, taken: dict[str, int]) -> str:
     """The text of an entry, under a name that is not taken yet."""
-    rows = rows_of(replaced(code, probabilities=code.sampling_probabilities()))
     notes = [plain(line) for key in ("title", "source", "comment")
              for line in (code.meta[key].splitlines() if isinstance(code.meta.get(key), str) else [])]
     lines = [f"{_free_name(plain(code.meta.get('name')), taken)} {{", *(f"  ; {note}" for note in notes if note),
-             *("  " + " ".join(f"{number:g}" if number.is_integer() else repr(number) for number in row)
-               for row in rows), "}"]
+             *("  " + " ".join(words) for words in _numbers(code)), "}"]
     return "\n".join(lines) + "\n"
+
+
+def _numbers(code: IFS) -> list[list[str]]:
+    """Rows a b c d e f p as words."""
+    rows = rows_of(replaced(code, probabilities=code.sampling_probabilities()))
+    return [[f"{number:g}" if number.is_integer() else repr(number) for number in row] for row in rows]
 
 
 def _free_name(name: str, taken: dict[str, int]) -> str:

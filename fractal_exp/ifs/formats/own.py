@@ -12,7 +12,8 @@ from ...runtime.files import parse_json
 from ..code import FORMAT, IFS, VERSION
 from ..colours import Colours
 from ..numbers import floats, only_keys, only_numbers
-from .base import CodeFormat, Entry, check_count, only_one
+from .base import CodeFormat, Entry, Import, check_count, only_one
+from .rows import places_of
 
 
 class Json(CodeFormat):
@@ -21,12 +22,12 @@ class Json(CodeFormat):
     All three spellings can be read; see `from_json`.
     """
 
-    key, suffixes = "json", (".json",)
+    key, suffixes, rows = "json", (".json",), True
 
     def entries(self, data: bytes) -> list[Entry]:
         if not data.strip():
             raise InputError("the file is empty")
-        return [Entry(None, lambda: _checked(parse_json(data, "the file")))]
+        return [Entry(None, lambda: Import(_checked(parse_json(data, "the file"), self.order)))]
 
     def write(self, codes: Sequence[IFS]) -> bytes:
         return dumps(self.spelling(only_one(codes, self.key)), indent=1)
@@ -73,11 +74,15 @@ def dumps(data: Any, indent: int | None = None) -> bytes:
         raise InputError(f"meta must hold nothing but JSON (text, numbers, lists, mappings): {error}") from error
 
 
-def _checked(data: Any) -> IFS:
+def _checked(data: Any, order: str | None) -> IFS:
     maps = data if isinstance(data, list) else data.get("linear", data.get("ifs_m")) if isinstance(data, dict) else None
     if isinstance(maps, list) and maps:
         check_count(len(maps))
-    return from_json(data)
+    if order is None:
+        return from_json(data)
+    if not isinstance(data, list):
+        raise InputError("the file has no rows of numbers; leave order (--order) out")
+    return _from_rows(data, order).check_contractive()
 
 
 def from_json(data: Any) -> IFS:
@@ -124,10 +129,12 @@ def _from_lists(data: Mapping[str, Any]) -> IFS:
     return IFS(linear, only_numbers("ifs_t", data["ifs_t"]), None if given is None else only_numbers("ifs_p", given))
 
 
-def _from_rows(rows: list[Any]) -> IFS:
+def _from_rows(rows: list[Any], order: str | None = None) -> IFS:
     table = floats("rows", only_numbers("rows", rows))
     if table.ndim != 2 or table.shape[1] not in (6, 7):
         raise InputError(f"a list of rows needs six numbers each, a b c d e f, or seven with the probability; "
                          f"got shape {tuple(table.shape)}")
+    if order is not None:
+        table = table[:, places_of(order, table.shape[1])]
     p = table[:, 6] if table.shape[1] == 7 else None
     return IFS(table[:, :4].reshape(-1, 2, 2), table[:, 4:6], p)

@@ -118,7 +118,8 @@ def main() -> None:
     if args.sheet:
         sheet(rows).save(args.sheet)
     if args.record:
-        record.append(args.record, "photographs", {"role": args.role, "colour": args.colour, "means": means, "fits": lines},
+        made = {"role": args.role, "colour": args.colour, "means": means, "fits": lines}
+        record.append(args.record, "photographs", made,
                       {f"ssim {maps} maps": row["ssim"][0] for maps, row in means.items()})
 
 

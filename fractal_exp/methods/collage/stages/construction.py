@@ -70,7 +70,8 @@ class Construction(Stage):
         """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them, and
         no grey inside."""
         params = problem.params
-        return (params.camera.estimate and not may_be_density(problem.image) and bool(_tries(problem)) and not problem.is_reduced and not params.maps)
+        return (params.camera.estimate and bool(_tries(problem)) and not problem.is_reduced and not params.maps
+                and not may_be_density(problem.image))
 
     @property
     def expected_moves(self) -> int:

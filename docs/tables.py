@@ -220,12 +220,23 @@ def shapes(*folders: Path) -> tuple[list[str], Rows]:
 def photographs(path: Path) -> tuple[list[str], Rows]:
     """Photographs of plants as small maps: the newest record of each role and number of maps."""
     newest = {(line["figures"]["role"], maps): (line["figures"]["fits"], means)
-              for line in lines_of(path) for maps, means in line["figures"]["means"].items()}
+              for line in lines_of(path) for maps, means in line["figures"]["means"].items()
+              if "colour_psnr" not in means}
     rows = [["not told" if maps == "0" else maps, f"for {role}", f"{sum(fit['maps'] == int(maps) for fit in fits)}",
              *(f"{mean:.{digits}f}{interval(low, high, digits)}"
                for digits, (mean, low, high) in zip((2, 1, 0), means.values(), strict=True))]
             for (role, maps), (fits, means) in newest.items()]
     return ["maps", "pictures", "number", "SSIM inside", "PSNR", "seconds of a core"], rows
+
+
+def photographs_in_colour(path: Path) -> tuple[list[str], Rows]:
+    """The same in colour: the newest record of each role and number of maps."""
+    newest = {(figures["role"], maps): means for line in lines_of(path) for figures in [line["figures"]]
+              for maps, means in figures["means"].items() if "colour_psnr" in means}
+    columns = {"colour_psnr": 1, "colour_error": 1, "seconds": 0}
+    rows = [[maps, f"for {role}", *(f"{means[name][0]:.{digits}f}{interval(*means[name][1:], digits)}"
+                                    for name, digits in columns.items())] for (role, maps), means in newest.items()]
+    return ["maps", "pictures", "PSNR in colour", "difference of colours (CIEDE2000)", "seconds of a core"], rows
 
 
 def equal_bytes(folder: Path) -> tuple[list[str], Rows]:
@@ -288,4 +299,5 @@ def _time(seconds: float) -> str:
 
 MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {
     each.__name__: each for each in (suite, codes, parts, ablation, worked_example, textbook, trees, binary, shapes,
-                                     photographs, equal_bytes, density, tone_curves, classics, speed)}
+                                     photographs, photographs_in_colour, equal_bytes, density, tone_curves, classics,
+                                     speed)}

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from ..errors import InputError
 from ..runtime.checks import check_number
 from .colours import Colours
+from .contraction import LEAST_SHRINKING, NEITHER, Contraction, largest
 from .numbers import exact, floats, same
 
 FORMAT = "fractal-exp/ifs"
@@ -65,7 +68,7 @@ class IFS:
     - colours: a colour and a blend of each map, or None for a code without colours.
 
     Raises `InputError` on other shapes, N < 1, numbers that are not finite, wrong probabilities, or colours of another
-    number of maps. Maps need not be contractive here; `check_contractive` is called where they must be.
+    number of maps. A code need not be contractive here; `check_contractive` is called where it must be.
     """
 
     linear: Tensor
@@ -117,7 +120,7 @@ class IFS:
         def save_html(self, path: str | Path, *, view: View | None = None) -> Path: ...
         def widget(self, *, view: View | None = None, height: int = 480) -> Any: ...
         @staticmethod
-        def load(path: str | Path, name: str | None = None) -> IFS: ...
+        def load(path: str | Path, name: str | None = None, order: str | None = None) -> IFS: ...
         @staticmethod
         def from_json(data: Any) -> IFS: ...
 
@@ -139,15 +142,24 @@ class IFS:
             return self.probabilities
         return sampling_probabilities(self.linear)
 
+    @cached_property
+    def contraction(self) -> Contraction:
+        """Whether the maps that are ever chosen contract in a norm, on average only or neither, with the numbers."""
+        return Contraction.of(*(values.cpu().double().numpy()
+                                for values in (self.linear, self.offset, self.sampling_probabilities())))
+
     def check_contractive(self) -> IFS:
-        """Return self, or raise `InputError` naming the first map whose larger singular value is not below 1."""
-        a, b, c, d = self.linear.double().flatten(1).unbind(-1)
-        largest = (torch.hypot(a + d, b - c) + torch.hypot(a - d, b + c)) / 2  # so in code.mjs, to the last map
-        if bool((largest >= 1).any()):
-            i = int((largest >= 1).nonzero()[0])
+        """Return self if the code contracts in a norm or on average (see `contraction`), so that it can be drawn.
+
+        Raises `InputError` otherwise, naming the Lyapunov exponent and the map that stretches most.
+        """
+        if self.contraction.kind == NEITHER:
+            sizes = np.where(self.sampling_probabilities().cpu() > 0, largest(self.linear.cpu().double().numpy()), 0)
+            i = int(sizes.argmax())
             raise InputError(
-                f"every map must be contractive (singular values below 1), but map {i + 1} has singular value "
-                f"{float(largest[i]):.6g}; shrink its matrix or drop the map"
+                f"the maps must be contractive, at least on average: their Lyapunov exponent must be below "
+                f"{-LEAST_SHRINKING:g} and is {self.contraction.exponent:.3g}, since map {i + 1} has singular value "
+                f"{sizes[i]:.6g}; shrink its matrix or drop the map"
             )
         return self
 

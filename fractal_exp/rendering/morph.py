@@ -36,13 +36,14 @@ def morph(a: IFS, b: IFS, t: float) -> IFS:
       matrix itself moves along a straight line, and passes through a flat map, like a leaf that turns over.
     - A flat map has no logarithm, so S itself moves along a straight line.
 
-    All maps stay contractive: norms are convex along a straight line, and so is the logarithm of the larger singular
-    value along one of log S. If one code has more maps, each of those left over grows from a point of the other's
+    Singular values below 1 in both codes stay below 1: norms are convex along a straight line, and so is the logarithm
+    of the larger singular value along one of log S. Between codes that stretch in some direction, one may not contract,
+    and is refused. If one code has more maps, each of those left over grows from a point of the other's
     attractor, or shrinks to it, and its probability from or to zero. Probabilities move along straight lines,
     and so do colours and tones, if both codes have them; otherwise the codes between have none.
 
-    Raises `InputError` on t outside [0,1], on what is no code, and on codes that are not contractive or of more than
-    10 000 pairs of maps.
+    Raises `InputError` on t outside [0,1], on what is no code, on codes of more than 10 000 pairs of maps, and on codes
+    that are not contractive, at the ends or between.
     """
     check_number("t", t, "a number from 0 to 1", 0, 1)
     return _Passage.between(a, b).at(float(t))
@@ -132,7 +133,7 @@ class _Passage:
             colours = Colours(numbers[:, :3], numbers[:, 3])
         meta = {} if self.tones is None else {NOTE: self.tones[0].towards(self.tones[1], t).facts()}
         return IFS(torch.from_numpy(linear), torch.from_numpy(offset), torch.from_numpy(chance / chance.sum()), meta,
-                   colours)
+                   colours).check_contractive()
 
 
 def _numbers(code: IFS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

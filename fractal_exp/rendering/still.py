@@ -17,6 +17,7 @@ from .. import codes
 from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
+from ..ifs.contraction import AVERAGE
 from ..ops import cuda_launch, histogram
 from ..ops.histogram import AddressTree, Window
 from ..ops.histogram.boxes import lit_share
@@ -42,6 +43,7 @@ PILOT_POINTS = 65_536        # points that weigh a view, to 0.4%
 WORD = 4                     # work of visiting a word, in points thrown
 SEARCH_WORK = 30_000_000     # points thrown before a view counts as empty: about a tenth of a second
 WORK, WORK_PER_POINT = 1_000_000_000, 25  # limits for a view: about ten seconds at 50 million points
+EVERYWHERE = 1e9             # times the likely rectangle of a measure with tails: with it, no word is left out
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,10 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
     The same seed gives the same image on any number of threads. The image carries no gradient; the functions of
     `fractal_exp.ops` are differentiable. A view without points of the attractor is black. A view whose points would
     take too much work gets fewer. Both are logged as warnings, and `render_with_info` returns them as data.
+
+    A code that contracts on average only (`IFS.contraction`) may have points anywhere. Its views leave out tails that
+    hold less than about 1e-5 of the measure (see `ifs.attractor`). Where nothing else is in the view, points are thrown
+    at the whole measure; how many is logged as a warning before the view is drawn.
 
     Raises `InputError` on anything but an IFS, a code that is not contractive, a zoom above 1e12, a size below 1 or too
     large for the memory, a device that cannot render, "colour" for a code without colours, or "tone" for one without.
@@ -197,13 +203,20 @@ def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int,
         raise InputError(f"mode must be one of {', '.join([*MODES, 'tone'])}, got {mode!r}")
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
-    tree = _address_tree(code, reuse, with_colours=MODES[mode] == COLOURED)
-    return _weigh(tree, _window(view, resolution), points, seed, effort, near)
+    tree, window = _address_tree(code, reuse, with_colours=MODES[mode] == COLOURED), _window(view, resolution)
+    plan = _weigh(tree, window, points, seed, effort, near)
+    if plan.mass > 0 or code.contraction.kind != AVERAGE:
+        return plan
+    plan = _weigh(replace(tree, hull=tree.hull * EVERYWHERE), window, points, seed, effort, 0.0)
+    if plan.mass > 0:
+        log.warning("the view holds nothing but tails, %.1g of the measure: %.2g points are thrown for its %.2g",
+                    plan.mass, plan.thrown, plan.thrown * plan.mass)
+    return plan
 
 
 def _address_tree(code: IFS, reuse: int = 1, *, with_colours: bool = False) -> AddressTree:
-    """The code with the smallest rectangle that certainly contains its attractor. Raises `InputError` if colours are
-    wanted and there are none."""
+    """The code with the smallest rectangle about its half planes. Raises `InputError` if colours are wanted and there
+    are none."""
     probabilities = code.sampling_probabilities()
     colours = _colours(code, probabilities) if with_colours else None
     h = attractor.support_function(code)
@@ -263,8 +276,9 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
     mass, fewer = min(1.0, tally.kept / thrown), int(allowed / work_per_point)
     if fewer >= points:
         return _Plan(tree, points / mass, mass)
-    return _Plan(tree, fewer / mass, mass, f"the code's maps overlap so much that a point of this view takes up to "
-                                           f"{work_per_point:.0f} throws: drew about {fewer} of {points} points")
+    return _Plan(tree, fewer / mass, mass, f"the code's maps overlap so much, or its tails are so long, that a point "
+                                           f"of this view takes up to {work_per_point:.0f} throws: drew about {fewer} "
+                                           f"of {points} points")
 
 
 def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,

@@ -50,13 +50,14 @@ def _eyes(code: IFS, zoom: float) -> list[tuple[float, float]]:
     About such a point the attractor is a spiral that never flattens. Of `EYES` of them, those with the richest views at
     this zoom are taken, because many lie where all is filled.
     """
-    linear, offset = code.linear.cpu().double().numpy(), code.offset.cpu().double().numpy()
+    chosen = code.sampling_probabilities() > 0
+    linear, offset = (values[chosen].cpu().double().numpy() for values in (code.linear, code.offset))
     matrices, shifts = linear, offset
     found: list[tuple[float, float, float]] = []
     while True:
         trace, det = np.trace(matrices, axis1=1, axis2=2), np.linalg.det(matrices)
         turning = det - trace**2 / 4  # the square of the eigenvalues' imaginary part
-        for k in np.nonzero(turning > 1e-12)[0]:
+        for k in np.nonzero((turning > 1e-12) & (det < 1))[0]:
             flatness = float(((matrices[k] - np.eye(2) * trace[k] / 2)**2).sum() / turning[k])  # 2 for a similarity
             x, y = np.linalg.solve(np.eye(2) - matrices[k], shifts[k]).tolist()
             found.append((round(flatness, 3), x, y))

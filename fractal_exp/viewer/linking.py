@@ -1,5 +1,5 @@
-"""The page's JavaScript modules as one script: each keeps its names and its text, without the lines that are comments,
-and gives the others what it exports.
+"""The page's JavaScript modules as one script: each keeps its names and its text, without indentation and the lines
+that are comments, and gives the others what it exports.
 
 A file cannot hold modules that import each other by name, and a build step would need tools that a clone lacks. So the
 modules keep to the few forms that are read here.
@@ -13,6 +13,7 @@ from collections.abc import Mapping
 IMPORT = re.compile(r'^import \{\s([^}]*?),?\s\} from "\./(\w+)\.mjs";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export ((?:async )?function|const|class) (\w+)", re.MULTILINE)
 COMMENT = re.compile(r"^[ \t]*(?://[^\n]*|/\*\*(?:(?!\*/).)*\*/)\n", re.MULTILINE | re.DOTALL)  # of whole lines
+INDENTATION = re.compile(r"^[ \t]+", re.MULTILINE)
 ANY = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 
 
@@ -43,4 +44,5 @@ def _link(modules: Mapping[str, str], name: str, done: dict[str, str], path: tup
     body = EXPORT.sub(r"\1 \2", IMPORT.sub("", text))
     if other := ANY.search(body):
         raise ValueError(f"{name}.mjs has a form of import or export that is not linked: {other[0]}")
-    done[name] = "\n".join([f"const {name}Module = (() => {{", *taken, body.strip(), f"return {{ {given} }};", "})();"])
+    body = INDENTATION.sub("", body).strip()
+    done[name] = "\n".join([f"const {name}Module = (() => {{", *taken, body, f"return {{ {given} }};", "})();"])

@@ -20,8 +20,8 @@ test("chances without any are those of |det| + 0.01", () => {
 });
 
 test("a code that does not contract, or that holds no numbers, is refused by the map's number", () => {
-  const wild = { ...SQUARE, linear: [...SQUARE.linear.slice(0, 3), [[1.1, 0], [0, 0.5]]] };
-  assert.throws(() => readCode(wild), /map 4 does not contract/);
+  const wild = { ...SQUARE, linear: [...SQUARE.linear.slice(0, 3), [[11, 0], [0, 0.5]]] };
+  assert.throws(() => readCode(wild), /must be contractive.* and is 2.01, since map 4 has singular value 11;/);
   assert.throws(() => readCode({ ...SQUARE, linear: SQUARE.linear.map(() => [[NaN, 0], [0, 0]]) }), /map 1/);
 });
 

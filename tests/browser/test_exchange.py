@@ -13,7 +13,7 @@ from fractal_exp.ifs import attractor
 WILD = "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
 HOSTILE = [
     ("[[0.5,0,0,0.5,0,NaN]]", "the text is not JSON"),
-    ("[[1.5,0,0,0.5,0,0]]", "map 1 does not contract: it has singular value 1.5"),
+    ("[[1.5,0,0,0.5,0,0]]", "since map 1 has singular value 1.5; shrink its matrix"),
     (f'{{"{WILD}": 1}}'.replace('"document', "'").replace("taken'\"", ""), "unknown keys '<img src=x"),
     ("fern { .5 0 0 .5 0 0 }", "`fractal-convert FILE code.json` makes JSON"),
     ('<flame name="&lt;script&gt;alert(1)&lt;/script&gt;"/>', "`fractal-convert FILE code.json` makes JSON"),

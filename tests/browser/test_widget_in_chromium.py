@@ -218,7 +218,7 @@ def test_strangers_are_not_heard(notebook):
     cell.number("e", float(FERN.offset[0, 0]))
 
 
-WRONG = [(None, "a code is a JSON object"), ({}, "expected format"), ([[1.5, 0, 0, 1, 0, 0]], "does not contract"),
+WRONG = [(None, "a code is a JSON object"), ({}, "expected format"), ([[1.5, 0, 0, 1, 0, 0]], "must be contractive"),
          ({"ifs_m": "x"}, "needs ifs_t"), ([[0, 0, 0, 0, 0, 0]] * 1001, "at most 1000 maps, got 1001")]
 
 

@@ -64,8 +64,8 @@ def test_sampling_probabilities_follow_the_determinants_unless_given():
 
 
 def test_a_map_that_does_not_contract_is_named():
-    code = IFS([HALF, [[0.9, 0.9], [0, 0.9]]], [[0, 0], [0, 0]])
-    with pytest.raises(InputError, match="map 2 has singular value 1.456"):
+    code = IFS([HALF, [[2.9, 0.9], [0, 2.9]]], [[0, 0], [0, 0]])
+    with pytest.raises(InputError, match=r"must be below -0.0001 and is 1.02, since map 2 has singular value 3.38471;"):
         code.check_contractive()
     assert triangle().check_contractive() is not None
 

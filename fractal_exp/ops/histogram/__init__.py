@@ -54,7 +54,8 @@ class Tally(NamedTuple):
 @dataclass(frozen=True)
 class AddressTree:
     """A contractive code prepared for sampling: `maps` (N,6), rows a b c d e f about `center`, and a rectangle about
-    `center` with half sides `hull` (2,2, as columns) that certainly contains the attractor. A point x of the invariant
+    `center` with half sides `hull` (2,2, as columns) that contains the attractor; what of it lies beyond is left out of
+    words whose rectangle is beside the window. A point x of the invariant
     measure is used under up to `reuse` words: f_v(x), f_w(x), …. With 8, a drawing takes half as long as with 1 and its
     pixels are no noisier, but the brightness of large parts may vary up to twice as much.
 

@@ -1,5 +1,7 @@
 // A code as the page reads it: maps and their chances, to the last digit those of the Python package.
 
+import { LEAST_SHRINKING, contractionOf, largestSingularValue } from "./contraction.mjs";
+
 export const PROBABILITY_FLOOR = 0.01; // p_i is proportional to |det M_i| + floor where a code has none of its own
 export const MOST_MAPS = 1000; // of a code that is shown
 
@@ -11,8 +13,8 @@ const kept = (number) => Math.fround(number) + 0; // which makes 0 of -0, as a f
 /**
  * A code in plain form: {rows, probabilities, meta, colours}. rows: a b c d e f of x' = a x + b y + e, y' = c x + d y +
  * f; probabilities: as many, or null; colours: {rgb, blends}, [r, g, b] and a number of each map in [0,1], or null. All
- * are rounded to float32, in which the package keeps a code. Throws Refused on numbers that are not finite, on a map
- * that does not contract, and on probabilities or colours that are none.
+ * are rounded to float32, in which the package keeps a code. Throws Refused on numbers that are not finite, on maps
+ * that do not even contract on average, and on probabilities or colours that are none.
  */
 export function plainCode(rows, probabilities = null, meta = {}, colours = null) {
   checkCount(rows.length);
@@ -23,13 +25,18 @@ export function plainCode(rows, probabilities = null, meta = {}, colours = null)
     throw new Refused(`map ${i + 1} has a number that is not finite, or larger than float32 can hold; correct it`);
   });
   if (chances) checkProbabilities(chances, rows.length);
-  rounded.forEach((row, i) => {
-    const largest = largestSingularValue(row);
-    if (largest < 1) return;
-    throw new Refused(`map ${i + 1} does not contract: it has singular value ${Number(largest.toPrecision(6))}, and `
-      + "must stay below 1; shrink its matrix or drop the map");
-  });
+  checkContractive(rounded, chancesOf(rounded, chances));
   return { rows: rounded, probabilities: chances, meta, colours: colours && plainColours(colours, rows.length) };
+}
+
+/** Throws Refused unless maps contract in a norm or on average. */
+function checkContractive(rows, chances) {
+  const { kind, exponent } = contractionOf(rows, chances);
+  if (kind !== "neither") return;
+  const sizes = rows.map((row, i) => (chances[i] > 0 ? largestSingularValue(row) : 0)), largest = Math.max(...sizes);
+  throw new Refused("the maps must be contractive, at least on average: their Lyapunov exponent must be below "
+    + `${-LEAST_SHRINKING} and is ${Number(exponent.toPrecision(3))}, since map ${sizes.indexOf(largest) + 1} has `
+    + `singular value ${Number(largest.toPrecision(6))}; shrink its matrix or drop the map`);
 }
 
 function plainColours({ rgb, blends }, count) {
@@ -62,10 +69,12 @@ function checkProbabilities(chances, count) {
   }
 }
 
-/** A code made ready for drawing, {count, maps, chances, plain}: maps is one array of all rows, plain the code. */
+/** A code made ready for drawing, {count, maps, chances, contraction, plain}: maps is one array of all rows, plain the
+ * code. */
 export function ready(plain) {
-  const { rows, probabilities } = plain;
-  return { count: rows.length, maps: Float64Array.from(rows.flat()), chances: chancesOf(rows, probabilities), plain };
+  const { rows, probabilities } = plain, chances = chancesOf(rows, probabilities);
+  const maps = Float64Array.from(rows.flat());
+  return { count: rows.length, maps, chances, contraction: contractionOf(rows, chances), plain };
 }
 
 /** The code of the package's JSON, ready for drawing. Throws Refused on one that cannot be drawn. */
@@ -92,11 +101,6 @@ function list3(numbers) {
 
 function floats(text) {
   return new Float32Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
-}
-
-/** The larger singular value of a row's matrix. */
-export function largestSingularValue([a, b, c, d]) {
-  return (Math.hypot(a + d, b - c) + Math.hypot(a - d, b + c)) / 2;
 }
 
 /** The probabilities of the chaos game, whose sum is 1. */

@@ -1,9 +1,10 @@
 // Changes of a code, each a new value, and the way back through them. A code is in plain form: {rows, probabilities,
 // meta, colours}, as code.mjs has it. Where it has no probabilities of its own, every change leaves it without.
 
-import { chancesOf, largestSingularValue, total } from "./code.mjs";
+import { chancesOf, total } from "./code.mjs";
+import { exponentOf, largestSingularValue } from "./contraction.mjs";
 
-export const MOST_STRETCH = 0.999; // singular value up to which a map may be stretched by hand
+const MOST_STRETCH = 0.999; // up to which a map may be stretched by hand, or all of them in the mean
 const MOST_STEPS = 500; // that are kept to be undone
 
 /** The steps of an editing; `state` is the present one. */
@@ -108,12 +109,17 @@ export function flipped(row, at, second = false) {
 }
 
 /**
- * The share of a change, in [0,1], up to which a map contracts. make(share) gives the row; make(0) is the one before,
- * which may be stretched more than MOST_STRETCH, but is not stretched further.
+ * The share of a change, in [0,1], up to which the maps contract on average. make(share) gives the code; make(0) is the
+ * one before, which may contract less than MOST_STRETCH asks, but must not contract less still.
  */
 export function shareThatContracts(make) {
-  const most = Math.max(MOST_STRETCH, largestSingularValue(make(0)));
-  const contracts = (share) => largestSingularValue(make(share).map(Math.fround)) <= most;
+  const stretch = ({ rows, probabilities }) => {
+    const chances = chancesOf(rows, probabilities), chosen = rows.filter((_, i) => chances[i] !== 0); // or NaN
+    if (chosen.every((row) => largestSingularValue(row) <= MOST_STRETCH)) return 0;
+    return Math.exp(exponentOf(chosen, chances.filter((chance) => chance !== 0)));
+  };
+  const most = Math.max(MOST_STRETCH, stretch(make(0)));
+  const contracts = (share) => stretch(make(share)) <= most;
   if (contracts(1)) return 1;
   let low = 0, high = 1;
   for (let step = 0; step < 30; step++) {

@@ -2,7 +2,7 @@
 
 import { MOST_MAPS, Refused, plainCode } from "./code.mjs";
 import {
-  MOST_STRETCH, Steps, flipped, shareThatContracts, withAdded, withChance, withOwnChances, withRow, withoutChances,
+  Steps, flipped, shareThatContracts, withAdded, withChance, withOwnChances, withRow, withoutChances,
   withoutMap,
 } from "./editing.mjs";
 import { Exchange } from "./exchange.mjs";
@@ -124,7 +124,9 @@ export class Editor {
 
   // What changes.
 
+  /** Throws Refused on a code whose maps do not even contract on average. */
   change(code, label = null) {
+    plainCode(code.rows, code.probabilities);
     this.steps.push({ ...this.state, code }, label);
     this.drawn();
   }
@@ -177,12 +179,13 @@ export class Editor {
     return { code, ...this.page.scene(boxOf(code)) };
   }
 
-  /** Drag a handle of the selected map by some pixels, so far as the map contracts; where it stops, that is said. */
+  /** Drag a handle of the selected map by some pixels, so far as the maps contract; where it stops, that is said. */
   bend({ kind, row, box, window, place, label }, [dx, dy], straight = false) {
-    const make = (share) => dragged(kind, row, box, place, [share * dx, share * dy], window, straight);
+    const { code } = this.state, to = (share) => [share * dx, share * dy];
+    const make = (share) => withRow(code, this.selected, dragged(kind, row, box, place, to(share), window, straight));
     const share = shareThatContracts(make), made = make(share);
-    this.panel.say(share === 1 ? "" : `A map must contract: this one stops at singular value ${MOST_STRETCH}`);
-    if (made.map(Math.fround).every(Number.isFinite)) this.change(withRow(this.state.code, this.selected, made), label);
+    this.panel.say(share === 1 ? "" : "Maps must contract on average: this one stops where they hardly do");
+    if (made.rows[this.selected].every(Number.isFinite)) this.change(made, label);
   }
 
   // The overlay's hands.
@@ -224,9 +227,8 @@ export class Editor {
   // The panel's.
 
   number(k, value) {
-    const { code } = this.state, changed = withRow(code, this.selected, code.rows[this.selected].with(k, value));
-    plainCode(changed.rows);
-    this.change(changed);
+    const { code } = this.state;
+    this.change(withRow(code, this.selected, code.rows[this.selected].with(k, value)));
   }
 
   chance(p) {
@@ -254,8 +256,8 @@ export class Editor {
 
   insert(code, at) {
     if (code.rows.length > MOST_MAPS) throw new Refused(`a code has at most ${MOST_MAPS} maps; remove another first`);
-    this.selected = at;
     this.change(code);
+    this.select(at);
   }
 
   remove() {

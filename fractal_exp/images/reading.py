@@ -25,7 +25,7 @@ from .placement import Placement
 from .plots import without_axes
 from .sampling import is_target, resample, window
 
-__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_small", "read_target", "write_image"]
+__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_lit", "read_small", "read_target", "write_image"]
 
 COMPRESSION = 3                          # of PNGs: a third of the time of the usual 6, files are a tenth larger
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
@@ -138,6 +138,21 @@ def read_target(
                      levels=decided(levels, image))
 
 
+def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal["auto"] = "auto",
+             threshold: float | None = None, crop: Sequence[int] | None = None, most_pixels: int = LARGEST_PIXELS
+             ) -> np.ndarray:
+    """Where the shape of a picture is, (H,W) bool, in the picture's own pixels.
+
+    source, invert, crop, most_pixels: as for `read_target`. Without a threshold the shape is all that is seen on its
+    background, without what stands beside it. threshold: in (0,1), the least level of the picture, white on black, that
+    counts, wherever it stands. Raises `InputError` as `read_target` does."""
+    check_options(invert, threshold, PADDING, "fit", True)
+    pixels = _open(source, Notes(), "the image", crop=None if crop is None else check_crop(crop), most=most_pixels)
+    _check_sides(pixels.width, pixels.height, "fit", "the image")
+    shape = _levels(pixels, invert, "the image", Notes(), clean=threshold is None)
+    return np.concatenate([band > shape.seen if threshold is None else band >= threshold for band in shape.grey])
+
+
 def _check_sides(width: int, height: int, frame: str, name: str) -> None:
     if min(height, width) < MIN_SIDE:
         raise InputError(f"{name} must be at least {MIN_SIDE} px on each side, got {width}×{height}; take a larger one")
@@ -177,6 +192,11 @@ class _Shape:
     exact: bool = True
     rings: bool = False  # a coloured drawing in a lossy file; greys may be faint parts of the shape
 
+    @property
+    def seen(self) -> float:
+        """The level up to which nothing counts as lit."""
+        return SEEN_IF_LOSSY if self.grey.lossy else SEEN if self.exact else SEEN_IN_NOISE
+
     def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> _Shape:
         """The shape after a monotonic function of its levels."""
         return replace(self, grey=self.grey.map(rising), profile=self.profile.map(rising))
@@ -208,7 +228,7 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
     tones, beside = Notes(), Notes()
     shape, overview = _toned(grey, colours, invert, name, tones, beside)
     graded = tone.Flat.of(overview) is None
-    seen = SEEN_IF_LOSSY if shape.grey.lossy else SEEN if shape.exact else SEEN_IN_NOISE
+    seen = shape.seen
     dropped = beside_the_shape(overview, seen, beside, graded=graded)
     if dropped is not None and colours is not None:  # what is left out influenced the shape's colour
         empty = background_colour(colours, overview.highest <= seen, overview.block)

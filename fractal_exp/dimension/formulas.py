@@ -62,7 +62,7 @@ def _affinity(code: IFS) -> Dimension:
 
 def _of_measure(code: IFS, kind: str, ratios: np.ndarray, similar: bool, seed: int) -> Dimension:
     if len(code) == 1 or not ratios.all():
-        return Dimension(kind, 0.0, 0.0, 0.0, "exact", "the measure is one of single points, as a map shrinks all to one")
+        return Dimension(kind, 0.0, 0.0, 0.0, "exact", "a map shrinks all to a point, so the measure is one of points")
     if not similar or _overlap(code, ratios) is not False:
         return of_points(code, kind, seed)
     p = code.sampling_probabilities().double().numpy()
@@ -72,7 +72,7 @@ def _of_measure(code: IFS, kind: str, ratios: np.ndarray, similar: bool, seed: i
 
 
 def _moran(weights: np.ndarray, ratios: np.ndarray) -> float:
-    """The s >= 0 with sum_i w_i r_i^s = 1, over all r_i > 0, which are all below 1 or all above; 0 for less than two."""
+    """The s >= 0 with sum_i w_i r_i^s = 1 over all r_i > 0, all below 1 or all above it; 0 for less than two."""
     weights, logs, top = weights[ratios > 0], np.log(ratios[ratios > 0]), 1.0
     if len(weights) < 2:
         return 0.0

@@ -25,7 +25,8 @@ from .placement import Placement
 from .plots import without_axes
 from .sampling import is_target, resample, window
 
-__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_lit", "read_small", "read_target", "write_image"]
+__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_lit", "read_small", "read_target",
+           "write_image"]
 
 COMPRESSION = 3                          # of PNGs: a third of the time of the usual 6, files are a tenth larger
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
@@ -115,8 +116,7 @@ def read_target(
     resolution = check_resolution(resolution)
     check_options(invert, threshold, padding, frame, clean)
     part = None if crop is None else check_crop(crop)
-    name = f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
-    notes = Notes()
+    name, notes = _name(source), Notes()
     pixels = _open(source, notes, name, shrink=frame == "fit", crop=part, most=most_pixels)
     width, height, (left, top) = pixels.width, pixels.height, pixels.origin
     if part is not None:
@@ -147,10 +147,15 @@ def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal
     background, without what stands beside it. threshold: in (0,1), the least level of the picture, white on black, that
     counts, wherever it stands. Raises `InputError` as `read_target` does."""
     check_options(invert, threshold, PADDING, "fit", True)
-    pixels = _open(source, Notes(), "the image", crop=None if crop is None else check_crop(crop), most=most_pixels)
-    _check_sides(pixels.width, pixels.height, "fit", "the image")
-    shape = _levels(pixels, invert, "the image", Notes(), clean=threshold is None)
+    name, part = _name(source), None if crop is None else check_crop(crop)
+    pixels = _open(source, Notes(), name, crop=part, most=most_pixels)
+    _check_sides(pixels.width, pixels.height, "fit", name)
+    shape = _levels(pixels, invert, name, Notes(), clean=threshold is None)
     return np.concatenate([band > shape.seen if threshold is None else band >= threshold for band in shape.grey])
+
+
+def _name(source: str | Path | np.ndarray | Tensor) -> str:
+    return f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
 
 
 def _check_sides(width: int, height: int, frame: str, name: str) -> None:

@@ -27,6 +27,8 @@ def of_code(code: IFS, kind: str | None, seed: int) -> Dimension:
     chances = code.sampling_probabilities().cpu()
     code = IFS(code.linear.cpu()[chances > 0], code.offset.cpu()[chances > 0], chances[chances > 0])
     singular = np.linalg.svd(code.linear.double().numpy(), compute_uv=False)
+    if (singular.prod(1) >= 1).any():
+        raise InputError("a dimension needs maps that contract together, but one of these shrinks no areas; drop it")
     similar = bool((singular[:, 0] - singular[:, 1] <= ALIKE * singular[:, 0]).all())
     if kind == "similarity" and not similar:
         raise InputError('a "similarity" dimension needs maps that are similarities, but some stretch one direction '
@@ -39,7 +41,7 @@ def of_code(code: IFS, kind: str | None, seed: int) -> Dimension:
 
 def _similarity(code: IFS, ratios: np.ndarray) -> Dimension:
     s, overlaps = _moran(np.ones(len(ratios)), ratios), _overlap(code, ratios)
-    standing, why = "upper bound", "two words are one map, so the attractor has less"
+    standing, why = "upper bound", "two words are one map but for rounding, so the attractor has less"
     if s > 2 + ALIKE:
         why = "the pieces overlap, and the attractor has at most 2"
     elif overlaps is None:
@@ -52,7 +54,7 @@ def _similarity(code: IFS, ratios: np.ndarray) -> Dimension:
 def _affinity(code: IFS) -> Dimension:
     linear = code.linear.double().numpy()
     low, s, high = affinity(linear)
-    why = "the attractor's for almost all offsets, if no pieces overlap and no directions are kept (Falconer, Bárány)"
+    why = "the attractor's if no pieces overlap and no directions are kept (Bárány, Hochman, Rapaport 2019)"
     if low > 2:
         why = "the pieces overlap, and the attractor has at most 2"
     elif _keep_a_direction(linear):

@@ -139,16 +139,13 @@ def read_target(
 
 
 def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal["auto"] = "auto",
-             threshold: float | None = None, crop: Sequence[int] | None = None, most_pixels: int = LARGEST_PIXELS
-             ) -> np.ndarray:
-    """Where the shape of a picture is, (H,W) bool, in the picture's own pixels.
-
-    source, invert, crop, most_pixels: as for `read_target`. Without a threshold the shape is all that is seen on its
-    background, without what stands beside it. threshold: in (0,1), the least level of the picture, white on black, that
-    counts, wherever it stands. Raises `InputError` as `read_target` does."""
+             threshold: float | None = None, most_pixels: int = LARGEST_PIXELS) -> np.ndarray:
+    """Where the shape of a picture is, (H,W) bool, in the picture's own pixels: all that is seen on the background, but
+    what stands beside the shape; or with a threshold in (0,1) all levels from there on, white on black, wherever they
+    are. source, invert, most_pixels, errors: as for `read_target`."""
     check_options(invert, threshold, PADDING, "fit", True)
-    name, part = _name(source), None if crop is None else check_crop(crop)
-    pixels = _open(source, Notes(), name, crop=part, most=most_pixels)
+    name = _name(source)
+    pixels = _open(source, Notes(), name, most=most_pixels)
     _check_sides(pixels.width, pixels.height, "fit", name)
     shape = _levels(pixels, invert, name, Notes(), clean=threshold is None)
     return np.concatenate([band > shape.seen if threshold is None else band >= threshold for band in shape.grey])

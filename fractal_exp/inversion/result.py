@@ -151,13 +151,10 @@ class Inversion:
 
     @cached_property
     def dimensions(self) -> dict[str, Dimension]:
-        """The dimension of the "code" and, by boxes, of the "picture", where they have one: a shape of a few pixels has
-        none."""
-        found: dict[str, Dimension] = {}
-        for name, measure in {"code": self.code.dimension,
-                              "picture": lambda: count_boxes(self.target.image.numpy() > LIT)}.items():
-            with suppress(InputError):
-                found[name] = measure()
+        """The dimension of the "code" and, by boxes, of the "picture", unless its shape has but a few pixels."""
+        found = {"code": self.code.dimension()}
+        with suppress(InputError):
+            found["picture"] = count_boxes(self.target.image.numpy() > LIT)
         return found
 
     @property

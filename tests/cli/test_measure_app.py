@@ -28,7 +28,7 @@ def test_json_has_a_line_for_each_with_all_digits(tmp_path, capsys):
     write_image(tmp_path / "gasket.png", suite.target(codes.known("sierpinski_triangle"), 128))
     measure.main([str(tmp_path / "gasket.png"), str(tmp_path / "gasket.png"), "--json", "--threshold", "0.1"])
     first, second = (json.loads(line) for line in capsys.readouterr().out.splitlines())
-    assert first == second and first["maps"] is None and first["size"] == [128, 128]
+    assert first == second and first["of"] == "128×128 px"
     [boxes] = first["dimensions"]
     assert boxes["kind"] == "boxes" and boxes["low"] < 1.585 < boxes["high"] and "standard error" in boxes["condition"]
     assert [int(size) for size in first["lacunarity"]][0] == 2 and min(first["lacunarity"].values()) > 1
@@ -36,7 +36,7 @@ def test_json_has_a_line_for_each_with_all_digits(tmp_path, capsys):
 
 @pytest.mark.parametrize(("words", "message"), [
     (["nothing.png"], "'nothing.png' is no file"), (["koch_curv"], "did you mean 'koch_curve'?"),
-    (["dark.png"], "dark.png"), (["code.json", "--crop", "1", "2", "3"], "--crop: expected 4 arguments"),
+    (["dark.png"], "dark.png"), (["code.json", "--theshold", "1"], "did you mean '--threshold' or"),
 ])
 def test_what_cannot_be_measured_ends_in_one_line(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

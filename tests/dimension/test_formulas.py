@@ -151,6 +151,20 @@ def test_estimates_from_points_hold_the_formula(code, kind):
     assert estimate.value == pytest.approx(value, abs=0.06) and estimate.high - estimate.low < 0.35
 
 
+@pytest.mark.slow
+def test_the_measure_of_mcmullens_carpet_has_its_dimensions():
+    places = torch.tensor([[0.0, 0], [1, 1], [2, 0]])
+    size = torch.tensor([1 / 3, 1 / 2])
+    carpet = IFS(torch.diag(size).expand(3, 2, 2), places * size)
+    rows = np.array([2, 1]) / 3                      # of which the first holds two rectangles (Ledrappier and Young)
+    entropy = -(rows * np.log(rows)).sum()
+    information, correlation = carpet.dimension("information"), carpet.dimension("correlation")
+    assert information.low < entropy / math.log(2) + 1 - entropy / math.log(3) < information.high
+    renyi = -math.log((rows**2).sum())
+    assert correlation.low < renyi / math.log(2) + 1 - renyi / math.log(3) < correlation.high
+    assert carpet.dimension().value == pytest.approx(1 + math.log(3 / 2, 3), abs=1e-4)
+
+
 def test_where_no_formula_holds_points_of_the_seed_are_drawn(monkeypatch):
     monkeypatch.setattr(samples, "POINTS", 10_000)
     found = PRODUCT.dimension("information", seed=1)
@@ -177,10 +191,13 @@ def test_what_is_never_drawn_does_not_count():
     assert more.dimension("information").value == pytest.approx(1.5, abs=1e-6)
 
 
-def test_what_has_no_dimension_is_refused():
+def test_what_has_no_dimension_is_refused(monkeypatch):
     with pytest.raises(InputError, match="kind must be one of similarity.* did you mean 'correlation'"):
         GASKET.dimension("corelation")
     with pytest.raises(InputError, match='take kind="affinity"'):
         PRODUCT.dimension("similarity")
     with pytest.raises(InputError, match="contract"):
+        IFS(2 * GASKET.linear, GASKET.offset).dimension()
+    monkeypatch.setattr(IFS, "check_contractive", lambda code: code)   # as where codes may contract on average alone
+    with pytest.raises(InputError, match="contract together"):
         IFS(2 * GASKET.linear, GASKET.offset).dimension()

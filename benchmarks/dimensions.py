@@ -20,7 +20,7 @@ import torch
 from tqdm import tqdm
 
 from fractal_exp import IFS, codes, render
-from fractal_exp.dimension.samples import RANGES, count_boxes, lacunarity, of_points
+from fractal_exp.dimension.samples import MEASURES, count_boxes, lacunarity, of_points
 from fractal_exp.ifs import attractor
 from fractal_exp.runtime import threads
 
@@ -65,7 +65,7 @@ def measured(name: str) -> dict[str, Any]:
     found = code.dimension()
     took = 1000 * (time.process_time() - start)
     drawings = {side: render(attractor.normalize(code), resolution=side, supersample=1).numpy() > 0 for side in SIDES}
-    measure = {kind: [asdict(each) for each in (code.dimension(kind), of_points(code, kind, 0))] for kind in RANGES}
+    measure = {kind: [asdict(each) for each in (code.dimension(kind), of_points(code, kind, 0))] for kind in MEASURES}
     return {"set": name, "known": KNOWN[name], "code": asdict(found), "milliseconds": took, **measure,
             "boxes": {side: asdict(count_boxes(lit)) for side, lit in drawings.items()},
             "lacunarity": lacunarity(drawings[SIDES[-1]])}

@@ -72,10 +72,10 @@ def _log(value: float) -> float:
 
 
 def affinity(linear: np.ndarray) -> tuple[float, float, float]:
-    """A lower bound of the root of P, the root, and an upper bound, for matrices (N,2,2) as `Pressure` takes them."""
+    """A lower bound of the root of P, the root, and an upper bound, for two matrices or more, see `Pressure`."""
     pressure, top = Pressure(linear), 2.0
     while pressure.growth(top) > 0:
         top *= 2
     functions = lambda s: pressure.bounds(s)[0], pressure.growth, lambda s: pressure.bounds(s)[1]
-    low, root, high = sorted(brentq(each, 0.0, top, xtol=1e-7) for each in functions) if len(linear) > 1 else (0, 0, 0)
-    return float(low), float(root), float(high)
+    low, root, high = sorted(float(brentq(each, 0.0, top, xtol=1e-7)) for each in functions)
+    return low, root, high

@@ -38,23 +38,21 @@ def correlation(points: np.ndarray) -> tuple[float, float, float]:
     return slope(np.log(RADII), np.log(np.maximum(tree.count_neighbors(tree, RADII) - len(points), 1)))
 
 
-RANGES = {"information": (information, f"to the {NEIGHBOURS[0]} to {NEIGHBOURS[-1]} nearest"),
-          "correlation": (correlation, f"in pairs within {RADII[0]:g} to {RADII[-1]:g} of their standard deviation")}
+MEASURES = {"information": information, "correlation": correlation}
 
 
 def of_points(code: IFS, kind: str, seed: int) -> Dimension:
     """The information or correlation dimension of a contractive code's measure. The interval is that of the mean of
     the games, and twice by how much the slope changes over its range, as it goes on to change at smaller scales."""
-    (measure, how), found = RANGES[kind], []
+    found = []
     for game in range(GAMES):
         points = random_points(code, POINTS, [seed, game])[0]
         points = points - points.mean(0)
-        if (size := float(np.sqrt((points**2).sum(1).mean()))) < SMALLEST:
-            return Dimension(kind, 0.0, 0.0, 0.0, "exact", "the attractor is one point")
-        found.append(measure(points / size))
+        size = np.sqrt((points**2).sum(1).mean())
+        found.append(MEASURES[kind](points / size) if size > SMALLEST else (0.0, 0.0, 0.0))  # all are one point
     slopes, _, changes = np.transpose(found)
     error = t.ppf(0.975, GAMES - 1) * slopes.std(ddof=1) / np.sqrt(GAMES)
-    return _estimate(kind, slopes.mean(), error + 2 * changes.mean(), f"distances of {GAMES} × {POINTS} points {how}")
+    return _estimate(kind, slopes.mean(), error + 2 * changes.mean(), f"{GAMES} × {POINTS} points")
 
 
 def count_boxes(lit: np.ndarray) -> Dimension:
@@ -65,10 +63,10 @@ def count_boxes(lit: np.ndarray) -> Dimension:
     counts = []
     for size in sizes:
         starts = np.unique(np.linspace(-size, 0, min(size, OFFSETS), endpoint=False).astype(int)) + 1
-        lines = [[np.arange(start, side + size, size).clip(0, side) for start in starts]
-                 for side in np.subtract(table.shape, 1)]
-        counts.append(np.mean([np.count_nonzero(np.diff(np.diff(table[rows][:, columns], axis=0)))
-                               for rows in lines[0] for columns in lines[1]]))
+        rows, columns = ([np.arange(start, side + size - 1, size).clip(0, side - 1) for start in starts]
+                         for side in table.shape)
+        counts.append(np.mean([np.count_nonzero(np.diff(np.diff(table[level][:, upright], axis=0)))
+                               for level in rows for upright in columns]))
     value, error, change = slope(-np.log(sizes), np.log(counts))
     return _estimate("boxes", value, 2 * error + 2 * change,
                      f"{len(sizes)} sizes from {sizes[0]} to {sizes[-1]} px, standard error {error:.2g}")
@@ -78,22 +76,23 @@ def lacunarity(lit: np.ndarray) -> dict[int, float]:
     """How unevenly the lit pixels (H,W) of a picture fill boxes of each size: the mean square of their number in a box,
     over the square of its mean, over all boxes within the shape's bounding box (Allain and Cloitre 1991). It is 1 where
     all hold as many. Raises `InputError` as `count_boxes` does."""
-    table, sizes = _summed(lit)
-    masses = ((size, (table[size:, size:] - table[:-size, size:] - table[size:, :-size] + table[:-size, :-size])
-               .astype(np.float64)) for size in sizes if size < min(table.shape))
-    return {int(size): float((mass**2).mean() / mass.mean() ** 2) for size, mass in masses}
+    (table, sizes), found = _summed(lit), {}
+    for size in sizes[sizes < min(table.shape)].tolist():
+        strips = table[:, size:] - table[:, :-size]
+        masses = (strips[size:] - strips[:-size]).astype(np.float64)
+        found[size] = float((masses**2).mean() / masses.mean() ** 2)
+    return found
 
 
 def _summed(lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The number of lit pixels above and to the left of each corner within the bounding box, and sizes of boxes."""
     rows, columns = (np.flatnonzero(lit.any(axis)) for axis in (1, 0))
-    sides = [np.ptp(each) + 1 if len(each) else 0 for each in (rows, columns)]
-    if max(sides) < LEAST_SIDE:
-        raise InputError(f"a shape to measure has at least {LEAST_SIDE} px a side, got {sides[1]}×{sides[0]}; take a "
-                         "larger picture")
+    side = max(np.ptp(rows), np.ptp(columns)) + 1 if len(rows) else 0
+    if side < LEAST_SIDE:
+        raise InputError(f"a shape to measure has at least {LEAST_SIDE} px a side, got {side}; take a larger picture")
     part = lit[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
     table = np.pad(part.cumsum(0, dtype=np.int32).cumsum(1, dtype=np.int32), ((1, 0), (1, 0)))
-    return table, np.unique(np.geomspace(2, max(sides) / 4, SIZES).round().astype(int))
+    return table, np.unique(np.geomspace(2, side / 4, SIZES).round().astype(int))
 
 
 def _estimate(kind: str, value: float, margin: float, how: str) -> Dimension:

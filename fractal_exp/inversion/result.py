@@ -151,8 +151,10 @@ class Inversion:
 
     @cached_property
     def dimensions(self) -> dict[str, Dimension]:
-        """The dimension of the "code" and, by boxes, of the "picture", unless its shape has but a few pixels."""
-        found = {"code": self.code.dimension()}
+        """Of the "code" and, by boxes, of the "picture"; without what cannot be measured, as a shape of few pixels."""
+        found: dict[str, Dimension] = {}
+        with suppress(InputError):
+            found["code"] = self.code.dimension()
         with suppress(InputError):
             found["picture"] = count_boxes(self.target.image.numpy() > LIT)
         return found

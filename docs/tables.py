@@ -297,7 +297,25 @@ def _time(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds >= 1 else f"{1000 * seconds:.3g} ms"
 
 
+def dimensions(path: Path) -> tuple[list[str], Rows]:
+    """Dimensions of codes and of drawings, beside the known ones."""
+    def number(each: Mapping[str, Any], digits: int = 2) -> str:
+        return f"{each['value']:.{digits}f} [{each['low']:.{digits}f}, {each['high']:.{digits}f}]"
+
+    rows = []
+    for each in lines_of(path)[-1]["figures"]["sets"]:
+        code, known = each["code"], each["known"]
+        held = [f"**{number(boxes)}**" if known and not boxes["low"] <= known <= boxes["high"] else number(boxes)
+                for boxes in each["boxes"].values()]
+        measure = [number(given) if given["standing"] == "estimate" else f"{given['value']:.4f}"
+                   for given in (each["information"][0], each["correlation"][0])]
+        rows.append([each["set"].replace("_", " "), f"{known:.5f}" if known else "", f"{code['value']:.5f}",
+                     f"{code['kind']}, {code['standing']}", *held, *measure])
+    return ["set", "known box dimension", "`code.dimension()`", "", "boxes at 256²", "boxes at 1024²", "information",
+            "correlation"], rows
+
+
 MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {
     each.__name__: each for each in (suite, codes, parts, ablation, worked_example, textbook, trees, binary, shapes,
                                      photographs, photographs_in_colour, equal_bytes, density, tone_curves, classics,
-                                     speed)}
+                                     speed, dimensions)}

@@ -49,14 +49,16 @@ def __dir__() -> list[str]:
 
 
 def complete_codes() -> None:
-    """Give codes the methods for their files, pictures and pages, whose folders stand on codes. `ifs` asks for it when
-    it is loaded."""
+    """Give codes the methods for their files, dimensions, pictures and pages, whose folders stand on codes. `ifs` asks
+    for it when it is loaded."""
+    from .dimension import dimension
     from .ifs import IFS, formats
     from .rendering.svg import Svg
     from .viewer import show
 
     formats.FORMATS[Svg.key] = Svg()
     for name, method in {"save": formats.save, "load": staticmethod(formats.load),
-                         "from_json": staticmethod(formats.from_json), "save_html": show.save_html,
-                         "widget": show.widget, "_repr_png_": show.picture, "_repr_html_": show.framed_page}.items():
+                         "from_json": staticmethod(formats.from_json), "dimension": dimension,
+                         "save_html": show.save_html, "widget": show.widget, "_repr_png_": show.picture,
+                         "_repr_html_": show.framed_page}.items():
         setattr(IFS, name, method)

@@ -2,7 +2,7 @@
 
 import io
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -169,6 +169,10 @@ def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, na
     assert facts["verdict"] == {"kind": found.verdict.kind, "words": found.verdict.words,
                                 "remedy": found.verdict.remedy, "change": found.verdict.change}
     assert facts["placement"] == {"size": list(SIZE), "crop_box": list(found.placement.crop_box)}
+    code, picture = facts["dimension"]["code"], facts["dimension"]["picture"]
+    assert code == asdict(found.code.dimension()) and code["value"] == pytest.approx(np.log2(3), abs=1e-5)
+    assert picture["kind"] == "boxes" and picture["low"] < code["value"] < picture["high"]
+    assert found.dimension == f"code 1.5850, exact (similarity); picture {found.dimensions['picture']} (boxes)"
     assert facts["source"] == str(path) and facts["stopped"] == "all stages done" and "a note" in facts["notes"]
     assert [stage["name"] for stage in facts["stages"]] == ["look", "polish"] and facts["options"]["seconds"] == 9
     if name == "folder":

@@ -75,13 +75,13 @@ def load_code(path: Path, name: str | None = None, order: str | None = None) -> 
     try:
         return _told(formats.read(path, name, order), str(path))
     except InputError:
-        if _is_picture(path):
+        if is_picture(path):
             raise InputError(f"{path} is a picture, and a code is asked for; fractal-invert {shlex.quote(str(path))} "
                              "finds one") from None
         raise
 
 
-def _is_picture(path: Path) -> bool:
+def is_picture(path: Path) -> bool:
     try:
         with Image.open(path, formats=FORMATS):
             return True

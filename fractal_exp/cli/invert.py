@@ -116,6 +116,7 @@ def invert_picture(options: argparse.Namespace) -> None:
         if note not in (*picture.notes, *found.warnings):
             print(f"  note       {note}")
     print(f"  likeness   {found.likeness}")
+    print(f"  dimension  {found.dimension}")
     print(f"  maps       {len(found.code)}, found in {found.seconds:.0f} s; {found.stopped}")
     print(f"  written    {folder}: {', '.join(written)}")
     if found.stopped == INTERRUPTED:

@@ -25,7 +25,8 @@ from .placement import Placement
 from .plots import without_axes
 from .sampling import is_target, resample, window
 
-__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_small", "read_target", "write_image"]
+__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_lit", "read_small", "read_target",
+           "write_image"]
 
 COMPRESSION = 3                          # of PNGs: a third of the time of the usual 6, files are a tenth larger
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
@@ -115,8 +116,7 @@ def read_target(
     resolution = check_resolution(resolution)
     check_options(invert, threshold, padding, frame, clean)
     part = None if crop is None else check_crop(crop)
-    name = f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
-    notes = Notes()
+    name, notes = _name(source), Notes()
     pixels = _open(source, notes, name, shrink=frame == "fit", crop=part, most=most_pixels)
     width, height, (left, top) = pixels.width, pixels.height, pixels.origin
     if part is not None:
@@ -136,6 +136,23 @@ def read_target(
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
                      Path(source).absolute() if isinstance(source, str | Path) else source, part,
                      levels=decided(levels, image))
+
+
+def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal["auto"] = "auto",
+             threshold: float | None = None, most_pixels: int = LARGEST_PIXELS) -> np.ndarray:
+    """Where the shape of a picture is, (H,W) bool, in the picture's own pixels: all that is seen on the background, but
+    what stands beside the shape; or with a threshold in (0,1) all levels from there on, white on black, wherever they
+    are. source, invert, most_pixels, errors: as for `read_target`."""
+    check_options(invert, threshold, PADDING, "fit", True)
+    name = _name(source)
+    pixels = _open(source, Notes(), name, most=most_pixels)
+    _check_sides(pixels.width, pixels.height, "fit", name)
+    shape = _levels(pixels, invert, name, Notes(), clean=threshold is None)
+    return np.concatenate([band > shape.seen if threshold is None else band >= threshold for band in shape.grey])
+
+
+def _name(source: str | Path | np.ndarray | Tensor) -> str:
+    return f"the picture {Path(source).absolute()}" if isinstance(source, str | Path) else "the image"
 
 
 def _check_sides(width: int, height: int, frame: str, name: str) -> None:
@@ -177,6 +194,11 @@ class _Shape:
     exact: bool = True
     rings: bool = False  # a coloured drawing in a lossy file; greys may be faint parts of the shape
 
+    @property
+    def seen(self) -> float:
+        """The level up to which nothing counts as lit."""
+        return SEEN_IF_LOSSY if self.grey.lossy else SEEN if self.exact else SEEN_IN_NOISE
+
     def map(self, rising: Callable[[np.ndarray], np.ndarray]) -> _Shape:
         """The shape after a monotonic function of its levels."""
         return replace(self, grey=self.grey.map(rising), profile=self.profile.map(rising))
@@ -208,7 +230,7 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
     tones, beside = Notes(), Notes()
     shape, overview = _toned(grey, colours, invert, name, tones, beside)
     graded = tone.Flat.of(overview) is None
-    seen = SEEN_IF_LOSSY if shape.grey.lossy else SEEN if shape.exact else SEEN_IN_NOISE
+    seen = shape.seen
     dropped = beside_the_shape(overview, seen, beside, graded=graded)
     if dropped is not None and colours is not None:  # what is left out influenced the shape's colour
         empty = background_colour(colours, overview.highest <= seen, overview.block)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,8 @@ from torch import Tensor
 
 from ..cameras.camera import Camera, parse_camera
 from ..colouring import in_colours
+from ..dimension import Dimension
+from ..dimension.samples import count_boxes
 from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..images.checks import MIN_SIDE
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 CODE, INVERSION, TARGET = "code.json", "inversion.json", "target.png"  # files in the folder of an inversion
+LIT = 0.02    # level of the target above which a pixel counts for its dimension
 WARNED = 0.8  # F1 within a pixel below which an approximation comes with a warning
 
 
@@ -145,11 +149,27 @@ class Inversion:
             write_image(path, pixels)
         return Image.fromarray(pixels)
 
+    @cached_property
+    def dimensions(self) -> dict[str, Dimension]:
+        """Of the "code" and, by boxes, of the "picture"; without what cannot be measured, as a shape of few pixels."""
+        found: dict[str, Dimension] = {}
+        with suppress(InputError):
+            found["code"] = self.code.dimension()
+        with suppress(InputError):
+            found["picture"] = count_boxes(self.target.image.numpy() > LIT)
+        return found
+
+    @property
+    def dimension(self) -> str:
+        """The dimensions in words."""
+        return "; ".join(f"{name} {each} ({each.kind})" for name, each in self.dimensions.items())
+
     def facts(self) -> dict[str, Any]:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
         placement {size, crop_box}, scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
         f1_1px, colour, ssim, ssim_chance, f1_dark, ssim_share}, verdict {kind, words, remedy, change}, camera, stopped,
-        seconds, stages [{name, seconds, score, error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}].
+        seconds, stages [{name, seconds, score, error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}],
+        dimension {code, picture}, each {kind, value, low, high, standing, condition}.
         """
         return {
             "version": VERSION, "method": self.method, "options": _plain(self.options),
@@ -162,6 +182,7 @@ class Inversion:
             "notes": list(self.notes), "warnings": list(self.warnings),
             "curve": [{"maps": each.maps, "likeness": each.likeness, "bytes": each.bytes, "code": each.code.to_json()}
                       for each in self.curve],
+            "dimension": {name: asdict(each) for name, each in self.dimensions.items()},
         }
 
     def save(self, path: str | Path) -> Path:

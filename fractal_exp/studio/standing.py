@@ -52,7 +52,8 @@ class Standing:
             "picture": self.picture and self.picture.facts(), "version": dict(self.version),
             "code": None if self.code is None else plain(self.code), "mark": self.mark, "likeness": likeness,
             "coloured": found is not None and found.code.colours is not None,
-            "apart": found and found.likeness.colour, "judged": found is not None, "verdict": verdict and {
+            "apart": found and found.likeness.colour, "judged": found is not None,
+            "dimension": found.dimension if found else "", "verdict": verdict and {
                 "kind": verdict.kind, "words": verdict.words, "change": self._change(),
                 "remedy": "" if verdict.change else verdict.remedy},  # what is an argument is no action of the page
             "can_go_on": self.can_go_on, "saved": self.saved, "settings": self.settings.model_dump(),

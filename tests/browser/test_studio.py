@@ -80,6 +80,7 @@ def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
     page.reload()  # a browser that is closed in the middle loses nothing
     page.wait_for_selector("#scores:not([hidden])")
     assert "recovered" in until(page, "#verdict", ".") and page.inner_text("#map-count") == "3"
+    assert page.inner_text("#dimension").startswith("Dimension: code 1.5")
     page.click("#do-edit")
     page.select_option("#which", "1")
     page.focus("#handle-move")

@@ -79,6 +79,7 @@ def test_a_picture_is_all_it_needs(folder, method, capsys):
     out = capsys.readouterr().out
     assert "text beside the shape was ignored" in out and "black shape on white: inverted" in out
     assert out.count("note       ") == 1 and "note       known beforehand" in out
+    assert "  dimension  code 1.5850, exact (similarity); picture 1." in out
     assert "verdict    " in out and "50% search, error 2" in out and "F1 " in out and "asked to" in out
     written = {path.name for path in (folder / "gasket-fractal").iterdir()}
     assert written == {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "overlay.png",

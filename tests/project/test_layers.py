@@ -14,7 +14,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
         {"errors"},
         {"runtime", "data"},
         {"ifs"},
-        {"codes", "images"},
+        {"codes", "dimension", "images"},
         {"ops"},
         {"rendering", "perceptual", "tracking"},
         {"suite", "viewer"},

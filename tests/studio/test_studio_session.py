@@ -128,6 +128,7 @@ def test_a_code_has_the_colours_of_its_picture_while_they_are_asked_for(studio, 
     tab.until(lambda state: free(state) and state["picture"])
     tab.do("edit", code=plain(attractor.normalize(codes.known("sierpinski_triangle"))))
     grey = tab.until(judged)
+    assert grey["dimension"].startswith("code 1.5850, exact (similarity); picture 1.")
     assert not grey["coloured"] and studio.ask("GET", f"/{TOKEN}/redrawn.png")[0] == 404
     tab.do("colour", yes=True)
     state = tab.until(lambda state: judged(state) and state["coloured"])

@@ -132,6 +132,7 @@ function showScores() {
   if (coloured && $("redrawn").getAttribute("src") !== source) $("redrawn").src = source;
   $("verdict").textContent = verdict?.words ?? "";
   $("remedy").textContent = verdict?.remedy ? `May help: ${verdict.remedy}` : "";
+  $("dimension").textContent = state.dimension && `Dimension: ${state.dimension}`;
   const [change] = Object.entries(verdict?.change ?? {});
   $("do-mend").hidden = !change;
   if (change) $("do-mend").textContent = REMEDIES[change[0]](change[1]);

@@ -3,7 +3,9 @@
 import subprocess
 import sys
 
-from fractal_exp.cli import evaluate, render, suite
+from fractal_exp.cli import dataset, evaluate, render, suite
+from fractal_exp.datasets.fractals import KINDS as DRAWN
+from fractal_exp.datasets.fractals import PROBABILITIES
 from fractal_exp.evaluation.scoring import ALIGNMENTS
 from fractal_exp.evaluation.views import KINDS
 from fractal_exp.perceptual.distances import kinds
@@ -30,11 +32,13 @@ for name, command in vars(start).items():
 def test_no_command_loads_what_is_heavy_for_its_help_or_a_wrong_option():
     done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 20 and all(len(line.split()) == 1 for line in done.stdout.splitlines())
+    assert len(done.stdout.splitlines()) == 22 and all(len(line.split()) == 1 for line in done.stdout.splitlines())
 
 
 def test_the_choices_are_those_of_the_package():
     assert set(render.MODES) == {*MODES, "tone"}
     assert evaluate.VIEWS == tuple(KINDS) and evaluate.ALIGNMENTS == tuple(ALIGNMENTS)
     assert set(evaluate.DISTANCES) == set(kinds())
+    assert set(dataset.KINDS) == set(DRAWN) and dataset.PROBABILITIES == tuple(PROBABILITIES)
+    assert dataset.SEED == SUITE_SEED
     assert (suite.COUNT, suite.SEED) == (SUITE_COUNT, SUITE_SEED)

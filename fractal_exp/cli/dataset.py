@@ -63,7 +63,7 @@ def write_dataset(options: argparse.Namespace) -> None:
     choices = {key: value for key, value in vars(options).items() if key not in ("codes", "folder", "shards")}
     fractals = Fractals([code for _, code in named], **choices)
     print(f"{fractals.pictures} pictures of {len(named)} codes in {Path(options.folder).absolute()}")
-    with tqdm(total=fractals.pictures, unit="picture") as bar:
+    with tqdm(total=fractals.pictures, unit="picture", delay=1) as bar:
         there = write(fractals, [name for name, _ in named], options.folder, options.shards, bar.update)
     print(f"{fractals.pictures - there} were drawn" + (f", {there} were there" if there else ""))
 

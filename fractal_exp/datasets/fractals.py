@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import torch
@@ -39,7 +38,8 @@ PROBABILITIES: dict[str, Chances] = {
 
 
 class Fractals(IterableDataset[tuple[Tensor, Tensor]]):
-    """Pictures of codes for pre-training: batches of images (B,1,S,S) uint8 and labels (B,) int64, which number codes.
+    """Pictures of codes for pre-training: batches of images (B,1,S,S) uint8 and labels (B,) int64, the places of their
+    codes in `codes`, from 0 on.
 
     Use it with `DataLoader(fractals, batch_size=None, num_workers=…)`. Each worker draws every so many batches on one
     thread, and the batches are the same, bit for bit, for any number of workers. Without workers, all cores draw.
@@ -80,11 +80,10 @@ class Fractals(IterableDataset[tuple[Tensor, Tensor]]):
         self.rows = [np.concatenate([code.linear.cpu().double().flatten(1), code.offset.cpu().double(),
                                      code.sampling_probabilities().cpu().double()[:, None]], 1) for code in codes]
         self._factors = factors(jitter)
-        self._kinds = KINDS[draw], PROBABILITIES[probabilities]
         self._shape = len(codes), len(self._factors), repeats, len(FLIPS) if flips else 1
         self.per_code, self.pictures = math.prod(self._shape[1:]), math.prod(self._shape)
         self.batch, self.epoch = batch, 0
-        for number, rows in enumerate(self.rows):
+        for number, rows in enumerate(self.rows, 1):
             self._check(number, rows)
 
     def set_epoch(self, epoch: int) -> None:
@@ -114,13 +113,15 @@ class Fractals(IterableDataset[tuple[Tensor, Tensor]]):
     def picture(self, index: int) -> np.ndarray:
         """Picture `index` of the epoch, (S,S) uint8; its code is number index // per_code."""
         code, way, repeat, flip = np.unravel_index(index, self._shape)
-        rows, (kind, chances) = self.rows[code], self._kinds
-        seed = seeds.derive(self.options["seed"], "drawing", self.epoch, *map(int, (code, way, repeat)))
+        rows, options = self.rows[code], self.options
+        seed = seeds.derive(options["seed"], "drawing", self.epoch, *map(int, (code, way, repeat)))
         maps = rows[:, :6] * self._factors[way]
-        image, _ = self._drawn(maps, chances(rows[:, 6], maps, seed), seed, kind, self.options["points"])
+        chances = PROBABILITIES[options["probabilities"]](rows[:, 6], maps, seed)
+        image, _ = self._drawn(maps, chances, seed, KINDS[options["draw"]], options["points"])
         return np.ascontiguousarray(image[::FLIPS[flip][0], ::FLIPS[flip][1]])
 
-    def _drawn(self, maps: np.ndarray, chances: np.ndarray, seed: int, kind: int, points: int) -> tuple[np.ndarray, int]:
+    def _drawn(self, maps: np.ndarray, chances: np.ndarray, seed: int, kind: int, points: int
+               ) -> tuple[np.ndarray, int]:
         size = self.options["size"]
         image, tone = np.zeros((size, size), np.uint8), points_per_view(size) / TARGET_SUPERSAMPLE**2 / points
         xs, ys = np.empty((2, points))

@@ -35,29 +35,29 @@ Pictures = Iterable[tuple[int, bytes]]  # index and PNG
 Unit = tuple[Path, Sequence[int], Callable[[Path, Pictures], None]]  # what is made, of which pictures, and how
 
 
-def write(fractals: Fractals, names: Sequence[str], folder: str | Path, shard: int | None = None,
+def write(fractals: Fractals, names: Sequence[str], folder: str | Path, shards: int | None = None,
           told: Callable[[int], Any] = lambda drawn: None) -> int:
     """Write the pictures of epoch 0 into a folder, on all cores, and return how many of them were there already.
 
-    names: of the codes. A folder NUMBER-NAME of files INDEX.png for each of them, or, with so many pictures a shard,
-    `pictures-NUMBER.tar` with INDEX.png and INDEX.cls, the number of the code, in random order: the layout of
-    WebDataset. `dataset.json` keeps the options and the names. Folders and shards appear whole, so the same call goes
+    names: of the codes. Each has a folder NUMBER-NAME of files INDEX.png. With `shards`, there are WebDataset shards of
+    so many pictures in random order instead: `pictures-NUMBER.tar` with INDEX.png and INDEX.cls, the label.
+    `dataset.json` keeps the options and the names. Folders and shards appear whole, so the same call goes
     on where an earlier one was interrupted, and the files are the same, byte for byte. told: is called with how many
     pictures were done since its last call.
 
     Raises `InputError` if the folder holds something else, or a data set of other options, and if it cannot be
     written.
     """
-    if shard is not None:
-        check_count("shard", shard)
+    if shards is not None:
+        check_count("shards", shards)
     digest = hashlib.blake2b(b"".join(rows.tobytes() for rows in fractals.rows), digest_size=16).hexdigest()
-    record = {"program": f"fractal-exp {__version__}", **fractals.options, "shard": shard, "pictures": fractals.pictures,
-              "codes": digest, "names": list(names)}
+    record = {"program": f"fractal-exp {__version__}", **fractals.options, "shards": shards,
+              "pictures": fractals.pictures, "codes": digest, "names": list(names)}
     folder = make_folder(folder)
     with alone_in(folder, wait=False, remedy="wait until it has ended, or choose another folder"):
         _check(folder, record)
         write_atomically(folder / RECORD, json.dumps(record, indent=1) + "\n")
-        units = list(_shards(fractals, folder, shard) if shard else _folders(fractals, names, folder))
+        units = list(_shards(fractals, folder, shards) if shards else _folders(fractals, names, folder))
         there = sum(len(indices) for path, indices, _ in units if path.exists())
         told(there)
         with ThreadPoolExecutor(threads.available()) as pool:
@@ -97,10 +97,10 @@ def _folders(fractals: Fractals, names: Sequence[str], folder: Path) -> Iterator
         yield path, range(first, first + fractals.per_code), partial(_store_folder, first=first, digits=digits)
 
 
-def _shards(fractals: Fractals, folder: Path, shard: int) -> Iterator[Unit]:
+def _shards(fractals: Fractals, folder: Path, size: int) -> Iterator[Unit]:
     order = fractals.order()
-    for number, start in enumerate(range(0, len(order), shard)):
-        yield (folder / f"pictures-{number:06d}.tar", order[start:start + shard].tolist(),
+    for number, start in enumerate(range(0, len(order), size)):
+        yield (folder / f"pictures-{number:06d}.tar", order[start:start + size].tolist(),
                partial(_store_shard, per_code=fractals.per_code))
 
 
@@ -122,7 +122,8 @@ def _store_shard(path: Path, pictures: Pictures, per_code: int) -> None:
                 shard.addfile(entry, io.BytesIO(content))
 
 
-def _drawn(fractals: Fractals, indices: Sequence[int], pool: ThreadPoolExecutor, told: Callable[[int], Any]) -> Pictures:
+def _drawn(fractals: Fractals, indices: Sequence[int], pool: ThreadPoolExecutor, told: Callable[[int], Any]
+           ) -> Pictures:
     """The pictures in turn, drawn and compressed by the pool."""
     for start in range(0, len(indices), AT_A_TIME):
         some = indices[start:start + AT_A_TIME]

@@ -15,13 +15,10 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
-from zlib import Z_RLE
-
-import numpy as np
-from PIL import Image
 
 from .. import __version__
 from ..errors import InputError
+from ..rendering import png
 from ..runtime import threads
 from ..runtime.checks import check_count
 from ..runtime.files import alone_in, make_folder, read_record, replacing, write_atomically
@@ -65,13 +62,6 @@ def write(fractals: Fractals, names: Sequence[str], folder: str | Path, shards: 
                 if not path.exists():
                     store(path, _drawn(fractals, indices, pool, told))
     return there
-
-
-def png(image: np.ndarray) -> bytes:
-    """A grey image (H,W) uint8 as PNG. Dots compress well and fast by run lengths."""
-    file = io.BytesIO()
-    Image.fromarray(image).save(file, "PNG", compress_level=1, compress_type=Z_RLE)
-    return file.getvalue()
 
 
 def _check(folder: Path, record: dict[str, Any]) -> None:
@@ -127,5 +117,5 @@ def _drawn(fractals: Fractals, indices: Sequence[int], pool: ThreadPoolExecutor,
     """The pictures in turn, drawn and compressed by the pool."""
     for start in range(0, len(indices), AT_A_TIME):
         some = indices[start:start + AT_A_TIME]
-        yield from zip(some, pool.map(lambda index: png(fractals.picture(index)), some), strict=True)
+        yield from zip(some, pool.map(lambda index: png.of_dots(fractals.picture(index)), some), strict=True)
         told(len(some))

@@ -14,8 +14,6 @@ from .commands import command, command_parser
 if TYPE_CHECKING:
     from ..ifs.code import IFS
 
-KINDS = ("patches", "points", "density")
-PROBABILITIES = ("own", "areas", "random")
 SEED = 2025  # of the random suite
 
 DESCRIPTION = """Write a data set of many pictures of codes, for the pre-training of networks, on all cores.
@@ -38,16 +36,16 @@ def main(arguments: list[str] | None = None) -> None:
     """The command line."""
     parser = command_parser("fractal-dataset", DESCRIPTION)
     parser.add_argument("codes", nargs="+", help="a folder of files of codes, a file with one or several, FILE:NAME, a "
-                        "classic, suite:INDEX, or random:COUNT or random:COUNT:SEED for random codes as in the suite")
+                        "classic, suite:INDEX, or random:COUNT or random:COUNT:SEED, up to 999999 codes as the suite has")
     parser.add_argument("folder", help="where to write")
-    parser.add_argument("--draw", choices=KINDS, default=KINDS[0], help="squares of 3 × 3 dots, dots, or grey levels")
+    parser.add_argument("--draw", default="patches", help="patches (of 3 × 3 dots), points, or density (grey levels)")
     parser.add_argument("--size", type=int, default=362, help="pixels a side")
     parser.add_argument("--points", type=int, default=100_000, help="of a picture")
     parser.add_argument("--jitter", type=float, default=0.4, help="of the entries of the maps; 0 leaves them alone")
     parser.add_argument("--repeats", type=int, default=10, help="drawings of each jittered code, of other points")
     parser.add_argument("--no-flips", dest="flips", action="store_false", help="one picture of each drawing, not four")
-    parser.add_argument("--probabilities", choices=PROBABILITIES, default=PROBABILITIES[0],
-                        help="of the maps: the code's, by the areas of the jittered maps, or random in each drawing")
+    parser.add_argument("--probabilities", default="own", help="of the maps: own (the code's), areas (of the jittered "
+                        "maps), or random in each drawing")
     parser.add_argument("--seed", type=int, default=0, help="of the points")
     parser.add_argument("--shards", type=int, metavar="COUNT", help="write shards of so many pictures")
     command("fractal-dataset", write_dataset, parser, arguments)
@@ -76,25 +74,21 @@ def read_codes(text: str) -> list[tuple[str, IFS]]:
     from .code_names import read_code
 
     if text.startswith("random:"):
-        found = re.fullmatch(r"random:(\d{1,9})(?::(\d{1,19}))?", text)
+        found = re.fullmatch(r"random:(\d{1,6})(?::(\d{1,19}))?", text)
         if not found:
-            raise InputError(f"random codes are named random:COUNT or random:COUNT:SEED, got {text!r}")
+            raise InputError(f"random codes are named random:COUNT or random:COUNT:SEED, with a count of up to 999999, got {text!r}")
         return [(str(code.meta["name"]), code) for code in random_suite(int(found[1]), int(found[2] or SEED))]
-    path = Path(text)
-    if path.is_file() and path.suffix.lower() in formats.suffixes():
-        return _codes_of(path)
-    if not path.is_dir() or (path / "code.json").is_file():
-        return [(text, read_code(text))]
-    files = sorted(file for file in path.rglob("*") if file.is_file()
-                   and not any(part.startswith(".") for part in file.relative_to(path).parts))
-    known = ", ".join(formats.suffixes())
-    if not files:
-        raise InputError(f"{path} holds no file of codes ({known}); name another folder")
-    for file in files:
-        if file.suffix.lower() not in formats.suffixes():
-            raise InputError(f"{path} holds {file.relative_to(path)}, which is no file of codes ({known}); move it "
-                             "elsewhere, or name the files of codes")
-    return [named for file in files for named in _codes_of(file)]
+    path, known = Path(text), tuple(formats.suffixes())
+    if path.is_dir() and not (path / "code.json").is_file():
+        files = sorted(file for file in path.rglob("*") if file.is_file()
+                       and not any(part.startswith(".") for part in file.relative_to(path).parts))
+        others = [file for file in files if file.suffix.lower() not in known]
+        if others or not files:
+            what = f"{others[0].relative_to(path)}, which is no file" if others else "no file"
+            raise InputError(f"{path} holds {what} of codes ({', '.join(known)}); name a folder that holds nothing "
+                             "else, or the files of codes")
+        return [named for file in files for named in _codes_of(file)]
+    return _codes_of(path) if path.is_file() and path.suffix.lower() in known else [(text, read_code(text))]
 
 
 def _codes_of(path: Path) -> list[tuple[str, IFS]]:

@@ -15,6 +15,7 @@ from torch.utils.data import IterableDataset, get_worker_info
 from ..errors import InputError, did_you_mean
 from ..ifs.code import IFS, PROBABILITY_FLOOR
 from ..images.levels import TARGET_SUPERSAMPLE
+from ..ops.histogram.pool import choice
 from ..rendering.still import points_per_view
 from ..runtime import seeds, threads
 from ..runtime.checks import check_count, check_number
@@ -125,7 +126,7 @@ class Fractals(IterableDataset[tuple[Tensor, Tensor]]):
         size = self.options["size"]
         image, tone = np.zeros((size, size), np.uint8), points_per_view(size) / TARGET_SUPERSAMPLE**2 / points
         xs, ys = np.empty((2, points))
-        return image, kernels.draw(maps, np.ascontiguousarray(chances), np.uint64(seed), kind, tone, xs, ys, image)
+        return image, kernels.draw(maps, *choice(chances), np.uint64(seed), kind, tone, xs, ys, image)
 
     def _check(self, number: int, rows: np.ndarray) -> None:
         _, count = self._drawn(np.ascontiguousarray(rows[:, :6]), rows[:, 6], 0, kernels.POINTS, TRIED)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numba import njit, uint64
 
-from ..ops.histogram.pool import GUIDE_BITS, pick, random_bits, step
+from ..ops.histogram.pool import pick, random_bits, step
 from ..runtime.jit import kernel
 
 POINTS, PATCHES, DENSITY = range(3)
@@ -18,27 +18,12 @@ FAR = 1e30      # where a game that runs away ends
 
 
 @kernel()
-def draw(maps, probabilities, seed, kind, tone, xs, ys, image):
+def draw(maps, thresholds, guide, seed, kind, tone, xs, ys, image):
     """Draw a code into image (S,S) uint8, all 0, y upwards; how many points it took: fewer than P if it ran away.
 
-    maps (N,6) rows a b c d e f and probabilities (N,) in any unit, float64; seed uint64; tone: see `_expose`. xs and ys
+    maps (N,6) rows a b c d e f, float64; thresholds and guide: of `choice`; seed uint64; tone: see `_expose`. xs and ys
     (P,) float64 are room for the points.
     """
-    total, below = probabilities.sum(), 0.0
-    thresholds, guide = np.empty(len(maps), np.uint64), np.empty(1 << GUIDE_BITS, np.uint16)
-    for i in range(len(maps)):
-        below += probabilities[i] / total
-        thresholds[i] = uint64(min(below, 1.0) * 2.0**32 + 0.5)
-    i = len(maps) - 1
-    while i > 0 and probabilities[i] == 0:
-        thresholds[i] = uint64(1) << uint64(32)
-        i -= 1
-    thresholds[i] = uint64(1) << uint64(32)  # all variates lie below the last map that is ever chosen
-    i = 0
-    for k in range(len(guide)):
-        while uint64(k) << uint64(32 - GUIDE_BITS) >= thresholds[i]:
-            i += 1
-        guide[k] = i
     count, state = play(maps, thresholds, guide, seed, xs, ys)
     mark(xs[:count], ys[:count], state, kind, tone, image)
     return count

@@ -89,7 +89,7 @@ def test_all_codes_of_folders_files_and_distributions(tmp_path):
     (["mixed"], "mixed holds picture.png, which is no file of codes (.json, "),
     (["empty"], "empty holds no file of codes"),
     (["random:0"], "a suite has at least 1 fractal"),
-    (["random:x"], "random:COUNT or random:COUNT:SEED, got 'random:x'"),
+    (["random:x"], "random:COUNT or random:COUNT:SEED, with a count of up to 999999, got 'random:x'"),
     (["ferm"], "did you mean 'fern'?"),
     (["bad.ifs"], "bad.ifs: "),
     (["fern", "--size", "8"], "size must be an integer of at least 16, got 8"),

@@ -11,6 +11,7 @@ from torch.utils.data import DataLoader
 from fractal_exp import IFS, InputError, codes
 from fractal_exp.datasets import Fractals, kernels
 from fractal_exp.datasets.fractals import factors
+from fractal_exp.ops.histogram.pool import choice
 
 SMALL = {"size": 32, "points": 2000}
 STRETCHING = IFS([[[1.1, 0.1], [0, 0.3]], [[0.3, 0], [0.1, 1.1]]], [[0.5, 0], [0, 0.5]], [0.5, 0.5])
@@ -29,7 +30,7 @@ def marked(xs, ys, kind, size=22, tone=1.0, seed=1):
 
 def drawn(rows, probabilities, points):
     xs, ys = np.full((2, points), np.nan)
-    count = kernels.draw(np.array(rows, float), np.array(probabilities, float), np.uint64(3), kernels.POINTS, 1.0, xs,
+    count = kernels.draw(np.array(rows, float), *choice(np.array(probabilities)), np.uint64(3), kernels.POINTS, 1.0, xs,
                          ys, np.zeros((32, 32), np.uint8))
     return np.stack([xs, ys], 1), count
 

@@ -32,7 +32,8 @@ from torch.utils.data import DataLoader
 
 from fractal_exp import IFS
 from fractal_exp.datasets import Fractals, kernels, write
-from fractal_exp.datasets.fractals import KINDS
+from fractal_exp.datasets.fractals import KINDS, factors
+from fractal_exp.ops.histogram.pool import choice
 from fractal_exp.rendering.png import of_dots
 from fractal_exp.runtime import threads
 from fractal_exp.suite import random_suite, target
@@ -47,8 +48,25 @@ def codes_of(checkout: Path | None) -> list[IFS]:
     """Codes of FractalDB, or random ones."""
     if checkout is None:
         return random_suite(CODES, 101)
-    tables = [np.loadtxt(path, delimiter=",", ndmin=2) for path in sorted(checkout.glob("data/csv_*/csv0/*.csv"))]
-    return [IFS(rows[:, :4].reshape(-1, 2, 2), rows[:, 4:6], rows[:, 6] / rows[:, 6].sum()) for rows in tables[:CODES]]
+    tables = [np.loadtxt(path, delimiter=",", ndmin=2) for path in sorted(checkout.glob("data/csv_*/csv*/*.csv"))]
+    if not tables:
+        raise SystemExit(f"{checkout} has no codes in data; give a checkout of FractalDB-Pretrained-ResNet-PyTorch")
+    return [IFS(rows[:, :4].reshape(-1, 2, 2), rows[:, 4:6], rows[:, 6] / rows[:, 6].sum()) for rows in tables]
+
+
+def stretching(codes: Sequence[IFS]) -> dict[str, Any]:
+    """How many codes have a map with a singular value of 1 or more, and how many jittered instances run away."""
+    away, room = {}, np.empty((2, POINTS))
+    for jitter in (0.1, 0.4):
+        fractals = Fractals(codes, jitter=jitter, flips=False, repeats=1)
+        away[str(jitter)] = sum(kernels.draw(rows[:, :6] * factor, *choice(rows[:, 6]), np.uint64(0), kernels.POINTS,
+                                             1.0, *room, np.zeros((16, 16), np.uint8)) < POINTS
+                                for rows in fractals.rows for factor in factors(jitter))
+    found = {"codes": len(codes), "stretch": sum(bool((code.singular_values() >= 1).any()) for code in codes),
+             "instances": fractals.pictures, "run_away_by_jitter": away}
+    print(f"{found['stretch']} of {found['codes']} codes have a map that stretches; instances that run away, by "
+          f"jitter: {away} of {found['instances']}", flush=True)
+    return found
 
 
 def milliseconds(work: Callable[[int], object], count: int) -> float:
@@ -165,7 +183,8 @@ def main() -> None:
     parser.add_argument("--record", type=Path, metavar="FILE", help="add a line of JSON to this file")
     options = parser.parse_args()
     threads.use()
-    codes, load = codes_of(options.checkout), os.getloadavg()
+    every, load = codes_of(options.checkout), os.getloadavg()
+    codes = every[:CODES]
     figures: dict[str, Any] = {"codes": "FractalDB-1k" if options.checkout else "random", "parts": parts(codes)}
     figures["suite_target_256_ms"] = milliseconds(lambda index: target(random_suite(3)[index % 3], 256), 3)
     print(f"a grey target of the suite at 256²: {figures['suite_target_256_ms']:.0f} ms")
@@ -173,7 +192,7 @@ def main() -> None:
     if options.checkout is None:
         print("FractalDB's own renderer was not measured: no checkout of it was named")
     else:
-        figures["beside"] = beside(options.checkout, codes)
+        figures["beside"], figures["stretching"] = beside(options.checkout, codes), stretching(every)
     figures |= {"load_before": load, "load_after": os.getloadavg()}
     if options.record:
         ratios = {f"{row['draw']}: processor time of FractalDB's renderer over ours": row["ratio"]

@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> None:
     """The command line."""
     parser = command_parser("fractal-dataset", DESCRIPTION)
     parser.add_argument("codes", nargs="+", help="a folder of files of codes, a file with one or several, FILE:NAME, a "
-                        "classic, suite:INDEX, or random:COUNT or random:COUNT:SEED, up to 999999 codes as the suite has")
+                        "classic, suite:INDEX, or random:COUNT or random:COUNT:SEED for so many codes as in the suite")
     parser.add_argument("folder", help="where to write")
     parser.add_argument("--draw", default="patches", help="patches (of 3 × 3 dots), points, or density (grey levels)")
     parser.add_argument("--size", type=int, default=362, help="pixels a side")
@@ -76,7 +76,8 @@ def read_codes(text: str) -> list[tuple[str, IFS]]:
     if text.startswith("random:"):
         found = re.fullmatch(r"random:(\d{1,6})(?::(\d{1,19}))?", text)
         if not found:
-            raise InputError(f"random codes are named random:COUNT or random:COUNT:SEED, with a count of up to 999999, got {text!r}")
+            raise InputError("random codes are named random:COUNT or random:COUNT:SEED, with a count of up to 999999, "
+                             f"got {text!r}")
         return [(str(code.meta["name"]), code) for code in random_suite(int(found[1]), int(found[2] or SEED))]
     path, known = Path(text), tuple(formats.suffixes())
     if path.is_dir() and not (path / "code.json").is_file():

@@ -263,7 +263,8 @@ def test_no_page_loads_anything_from_another_host(site):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [*EXTENDING, DOCS / "evaluation.md", DOCS / "formats.md"], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [*EXTENDING, DOCS / "datasets.md", DOCS / "evaluation.md", DOCS / "formats.md"],
+                         ids=lambda page: page.stem)
 def test_the_code_of_a_page_runs(page, tmp_path):
     """A block with a title is a file; other Python blocks run as one program, shell blocks one after another."""
     program, commands = "", []

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import torch
@@ -67,7 +68,7 @@ class Fractals(IterableDataset[tuple[Tensor, Tensor]]):
         check_count("batch", batch)
         check_count("size", size, LEAST_SIZE, LARGEST_SIZE)
         check_count("points", points, 2, MOST_POINTS)
-        check_count("repeats", repeats)
+        check_count("repeats", repeats, 1, 10_000)
         check_count("seed", seed, 0)
         check_number("jitter", jitter, f"a number from 0 to {STRONGEST}", 0, STRONGEST)
         for name, value, choices in (("draw", draw, KINDS), ("probabilities", probabilities, PROBABILITIES)):
@@ -76,8 +77,9 @@ class Fractals(IterableDataset[tuple[Tensor, Tensor]]):
                                  f"{did_you_mean(str(value), choices)}")
         if not codes:
             raise InputError("a data set needs at least one code, got none")
-        self.options = {"size": size, "points": points, "draw": draw, "jitter": jitter, "repeats": repeats,
-                        "flips": bool(flips), "probabilities": probabilities, "seed": seed}
+        self.options: dict[str, Any] = {
+            "size": size, "points": points, "draw": draw, "jitter": jitter, "repeats": repeats, "flips": bool(flips),
+            "probabilities": probabilities, "seed": seed}
         self.rows = [np.concatenate([code.linear.cpu().double().flatten(1), code.offset.cpu().double(),
                                      code.sampling_probabilities().cpu().double()[:, None]], 1) for code in codes]
         self._factors = factors(jitter)

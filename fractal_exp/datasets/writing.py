@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..rendering import png
 from ..runtime import threads
 from ..runtime.checks import check_count
-from ..runtime.files import alone_in, make_folder, read_record, replacing, write_atomically
+from ..runtime.files import alone_in, make_folder, read_record, remove_partial, replacing, write_atomically
 from .fractals import Fractals
 
 RECORD = "dataset.json"
@@ -53,6 +53,7 @@ def write(fractals: Fractals, names: Sequence[str], folder: str | Path, shards: 
     folder = make_folder(folder)
     with alone_in(folder, wait=False, remedy="wait until it has ended, or choose another folder"):
         _check(folder, record)
+        remove_partial(folder)
         write_atomically(folder / RECORD, json.dumps(record, indent=1) + "\n")
         units = list(_shards(fractals, folder, shards) if shards else _folders(fractals, names, folder))
         there = sum(len(indices) for path, indices, _ in units if path.exists())

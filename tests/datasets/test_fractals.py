@@ -29,15 +29,15 @@ def marked(xs, ys, kind, size=22, tone=1.0, seed=1):
 
 
 def drawn(rows, probabilities, points):
-    xs, ys = np.full((2, points), np.nan)
+    (xs, ys), image = np.full((2, points), -1e40), np.zeros((32, 32), np.uint8)
     count = kernels.draw(np.array(rows, float), *choice(np.array(probabilities)), np.uint64(3), kernels.POINTS, 1.0, xs,
-                         ys, np.zeros((32, 32), np.uint8))
-    return np.stack([xs, ys], 1), count
+                         ys, image)
+    return np.stack([xs, ys], 1), count, image
 
 
 def test_each_point_is_the_image_of_the_one_before_under_a_map_as_probable_as_it_should_be():
     rows = [[0.5, 0, 0, 0.5, 0, 0], [9, 0, 0, 9, 5, 5], [0.5, 0, 0, 0.5, 1, 0], [0.5, 0, 0, 0.5, 0, 1], [7] * 6]
-    points, count = drawn(rows, [1, 0, 2, 5, 0], 40_000)
+    points, count, _ = drawn(rows, [1, 0, 2, 5, 0], 40_000)
     steps = np.rint(points[1:] - 0.5 * points[:-1]).astype(int)
     assert count == len(points) and (points[0] == 0).all()
     np.testing.assert_allclose(points[1:], 0.5 * points[:-1] + steps)
@@ -46,9 +46,9 @@ def test_each_point_is_the_image_of_the_one_before_under_a_map_as_probable_as_it
 
 
 def test_a_game_that_runs_away_ends_far_out():
-    points, count = drawn([[2, 0, 0, 2, 1, 0]], [1], 1000)
+    points, count, image = drawn([[2, 0, 0, 2, 1, 0]], [1], 1000)
     assert points[count - 1, 0] == 2.0**(count - 1) - 1 and 2.0**(count - 1) < kernels.FAR < 2.0**(count + 1)
-    assert np.isnan(points[count:]).all()
+    assert (points[count:] == -1e40).all() and (image == marked(*points[:count].T, kernels.POINTS, 32)).all()
 
 
 def test_the_outermost_points_lie_at_the_margin_and_y_points_upwards():

@@ -43,7 +43,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--points", type=int, default=100_000, help="of a picture")
     parser.add_argument("--jitter", type=float, default=0.4, help="of the entries of the maps; 0 leaves them alone")
     parser.add_argument("--repeats", type=int, default=10, help="drawings of each jittered code, of other points")
-    parser.add_argument("--no-flips", dest="flips", action="store_false", help="one picture of each drawing, not four")
+    parser.add_argument("--flips", action=argparse.BooleanOptionalAction, default=True,
+                        help="four pictures of each drawing, or one")
     parser.add_argument("--probabilities", default="own", help="of the maps: own (the code's), areas (of the jittered "
                         "maps), or random in each drawing")
     parser.add_argument("--seed", type=int, default=0, help="of the points")

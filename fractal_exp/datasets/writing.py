@@ -13,6 +13,7 @@ import tarfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def write(fractals: Fractals, names: Sequence[str], folder: str | Path, shards: 
     so many pictures in random order instead: `pictures-NUMBER.tar` with INDEX.png and INDEX.cls, the label.
     `dataset.json` keeps the options and the names. Folders and shards appear whole, so the same call goes
     on where an earlier one was interrupted, and the files are the same, byte for byte. told: is called with how many
-    pictures were done since its last call.
+    more pictures are done.
 
     Raises `InputError` if the folder holds something else, or a data set of other options, and if it cannot be
     written.
@@ -56,12 +57,13 @@ def write(fractals: Fractals, names: Sequence[str], folder: str | Path, shards: 
         remove_partial(folder)
         write_atomically(folder / RECORD, json.dumps(record, indent=1) + "\n")
         units = list(_shards(fractals, folder, shards) if shards else _folders(fractals, names, folder))
-        there = sum(len(indices) for path, indices, _ in units if path.exists())
+        missing = [unit for unit in units if not unit[0].exists()]
+        there = fractals.pictures - sum(len(indices) for _, indices, _ in missing)
         told(there)
         with ThreadPoolExecutor(threads.available()) as pool:
-            for path, indices, store in units:
-                if not path.exists():
-                    store(path, _drawn(fractals, indices, pool, told))
+            drawn = _drawn(fractals, chain.from_iterable(indices for _, indices, _ in missing), pool, told)
+            for path, indices, store in missing:
+                store(path, islice(drawn, len(indices)))
     return there
 
 
@@ -113,10 +115,10 @@ def _store_shard(path: Path, pictures: Pictures, per_code: int) -> None:
                 shard.addfile(entry, io.BytesIO(content))
 
 
-def _drawn(fractals: Fractals, indices: Sequence[int], pool: ThreadPoolExecutor, told: Callable[[int], Any]
-           ) -> Pictures:
+def _drawn(fractals: Fractals, indices: Iterator[int], pool: ThreadPoolExecutor, told: Callable[[int], Any]
+           ) -> Iterator[tuple[int, bytes]]:
     """The pictures in turn, drawn and compressed by the pool."""
-    for start in range(0, len(indices), AT_A_TIME):
-        some = indices[start:start + AT_A_TIME]
-        yield from zip(some, pool.map(lambda index: png.of_dots(fractals.picture(index)), some), strict=True)
-        told(len(some))
+    while some := list(islice(indices, AT_A_TIME)):
+        for each in zip(some, pool.map(lambda index: png.of_dots(fractals.picture(index)), some), strict=True):
+            told(1)
+            yield each

@@ -283,6 +283,23 @@ def classics(path: Path) -> tuple[list[str], Rows]:
         for one in sorted(each, key=lambda one: one["fractal"])]
 
 
+def datasets(path: Path) -> tuple[list[str], Rows]:
+    """What a picture of a data set costs, and how many are made in a second."""
+    figures, head = lines_of(path)[-1]["figures"], ["", "points", "patches"]
+    parts = {(row["draw"], row["size"]): row for row in figures["parts"]}
+    rows = [[f"{name}, {size}²", *(_time(parts[kind, size][key] / 1000) for kind in head[1:])] for size in (256, 362)
+            for name, key in (("drawing", "drawing_ms"), ("its PNG", "png_ms"), ("its PNG by Pillow", "pillow_ms"))]
+    for way in dict.fromkeys(row["to"] for row in figures["rates"]):
+        made = {row["draw"]: row for row in figures["rates"] if row["to"] == way}
+        rows.append([f"pictures of 256² a second to {way}",
+                     *(f"{made[kind]['per_second']:.0f} on {made[kind]['cores']:.2f} cores" for kind in head[1:])])
+    times = {row["draw"]: row for row in figures["beside"]}
+    rows += [[f"four PNG of a drawing at 362², {name}",
+              *(_time(sum(times[kind][key]) / len(times[kind][key])) for kind in head[1:])]
+             for name, key in (("here", "ours"), ("by FractalDB's renderer", "theirs"))]
+    return head, [*rows, ["ratio of the two", *(f"{times[kind]['ratio']:.0f}" for kind in head[1:])]]
+
+
 def speed(*paths: Path) -> tuple[list[str], Rows]:
     """Times of operators and of steps of the compared methods, beside their twins in plain torch."""
     found = [line for path in paths for line in [lines_of(path)[-1]["figures"]]]
@@ -318,4 +335,4 @@ def dimensions(path: Path) -> tuple[list[str], Rows]:
 MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {
     each.__name__: each for each in (suite, codes, parts, ablation, worked_example, textbook, trees, binary, shapes,
                                      photographs, photographs_in_colour, equal_bytes, density, tone_curves, classics,
-                                     speed, dimensions)}
+                                     datasets, speed, dimensions)}

@@ -1,7 +1,7 @@
-"""Write a PNG band by band, so that a picture may be larger than memory.
+"""Write a PNG band by band, so that a picture may be larger than memory, or many small ones fast.
 
-Our libraries can write neither a PNG in pieces, nor colour or grey with alpha at 16 bits. The format itself is small
-(ISO 15948).
+Our libraries can write neither a PNG in pieces, nor colour or grey with alpha at 16 bits, nor rows as they are. The
+format itself is small (ISO 15948).
 """
 
 from __future__ import annotations
@@ -21,6 +21,17 @@ GREY, RGB, ALPHA = 0, 2, 4  # colour types; the last is added to one of the othe
 FILTER_UP = 2             # a row is stored as its difference from the row above
 LEVEL = 6                 # of compression
 ROWS = 32                 # packed at once
+SIGNATURE, HEADER = b"\x89PNG\r\n\x1a\n", ">IIBBBBB"
+
+
+def of_dots(image: np.ndarray) -> bytes:
+    """A PNG of a grey image (H,W) uint8 of dots. Runs of equal pixels pack it in half of the time, and smaller, than
+    filters do, which Pillow tries on every row."""
+    rows = np.zeros((len(image), 1 + image.shape[1]), np.uint8)  # each begins with its filter: 0 for none
+    rows[:, 1:] = image
+    deflate = zlib.compressobj(1, memLevel=9, strategy=zlib.Z_RLE)
+    return b"".join((SIGNATURE, _chunk(b"IHDR", struct.pack(HEADER, image.shape[1], len(image), 8, GREY, 0, 0, 0)),
+                     _chunk(b"IDAT", deflate.compress(rows.tobytes()) + deflate.flush()), _chunk(b"IEND", b"")))
 
 
 class PngWriter:
@@ -48,8 +59,8 @@ class PngWriter:
             self._stack = stack.pop_all()
         self._rows, self._deflate = 0, zlib.compressobj(LEVEL)
         self._above = np.zeros(self.width * self.samples * self.bits // 8, np.uint8)
-        self._file.write(b"\x89PNG\r\n\x1a\n")
-        self._chunk(b"IHDR", struct.pack(">IIBBBBB", self.width, self.height, self.bits,
+        self._file.write(SIGNATURE)
+        self._chunk(b"IHDR", struct.pack(HEADER, self.width, self.height, self.bits,
                                          (RGB if self.colour else GREY) + ALPHA * self.transparent, 0, 0, 0))
         return self
 
@@ -91,4 +102,8 @@ class PngWriter:
 
     def _chunk(self, kind: bytes, data: bytes) -> None:
         if data or kind == b"IEND":
-            self._file.write(struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)))
+            self._file.write(_chunk(kind, data))
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

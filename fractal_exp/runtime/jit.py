@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import logging
 import threading
@@ -69,9 +70,11 @@ def remembering(compiled: Any) -> Any:
 def kernel(**options: Any) -> Callable[[Callable], Callable]:
     """Compile at the first call, without the GIL, and keep the machine code between processes where that can be.
 
-    numba looks for a folder that can be written beside the source and then in the user's cache. Calls are let in one
-    at a time: numba's plainest threading layer aborts the process when two threads enter it.
+    numba looks for a folder that can be written beside the source and then in the user's cache. Calls of parallel
+    kernels are let in one at a time: numba's plainest threading layer aborts the process when two threads enter it.
     """
+    gate = _ONE_AT_A_TIME if options.get("parallel") else contextlib.nullcontext()
+
     def compile_lazily(function: Callable) -> Callable:
         try:
             compiled = remembering(njit(function, cache=True, nogil=True, **options))
@@ -81,7 +84,7 @@ def kernel(**options: Any) -> Callable[[Callable], Callable]:
         @functools.wraps(function)
         def call(*arguments: Any) -> Any:
             try:
-                with _ONE_AT_A_TIME:
+                with gate:
                     return compiled(*arguments)
             except SystemError as error:
                 cause: BaseException | None = error

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from fractal_exp.cli import evaluate, render, suite
+from fractal_exp.cli import dataset, evaluate, render, suite
 from fractal_exp.evaluation.scoring import ALIGNMENTS
 from fractal_exp.evaluation.views import KINDS
 from fractal_exp.perceptual.distances import kinds
@@ -37,4 +37,5 @@ def test_the_choices_are_those_of_the_package():
     assert set(render.MODES) == {*MODES, "tone"}
     assert evaluate.VIEWS == tuple(KINDS) and evaluate.ALIGNMENTS == tuple(ALIGNMENTS)
     assert set(evaluate.DISTANCES) == set(kinds())
+    assert dataset.SEED == SUITE_SEED
     assert (suite.COUNT, suite.SEED) == (SUITE_COUNT, SUITE_SEED)

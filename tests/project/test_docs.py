@@ -264,7 +264,7 @@ def test_no_page_loads_anything_from_another_host(site):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [*EXTENDING, *(DOCS / f"{name}.md" for name in (
-    "evaluation", "formats", "your_codes"))], ids=lambda page: page.stem)
+    "datasets", "evaluation", "formats", "your_codes"))], ids=lambda page: page.stem)
 def test_the_code_of_a_page_runs(page, tmp_path):
     """A block with a title is a file; other Python blocks run as one program, shell blocks one after another."""
     program, commands = "", []

@@ -18,7 +18,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
         {"ops"},
         {"rendering", "perceptual", "tracking"},
         {"suite", "viewer"},
-        {"targets"},
+        {"targets", "datasets"},
         {"evaluation", "colouring"},
         {"cameras"},
         {"likeness"},

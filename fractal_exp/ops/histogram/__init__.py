@@ -27,7 +27,7 @@ from torch import Tensor
 
 from . import cpu as kernels
 from .cpu import COUNTED, DRY
-from .pool import GUIDE_BITS
+from .pool import choice
 
 TASKS = 64   # shares of the work, each with its own random stream: no result depends on the number of threads
 FEWER = 16   # shares for a tree that reuses points, because each share makes its own points; more threads stay idle
@@ -79,13 +79,8 @@ class AddressTree:
         matrix, shift = linear.cpu().double().numpy(), offset.cpu().double().numpy()
         shift = matrix @ center + shift - center
         p = probabilities.cpu().double().numpy()
-        cumulative = np.cumsum(p) / p.sum()
-        thresholds = np.round(cumulative * 2**32).astype(np.uint64)
-        thresholds[np.flatnonzero(p)[-1]:] = 2**32
-        guide = np.searchsorted(thresholds, np.arange(1 << GUIDE_BITS, dtype=np.uint64) << np.uint64(32 - GUIDE_BITS),
-                                side="right")
-        return cls(np.column_stack([matrix.reshape(-1, 4), shift]), p / p.sum(), thresholds, guide.astype(np.uint16),
-                   hull, center, reuse, np.empty((0, 4)) if colours is None else _folded(*colours))
+        return cls(np.column_stack([matrix.reshape(-1, 4), shift]), p / p.sum(), *choice(p), hull, center, reuse,
+                   np.empty((0, 4)) if colours is None else _folded(*colours))
 
     def within(self, window: Window) -> bool:
         """Whether the whole attractor certainly lies in the window."""

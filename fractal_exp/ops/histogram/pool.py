@@ -29,6 +29,15 @@ def random_bits(state):
     return state, z ^ (z >> uint64(31))
 
 
+def choice(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The thresholds (N,) and the guide table (4096,) by which `pick` draws maps of probabilities p (N,), in any
+    unit."""
+    thresholds = np.round(np.cumsum(p) / p.sum() * 2**32).astype(np.uint64)
+    thresholds[np.flatnonzero(p)[-1]:] = 2**32
+    steps = np.arange(1 << GUIDE_BITS, dtype=np.uint64) << np.uint64(32 - GUIDE_BITS)
+    return thresholds, np.searchsorted(thresholds, steps, side="right").astype(np.uint16)
+
+
 @njit(inline="always")
 def pick(bits, thresholds, guide):
     """The map that 32 random bits stand for."""

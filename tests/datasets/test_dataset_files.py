@@ -1,0 +1,134 @@
+"""Data sets as files: folders and shards, and that they can be gone on with."""
+
+import io
+import json
+import tarfile
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fractal_exp import codes
+from fractal_exp.cli import dataset as app
+from fractal_exp.datasets import Fractals, write
+from fractal_exp.suite import random_suite
+
+SMALL = ["--size", "32", "--points", "500", "--repeats", "1"]
+NAMES = ("fern", "tree")
+
+
+def fractals(**options) -> Fractals:
+    return Fractals([codes.known(name) for name in NAMES], **{"size": 32, "points": 500, "repeats": 1} | options)
+
+
+def contents(folder) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*"))
+            if path.is_file() and path.name != ".lock"}
+
+
+def test_a_folder_for_each_code_holds_its_pictures_by_number(tmp_path):
+    app.main([*NAMES, str(tmp_path / "set"), *SMALL])
+    files, expected = contents(tmp_path / "set"), fractals()
+    assert set(files) == {"dataset.json", *(f"0000{k}-{name}/{index:02d}.png" for k, name in enumerate(NAMES)
+                                            for index in range(100))}
+    for index in (0, 99, 100, 137):
+        file = files[f"0000{index // 100}-{NAMES[index // 100]}/{index % 100:02d}.png"]
+        assert (np.array(Image.open(io.BytesIO(file))) == expected.picture(index)).all()
+    record = json.loads(files["dataset.json"])
+    assert record["names"] == list(NAMES) and record["size"] == 32 and record["pictures"] == 200
+
+
+def test_shards_hold_every_picture_once_in_random_order_beside_its_code_s_number(tmp_path):
+    app.main([*NAMES, str(tmp_path), *SMALL, "--shards", "90", "--seed", "4"])
+    pairs, expected = [], fractals(seed=4)
+    assert sorted(contents(tmp_path)) == ["dataset.json", *(f"pictures-00000{k}.tar" for k in range(3))]
+    for path in sorted(tmp_path.glob("*.tar")):
+        with tarfile.open(path) as shard:
+            members = [(member.name.split("."), shard.extractfile(member).read()) for member in shard]
+        for ((key, kind), png), ((other, label), number) in zip(members[::2], members[1::2], strict=True):
+            assert (key, kind, label) == (other, "png", "cls") and int(number) == int(key) // 100
+            pairs.append((int(key), png))
+    assert sorted(key for key, _ in pairs) == list(range(200)) and len({key // 100 for key, _ in pairs[:20]}) == 2
+    for key, png in pairs[::23]:
+        assert (np.array(Image.open(io.BytesIO(png))) == expected.picture(key)).all()
+
+
+@pytest.mark.parametrize("shards", [None, 60])
+def test_what_was_interrupted_goes_on_to_the_same_bytes(tmp_path, monkeypatch, shards):
+    write(fractals(), NAMES, tmp_path / "whole", shards)
+    drawn, count = Fractals.picture, iter(range(10**6))
+
+    def interrupted(self, index):
+        if next(count) == 130:
+            raise KeyboardInterrupt
+        return drawn(self, index)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Fractals, "picture", interrupted)
+        write(fractals(), NAMES, tmp_path / "set", shards)
+    done, told = contents(tmp_path / "set"), []
+    there = write(fractals(), NAMES, tmp_path / "set", shards, told.append)
+    assert there == (120 if shards else 100) and sum(told) == 200 and told[0] == there
+    whole = contents(tmp_path / "whole")
+    assert contents(tmp_path / "set") == whole and {"dataset.json"} < set(done) & set(whole) < set(whole)
+
+
+def test_all_codes_of_folders_files_and_distributions(tmp_path):
+    folder = tmp_path / "codes"
+    (folder / "below").mkdir(parents=True)
+    codes.known("fern").save(folder / "below" / "b.json")
+    entries = "one { .5 0 0 .5 0 0 .5 .5 0 0 .5 1 0 .5 }", "two { .5 0 0 .5 0 0 .5 .5 0 0 .5 0 1 .5 }"
+    (folder / "a.ifs").write_text("\n".join(entries))
+    (folder / ".hidden").write_text("nothing")
+    assert [name for name, _ in app.read_codes(str(folder))] == ["one", "two", "b"]
+    assert [name for name, _ in app.read_codes(f"{folder / 'a.ifs'}:two")] == [f"{folder / 'a.ifs'}:two"]
+    assert [code for _, code in app.read_codes("random:3:7")] == random_suite(3, 7)
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    (["mixed"], "mixed holds picture.png, which is no file of codes (.json, "),
+    (["empty"], "empty holds no file of codes"),
+    (["random:0"], "a suite has at least 1 fractal"),
+    (["random:x"], "random:COUNT or random:COUNT:SEED, with a count of up to 999999, got 'random:x'"),
+    (["ferm"], "did you mean 'fern'?"),
+    (["bad.ifs"], "bad.ifs: "),
+    (["fern", "--size", "8"], "size must be an integer of at least 16, got 8"),
+    (["fern", "--shards", "0"], "shards must be an integer of at least 1, got 0"),
+])
+def test_what_a_user_can_mend_is_one_line_before_any_work(tmp_path, monkeypatch, capsys, words, message):
+    monkeypatch.chdir(tmp_path)
+    for name in ("mixed", "empty"):
+        (tmp_path / name).mkdir()
+    codes.known("fern").save("mixed/fern.json")
+    (tmp_path / "mixed" / "picture.png").write_bytes(b"")
+    (tmp_path / "bad.ifs").write_text("fern { 1 2 3 }")
+    with pytest.raises(SystemExit) as stop:
+        app.main([words[0], "set", *words[1:]])
+    error = capsys.readouterr().err
+    assert stop.value.code == 2 and message in error and error.count("\n") == 1
+    assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (["--size", "40"], "data set of other size (32 there, 40 here)"),
+    (["--seed", "3"], "data set of other seed (0 there, 3 here)"),
+    (["--shards", "50"], "data set of other shards (None there, 50 here)"),
+])
+def test_a_folder_with_a_set_of_other_options_is_left_alone(tmp_path, capsys, change, message):
+    arguments = ["fern", str(tmp_path), *SMALL, "--jitter", "0"]
+    app.main(arguments)
+    before = contents(tmp_path)
+    for words in ([*arguments, *change], ["tree", *arguments[1:]]):
+        with pytest.raises(SystemExit):
+            app.main(words)
+        error = capsys.readouterr().err
+        assert (message if words[0] == "fern" else "data set of other codes;") in error
+        assert "choose another folder" in error and contents(tmp_path) == before
+
+
+def test_a_folder_with_other_files_is_left_alone(tmp_path, capsys):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(SystemExit):
+        app.main(["fern", str(tmp_path), *SMALL])
+    assert "holds other files; choose a folder that is empty" in capsys.readouterr().err
+    assert set(contents(tmp_path)) == {"mine.txt"}

@@ -65,6 +65,7 @@ class TrainConfig:
     resume: bool = False
     checkpoint_every: int = 250
     init: Any = None
+    regularizer_weight: float = 0.01
     budgets: dict[str, int] = field(default_factory=dict)
     weights: dict[str, str | None] = field(default_factory=dict)
     network_side: int = 64
@@ -83,14 +84,23 @@ def register() -> None:
 
 
 def chosen() -> str:
-    """The chosen model, loss and optimizer as far as they are not the usual ones, as in naive+moments; "full" if all
-    are usual, or if no command composed the configuration."""
+    """The chosen model, loss and optimizer as far as they are not the usual ones, as in naive+moments, each by the name
+    of the ablation that chose it; "full" if all are usual, or if no command composed the configuration."""
     if not HydraConfig.initialized():
         return "full"
-    defaults = plain(OmegaConf.load(str(files("fractal_exp.conf") / "train.yaml")))["defaults"]
-    usual = {group: choice for line in defaults if isinstance(line, dict) for group, choice in line.items()}
-    choices = HydraConfig.get().runtime.choices
-    return "+".join(str(choices[group]) for group in VARIED if choices.get(group) != usual[group]) or "full"
+    usual, choices = _defaults("train"), HydraConfig.get().runtime.choices
+    names = {group: str(choices[group]) for group in VARIED if choices.get(group) != usual[group]}
+    for group, choice in _defaults(f"ablation/{choices.get('ablation')}").items():
+        if names.get(group := group.removeprefix("override /")) == choice:
+            names[group] = str(choices["ablation"])
+    return "+".join(names.values()) or "full"
+
+
+def _defaults(file: str) -> dict[str, Any]:
+    """The choice of each group in the defaults of a file of the package; of another file, none."""
+    path = Path(str(files("fractal_exp.conf"))) / f"{file}.yaml"
+    lines = plain(OmegaConf.load(path)).get("defaults", []) if path.exists() else []
+    return {group: choice for line in lines if isinstance(line, dict) for group, choice in line.items()}
 
 
 def own_words() -> str:

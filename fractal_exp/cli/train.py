@@ -42,10 +42,10 @@ from .progress import Reporter
 from .runs import NoRuns
 from .words import plainest
 
-# The target and the method hold what `picture` and `seconds` say. Colours are a part of a fit that has them.
+# The target, the method and the loss hold what `picture`, `seconds` and `regularizer_weight` say. Colours are a part of a fit that has them.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "colour", "output", "study", "name", "resume", "tracking", "threads",
                      "checkpoint_every", "evaluation", "sweep", configuration.PARENT, "task", "pretraining", "weights",
-                     "network_side", "network_width")
+                     "network_side", "network_width", "regularizer_weight")
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",

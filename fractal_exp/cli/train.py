@@ -42,10 +42,11 @@ from .progress import Reporter
 from .runs import NoRuns
 from .words import plainest
 
-# The target, the method and the loss hold what `picture`, `seconds` and `regularizer_weight` say. Colours are a part of a fit that has them.
+# Target, method and loss hold what `picture`, `seconds` and `regularizer_weight` say. Colours are a part of a fit that
+# has them.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "colour", "output", "study", "name", "resume", "tracking", "threads",
                      "checkpoint_every", "evaluation", "sweep", configuration.PARENT, "task", "pretraining", "weights",
-                     "network_side", "network_width", "regularizer_weight")
+                     "network_side", "network_width", "regularizer_weight", "preset")
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",

@@ -13,7 +13,7 @@ COLUMNS = ("f1", "iou", "psnr", "ssim", "lpips")
 class PublishedTable:
     """A table of the paper: its source, and for each row the scores (in the order of COLUMNS) and any seconds.
 
-    A row has the name of our row with the same meaning.
+    A row has the name of our row with the same meaning; `chaotic` is the paper's method, whichever way it was run.
     """
 
     source: str

@@ -283,6 +283,7 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
     for name, image in judgement.pictures.items():
         write_image(folder.views / f"{name}.png", image)
         run.image(name, image)
+    run.image("strip", judgement.pictures["comparison"], 0)  # among the charts too, where runs are compared
     write_atomically(folder.path / "per_view.csv", judgement.per_view.to_csv(index=False))
     run.table("per_view.json", judgement.per_view)
     run.log(judgement.scores | judgement.trivial | judgement.counts)

@@ -178,8 +178,8 @@ class Watch(threading.Thread):
         else:
             self.fitted += 1
             left = (time.monotonic() - self.began) / self.fitted * len(self.waiting)
-            about = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
-            text += f"{describe_scores(outcome)}  ({outcome.seconds:.0f} s{f', about {about} left' if left else ''})"
+            about = f", about {cost.in_words(left)} left" if left else ""
+            text += f"{describe_scores(outcome)}  ({outcome.seconds:.0f} s{about})"
         print(text, file=self.out, flush=True)
 
 

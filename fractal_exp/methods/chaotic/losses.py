@@ -130,13 +130,6 @@ def condition(singular: Tensor) -> Tensor:
     return (singular.amax(-1) + 1) / (singular.amin(-1) + 1)
 
 
-class MSE(Term):
-    """`mse` against the target: the ablation without the mip map."""
-
-    def forward(self, rendering: Rendering) -> Tensor:
-        return mse(rendering.image, self.prepared)
-
-
 class MipMSE(Term):
     """`mip_mse` against the target. Raises `InputError` on levels < 1, and in `prepare` on a resolution that cannot be
     halved so often."""

@@ -22,8 +22,7 @@ class QR(SVD):
     takes_codes = False
 
     def encode(self, linear: Tensor, offset: Tensor) -> dict[str, Tensor]:
-        raise InputError("the parameterisation of the released program does not reach every map, so that it cannot "
-                         "begin with a code; take model=svd")
+        raise InputError("the released parameterisation does not reach every map, and takes no code; take model=svd")
 
     def decode(self, raw: Parameters) -> Maps:
         return super().decode({**raw, "u": householder(raw["u"]), "v": householder(raw["v"])})

@@ -9,10 +9,14 @@ PORT ?= 5000
 STUDIO_PORT ?= 8421
 SCALE ?= laptop
 COUNT ?= 4
-WORKERS ?= $(shell getconf _NPROCESSORS_ONLN)
+DEVICE ?= cpu
+# One fit keeps a GPU busy: two beside each other take twice as long each (docs/gpu.md).
+WORKERS ?= $(if $(filter cuda%,$(DEVICE)),1,$(shell getconf _NPROCESSORS_ONLN))
 # Whole files go to one process, which makes what their tests share once, in the order of tests/conftest.py: the longest,
 # with few tests each, are not left for the end. More than eight processes would wait for the longest.
 PYTEST := -m pytest -n $(WORKERS) --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+SWEEP := scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) device=$(DEVICE) \
+  evaluation.device=$(DEVICE)
 SWEEP_ARGS ?=
 SLURM ?= /tmp/fractal-exp-slurm
 
@@ -34,13 +38,11 @@ run: $(READY) ## Fit the retina's blood vessels and the classic fern; scores, pi
 	@$(BIN)/fractal-train method=collage target=retina method.maps=128
 	@$(BIN)/fractal-train method=collage target=known target.name=fern
 
-ablations: $(READY) ## The paper's ablation table (SCALE=laptop COUNT=4; SCALE=paper COUNT=50 is the paper's own)
-	@$(BIN)/fractal-sweep ablations scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) \
-	  $(SWEEP_ARGS)
+ablations: $(READY) ## The paper's ablation table (COUNT=4; DEVICE=cuda SCALE=paper COUNT=50 is the paper's own)
+	@$(BIN)/fractal-sweep ablations $(SWEEP) $(SWEEP_ARGS)
 
 comparisons: $(READY) ## The methods that the paper compares with, beside both of ours (SCALE=laptop COUNT=4, or paper 100)
-	@$(BIN)/fractal-sweep comparisons scale=$(SCALE) sweep.count=$(COUNT) launch=joblib sweep.workers=$(WORKERS) \
-	  $(SWEEP_ARGS)
+	@$(BIN)/fractal-sweep comparisons $(SWEEP) $(SWEEP_ARGS)
 
 test: $(READY) ## Run the tests, one process a core (WORKERS=2; PYTEST_ARGS='-k fern')
 	@$(BIN)/python $(PYTEST) $(PYTEST_ARGS)

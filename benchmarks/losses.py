@@ -21,7 +21,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from fractal_exp.methods.chaotic.losses import DSSIM, MSE, MipMSE, Moments, PerceptualTerm, Regularizer, Term
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Moments, PerceptualTerm, Regularizer, Term
 from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.perceptual.distances import kinds
 from fractal_exp.runtime import threads
@@ -106,7 +106,7 @@ def main() -> None:
         perceptual = PerceptualTerm(arguments.kind, str(Path(folder) / "random.pth"))
     library_perceptual = None if arguments.ours else library_lpips(arguments.kind, features)
     terms = [
-        ("mse", MSE(), library_mse), ("mip mse", MipMSE(), library_mip_mse),
+        ("mse", MipMSE(levels=1), library_mse), ("mip mse", MipMSE(), library_mip_mse),
         ("mip mse, stretched", MipMSE(stretch=True), None), ("d-ssim", DSSIM(), library_dssim),
         ("moments", Moments(), None), ("regularizer", Regularizer(), None),
         (arguments.kind, perceptual, library_perceptual),

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from fractal_exp.cli import configuration
 
 ABLATIONS = {  # the keys by which each row of the paper's ablation table may differ from the full method
-    "naive": {"model.parameterization._target_", "loss.weights.regularizer"},
+    "naive": {"model.parameterization._target_", "loss.weights.regularizer", "regularizer_weight"},
     "no_multisampling": {"model.supersample", "model.sigma_px"},
     "no_mip": {"loss.terms.mse.levels"},
     "no_ssim": {"loss.weights.ssim"},

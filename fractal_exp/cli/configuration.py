@@ -49,6 +49,7 @@ class TrainConfig:
     tracking: Any = MISSING
     scale: str = MISSING
     variant: str = MISSING
+    preset: str | None = None
     resolution: int = MISSING
     iterations: int = MISSING
     perceptual: str = "none"
@@ -65,6 +66,7 @@ class TrainConfig:
     resume: bool = False
     checkpoint_every: int = 250
     init: Any = None
+    regularizer_weight: float = 0.01
     budgets: dict[str, int] = field(default_factory=dict)
     weights: dict[str, str | None] = field(default_factory=dict)
     network_side: int = 64
@@ -82,15 +84,26 @@ def register() -> None:
     OmegaConf.register_new_resolver("chosen", chosen, replace=True)
 
 
-def chosen() -> str:
-    """The chosen model, loss and optimizer as far as they are not the usual ones, as in naive+moments; "full" if all
-    are usual, or if no command composed the configuration."""
-    if not HydraConfig.initialized():
-        return "full"
-    defaults = plain(OmegaConf.load(str(files("fractal_exp.conf") / "train.yaml")))["defaults"]
-    usual = {group: choice for line in defaults if isinstance(line, dict) for group, choice in line.items()}
-    choices = HydraConfig.get().runtime.choices
-    return "+".join(str(choices[group]) for group in VARIED if choices.get(group) != usual[group]) or "full"
+def chosen(preset: str | None = None) -> str:
+    """The preset of the method, and the chosen model, loss and optimizer as far as they are not the usual ones with it,
+    as in as_released+naive+moments, each by the name of the ablation that chose it; "full" if there is nothing to name.
+    """
+    names = {}
+    if HydraConfig.initialized():
+        choices = HydraConfig.get().runtime.choices
+        usual = _defaults("train") | _defaults(f"method/{choices.get('method')}")
+        names = {group: str(choices[group]) for group in VARIED if choices.get(group) != usual[group]}
+        named = _defaults(f"ablation/{choices.get('ablation')}")
+        names |= {group: str(choices["ablation"]) for group in names if named.get(group) == names[group]}
+    return "+".join([*([preset] if preset else []), *names.values()]) or "full"
+
+
+def _defaults(file: str) -> dict[str, Any]:
+    """The choice of each group in the defaults of a file of the package; of another file, none."""
+    path = Path(str(files("fractal_exp.conf"))) / f"{file}.yaml"
+    lines = plain(OmegaConf.load(path)).get("defaults", []) if path.exists() else []
+    return {group.removeprefix("override /"): choice
+            for line in lines if isinstance(line, dict) for group, choice in line.items()}
 
 
 def own_words() -> str:

@@ -31,6 +31,7 @@ from .candidates import Submission, gather, without_code
 from .folders import PICTURE, TRUTH
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
 STRIP_VIEWS = ("whole", "2-4x-a", "4-8x-a")
@@ -100,8 +101,7 @@ def _judge_all(candidates: list[Submission], options: argparse.Namespace, distan
                    for method, one in {RESULT: scored, **others}.items()]
         codes.append({"fractal": candidate.name,
                       **_errors(candidate, options, scored.frame, others[CEILING].frame)})
-        strip = write_image(strips / f"{candidate.name}.png", _strip(candidate.name, scored))
-        run.artifact(f"strips/{strip.name}", strip)
+        _keep_strip(_strip(candidate.name, scored), candidate.name, strips, run, len(codes))
     per_view = pd.concat(tables, ignore_index=True)
     per_view.attrs = tables[0].attrs
     return per_view, pd.DataFrame(codes)
@@ -120,11 +120,18 @@ def _errors(candidate: Submission, options: argparse.Namespace, scores: pd.DataF
             "whole_f1": error.f1, "whole_ceiling_f1": error.ceiling_f1}
 
 
-def _strip(name: str, scored: Scored) -> torch.Tensor:
+def _strip(name: str, scored: Scored) -> np.ndarray:
     rows = [list(scored.views).index(view) for view in STRIP_VIEWS]
     captions = [f"{name} {scored.views[view].zoom:.1f}x, {f1_in_words(scored.frame['f1'][row])}"
                 for view, row in zip(STRIP_VIEWS, rows, strict=True)]
     return comparison_strip(scored.images[rows], scored.truth[rows], captions)
+
+
+def _keep_strip(strip: np.ndarray, name: str, strips: Path, run: tracking.Tracker, number: int,
+                series: str = "strip") -> None:
+    """Put a strip into the folder, among the run's files, and into its list of images as one of a series."""
+    run.artifact(f"strips/{name}.png", write_image(strips / f"{name}.png", strip))
+    run.image(series, strip, number)
 
 
 def _judge_pictures(candidates: list[Submission], options: argparse.Namespace, distance: Perceptual, strips: Path,
@@ -143,8 +150,8 @@ def _judge_pictures(candidates: list[Submission], options: argparse.Namespace, d
             fractal=candidate.name, method=method, against="input", input=candidate.aim.file, resolution=side,
             perceptual=distance.name) for method, image in images.items()]
         caption = f"{candidate.name}, {f1_in_words(rows[-len(images)]['f1'][0])}"
-        strip = write_image(strips / f"{candidate.name}.png", comparison_strip(drawn[None], picture[None], [caption]))
-        run.artifact(f"strips/{strip.name}", strip)
+        strip = comparison_strip(drawn[None], picture[None], [caption])
+        _keep_strip(strip, candidate.name, strips, run, len(rows) // len(images), "input strip")
     table = pd.concat(rows, ignore_index=True)
     first = ["fractal", "method", "against", "input", "resolution"]
     return table[first + [name for name in table if name not in first]]

@@ -29,7 +29,7 @@ from ..studies.writing import write
 from ..targets import Picture
 from ..tracking import NoTracker, Tracker, comparison_address, mark_killed_runs, prepare_store
 from ..tracking.addresses import dashboard_line, shown, store_uri
-from . import configuration
+from . import configuration, cost
 from .commands import complain
 from .jobs import FAILED, Outcome, describe_scores, job_name
 from .runs import NoRuns
@@ -99,6 +99,10 @@ class RunningSweep:
                                                 *(f"sweep.{key}={value}" for key, value in facts.items())])
         print(f"{settings['sweep']['title']}: {len(self.names)} jobs, {settings['scale']} scale, "
               f"{settings['sweep']['workers']} at a time; {self.folder}", flush=True)
+        left = [job for name, job in zip(self.names, overrides, strict=True)
+                if not (self.folder / name / "finished.json").exists()]
+        if said := cost.estimate(_by_method(config, left), settings["sweep"]["workers"]):
+            print(f"  {said}, on {settings['device']}", flush=True)
         self.watch = Watch(self.folder, self.names)
         self.watch.start()
 
@@ -174,8 +178,8 @@ class Watch(threading.Thread):
         else:
             self.fitted += 1
             left = (time.monotonic() - self.began) / self.fitted * len(self.waiting)
-            about = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
-            text += f"{describe_scores(outcome)}  ({outcome.seconds:.0f} s{f', about {about} left' if left else ''})"
+            about = f", about {cost.in_words(left)} left" if left else ""
+            text += f"{describe_scores(outcome)}  ({outcome.seconds:.0f} s{about})"
         print(text, file=self.out, flush=True)
 
 
@@ -216,6 +220,14 @@ def planned(config: DictConfig) -> tuple[list[list[str]], list[str]]:
         for value in values[key][min(i, 1):]:
             loader.load_sweep_config(config, [*jobs[0][:i], f"{key}={value}", *jobs[0][i + 1:]])
     return jobs, keys
+
+
+def _by_method(config: DictConfig, jobs: Sequence[list[str]]) -> dict[str, tuple[int, DictConfig]]:
+    """How many of the jobs are of each method, and the configuration of one of them."""
+    loader, choice = GlobalHydra.instance().config_loader(), config.hydra.runtime.choices.method
+    names = [next((word[7:] for word in job if word.startswith("method=")), choice) for job in jobs]
+    return {name: (names.count(name), loader.load_sweep_config(config, jobs[names.index(name)]))
+            for name in dict.fromkeys(names)}
 
 
 def _common(config: DictConfig) -> dict[str, Any]:

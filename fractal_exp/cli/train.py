@@ -42,10 +42,11 @@ from .progress import Reporter
 from .runs import NoRuns
 from .words import plainest
 
-# The target and the method hold what `picture` and `seconds` say. Colours are a part of a fit that has them.
+# Target, method and loss hold what `picture`, `seconds` and `regularizer_weight` say. Colours are a part of a fit that
+# has them.
 NOT_PART_OF_A_FIT = ("picture", "seconds", "colour", "output", "study", "name", "resume", "tracking", "threads",
                      "checkpoint_every", "evaluation", "sweep", configuration.PARENT, "task", "pretraining", "weights",
-                     "network_side", "network_width")
+                     "network_side", "network_width", "regularizer_weight", "preset")
 
 
 METHOD_TITLES = {"collage": "collage search", "chaotic": "the paper's method",
@@ -282,6 +283,7 @@ def _keep(folder: FitFolder, run: Tracker, judgement: Judgement) -> None:
     for name, image in judgement.pictures.items():
         write_image(folder.views / f"{name}.png", image)
         run.image(name, image)
+    run.image("strip", judgement.pictures["comparison"], 0)  # among the charts too, where runs are compared
     write_atomically(folder.path / "per_view.csv", judgement.per_view.to_csv(index=False))
     run.table("per_view.json", judgement.per_view)
     run.log(judgement.scores | judgement.trivial | judgement.counts)

@@ -29,20 +29,25 @@ NOTE = "mlflow.note.content"  # the tag that MLflow shows as the description of 
 SHARED = "mlflow.sharedViewState."  # and those in which it keeps views of an experiment, to be named in an address
 KIND = "mlflow.experimentKind"  # without it MLflow guesses, and shows tools for language models
 VIEW = "scores"
-COLUMNS = [*(f"metrics.`eval/{name}`" for name in ("f1", "iou", "psnr", "ssim")), "metrics.`time/fit_seconds`",
+SCORES = ("f1", "iou", "psnr", "ssim", "lpips", "fractal_distance")  # the last two: by the distance in use
+COLUMNS = [*(f"metrics.`eval/{name}`" for name in SCORES), "metrics.`time/fit_seconds`",
            *(f"tags.`{name}`" for name in ("target", "method", "variant", "scale", "row", "sample"))]
 LAST_SECONDS = 5.0  # that the server has to end
-ABOUT = """{name}: each run recovers the code of a self-similar shape from one image.
+ABOUT = """[All runs with their scores, best F1 first]({address}): each run of {name} recovers the code of a
+self-similar shape from one image.
 
 `eval/…` are mean scores over the views, `trivial/…` what an all white and an all black image would get there,
 `train/…` what the method told step by step, `time/…` seconds. F1, IoU and SSIM are at most 1, more is better; PSNR is
 in decibels."""
 
 
-def experiment_tags(name: str) -> dict[str, str]:
-    """The tags of an experiment: its description, and the view of its runs by F1 with scores as columns."""
+def describe(client: MlflowClient, experiment_id: str, name: str) -> None:
+    """Give an experiment the view of its runs by F1 with scores as columns, and a description that leads there: who
+    clicks on an experiment sees MLflow's own page, whose columns no store can choose."""
     view = {"orderByKey": COLUMNS[0], "orderByAsc": False, "selectedColumns": COLUMNS}
-    return {NOTE: ABOUT.format(name=name), f"{SHARED}{VIEW}": json.dumps(view), KIND: "custom_model_development"}
+    for key, value in {f"{SHARED}{VIEW}": json.dumps(view), KIND: "custom_model_development",
+                       NOTE: ABOUT.format(name=name, address=runs_address(".", experiment_id))}.items():
+        client.set_experiment_tag(experiment_id, key, value)
 
 
 def runs_address(server: str, experiment_id: str) -> str:

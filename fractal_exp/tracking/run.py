@@ -20,7 +20,7 @@ from ..errors import InputError
 from .addresses import reason, shown
 from .base import Tracker
 from .client import connect
-from .dashboard import NOTE, experiment_tags
+from .dashboard import NOTE, describe
 from .outbox import ENDS, Outbox, Upload, read_note, undelivered
 from .store import (
     FIRST_PATIENCE,
@@ -160,7 +160,9 @@ def _experiment_id(client: MlflowClient, uri: str, name: str) -> str:
     found = client.get_experiment_by_name(name)
     if found is None:
         try:
-            return client.create_experiment(name, artifact_location=artifact_root(uri), tags=experiment_tags(name))
+            made = client.create_experiment(name, artifact_location=artifact_root(uri))
+            describe(client, made, name)
+            return made
         except MlflowException:
             found = client.get_experiment_by_name(name)  # another worker may have been first
             if found is None:

@@ -1,9 +1,13 @@
 import json
 
 import pytest
+import yaml
 from configured import ABLATIONS, composed, options, plain
+from hydra import compose, initialize_config_module
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
+from places import ROOT
 
 from fractal_exp import InputError
 from fractal_exp.cli import configuration
@@ -43,12 +47,58 @@ def test_every_ablation_is_listed_here():
 @pytest.mark.parametrize("scale", ["laptop", pytest.param("paper", marks=pytest.mark.slow)])
 def test_an_ablation_differs_from_the_full_method_by_what_it_names_alone(name, scale):
     full, ablated = plain(f"scale={scale}"), plain(f"scale={scale}", f"ablation={name}")
-    assert ablated.pop("variant") == name and full.pop("variant") == "full"
     full.pop("method"), ablated.pop("method")  # repeats model, loss and optimizer
     changed = {line.split(":")[0] for line in compare(full, ablated)}
     assert changed, "an ablation must change something"
     for key in changed:
         assert any(key == named or key.startswith(named + ".") for named in ABLATIONS[name]), key
+
+
+def test_an_ablation_names_one_choice_and_has_no_settings_of_its_own():
+    for name in ABLATIONS:
+        [only] = yaml.safe_load((ROOT / "conf" / "ablation" / f"{name}.yaml").read_text()).items()
+        assert only[0] == "defaults" and len(only[1]) == 1 and len(only[1][0]) == 1, name
+
+
+@pytest.mark.parametrize(("words", "variant"), [
+    ([], "full"), (["ablation=none", "loss=full"], "full"), (["loss=no_mip"], "no_mip"),
+    (["ablation=no_mip"], "no_mip"), (["ablation=no_annealing"], "no_annealing"), (["optimizer=gradient"], "gradient"),
+    (["model=naive", "loss=no_mip"], "naive+no_mip"), (["ablation=no_annealing", "loss=no_ssim"],
+                                                       "no_ssim+no_annealing"),
+    (["ablation=no_ssim", "loss=no_mip"], "no_mip"), (["method=chaotic_released"], "as_released"),
+    (["method=chaotic_written", "ablation=no_mip"], "as_written+no_mip"),
+    (["method=chaotic_released", "loss=full"], "as_released+full"), (["method=collage"], "full")], ids=str)
+def test_a_variant_is_named_by_what_was_chosen(words, variant, monkeypatch):
+    configuration.register()
+    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
+        config = compose("train", words, return_hydra_config=True)
+    monkeypatch.setattr(HydraConfig.instance(), "cfg", config)
+    assert config.variant == variant
+
+
+@pytest.mark.parametrize("scale", ["smoke", "laptop", "paper"])
+def test_a_preset_is_the_same_method_at_every_scale(scale):
+    written, released, ours = (plain(f"scale={scale}", f"method=chaotic_{name}")["method"]
+                               for name in ("written", "released", "ours"))
+    for preset in (written, released):
+        assert preset["starts"] == 1 and preset["match_target"] is False
+        assert preset["optimizer"]["annealing"]["sharpness"] == 10
+    assert ours["starts"] == 10 and ours["match_target"] is True and ours["optimizer"]["annealing"]["sharpness"] == 1000
+    assert released["kept"] == 1 and released["result_after_step"] is True
+    same = {"laptop": ours, "paper": written}
+    if scale in same:
+        assert same[scale] == plain(f"scale={scale}")["method"], "what method=chaotic is at this scale"
+
+
+def test_parts_of_the_method_compose():
+    both = plain("model=naive", "loss=no_mip", "optimizer=gradient")
+    assert both["loss"]["terms"]["mse"]["levels"] == 1 and both["loss"]["weights"]["mse"] == 10
+    assert both["loss"]["weights"]["regularizer"] == .1, "naive maps need the regulariser"
+    assert plain("model=naive", "loss=no_regularizer")["loss"]["weights"]["regularizer"] == 0
+    assert plain("model=no_multisampling")["loss"] == plain()["loss"]
+    released = plain("method=chaotic_released", "ablation=no_mip", "optimizer=gradient")
+    assert released["model"]["parameterization"]["_target_"].endswith("released.QR")
+    assert released["loss"]["terms"]["mse"]["levels"] == 1 and "Descent" in released["optimizer"]["_target_"]
 
 
 def test_scales_have_the_stated_sizes():

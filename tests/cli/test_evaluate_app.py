@@ -77,6 +77,7 @@ def test_a_fit_knows_its_truth_and_a_judgement_is_logged(folder):
     assert run["params.views"] == "attractor" and run["tags.scale"] == "laptop"
     assert len(tracking.read_table(uri, run["run_id"], "per_view.json")) == 28
     assert tracking.read_artifact(uri, run["run_id"], "strips/fern-chaotic.png").startswith(b"\x89PNG")
+    assert run["tags.mlflow.loggedImages"] == "True", "the strips are in the list of images too"
 
     # A run that holds a code and its truth is judged like its folder.
     with tracking.start_run(uri, "fits", "fern", folder=fit) as logged:

@@ -66,6 +66,7 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     assert "**cross** by chaotic (full, smoke scale)" in run["tags.mlflow.note.content"]
     series = read_series(uri, run["run_id"], "train/loss")
     assert list(series["step"]) == [1, 2, 3, 4, 5, 6]
+    assert any(file.name.startswith("strip+step+0") for file in tmp_path.glob("mlartifacts/*/artifacts/images/*"))
 
 
 def test_a_known_code_is_scored_on_seven_views(tmp_path):

@@ -124,6 +124,20 @@ def test_a_code_is_returned_where_the_method_saw_it():
     assert float((seen * (drawn > 0)).sum() / seen.sum()) > .9
 
 
+def test_as_released_the_last_state_is_the_result():
+    codes = {}
+    for released in (False, True):
+        walk = LearningFractalsWalk(TARGET, LearningFractalsParams(**SMALL, rate=5.0, as_released=released), 0)
+        state = walk.start()
+        for number in range(8):
+            state = walk.step(state, number)
+        codes[released] = walk.code(state)
+        prefix = "raw/" if released else "best/"
+        expected = affine.code({name: state[prefix + name] for name in raw()}, 32)
+        assert torch.equal(codes[released].linear, expected.linear)
+    assert not torch.equal(codes[False].linear, codes[True].linear)
+
+
 @both_canvases
 def test_a_fit_gets_better_tells_what_it_does_and_counts_what_it_draws(method):
     seen = told(made := method(**SMALL | {"iterations": 40, "side": 32}, previews=2))

@@ -120,6 +120,40 @@ def test_as_released_nests_are_abandoned_for_better_or_worse():
         assert bool(worse) == released
 
 
+def test_as_released_a_quarter_of_the_nests_is_replaced_as_a_whole():
+    settings = {"population": 400, "maps": 3, "side": 16, "flight": 0.0}
+    walk = CuckooWalk(TARGET, CuckooParams(**settings, as_released=True), 0)
+    before = walk.start()
+    moved = walk.step(before, 0)["nests"] - before["nests"]
+    changed = (moved != 0).flatten(1).any(1)
+    assert float(changed.float().mean()) == pytest.approx(.25, abs=.05)
+    assert bool((moved[changed][..., :2] != 0).any(-1).float().mean() > .95), "all maps of a nest, not some numbers"
+    sound = CuckooWalk(TARGET, CuckooParams(**settings), 0)
+    assert not torch.equal(walk._maps(before["nests"]), before["nests"])
+    torch.testing.assert_close(walk._maps(before["nests"])[..., 4:], before["nests"][..., 4:].tanh())
+    assert torch.equal(sound._maps(before["nests"]), before["nests"])
+
+
+def test_as_released_offsets_of_children_stay_within_one_before_tanh():
+    reach = {}
+    for released in (False, True):
+        walk = EvolutionaryWalk(TARGET, EvolutionaryParams(**SMALL, as_released=released, opponents=1), 0)
+        state = walk.start()
+        for number in range(6):
+            state = walk.step(state, number)
+        reach[released] = float(state["genome"][..., 4:].abs().max())
+    assert reach[True] <= 1 < reach[False]
+
+
+def test_as_released_all_maps_are_played_alike():
+    large, *small = [[.5, 0, 0, .5, -.5, -.5]], [.01, 0, 0, .01, .9, .9], [.01, 0, 0, .01, .9, -.9]
+    maps = torch.tensor([large + small * 4])  # by area, the first has three quarters of the points; else a ninth
+    drawn = {released: Canvas(TARGET, PopulationParams(maps=9, as_released=released, normalize=False), 0).draw(maps)[0]
+             for released in (False, True)}
+    inside = {released: float(lit[len(lit) // 2:, :len(lit) // 2].sum()) for released, lit in drawn.items()}
+    assert inside[False] > 1.3 * inside[True], "the large map's quarter of the canvas gets more of the points"
+
+
 @both_methods
 def test_a_resumed_search_ends_as_if_it_had_not_been_interrupted(method, tmp_path):
     check_it_resumes_bit_for_bit(lambda: method(**SMALL, seed=3), tmp_path / "checkpoint")

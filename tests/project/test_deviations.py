@@ -80,6 +80,22 @@ def test_every_ablation_is_there_and_is_what_the_page_says():
             assert OmegaConf.select(OmegaConf.create(full), key) != value, f"{key} is no difference"
 
 
+def test_a_preset_sets_what_the_page_says_and_nothing_else():
+    rows = dict(stated("sets"))
+    written, released, ours = (rows[f"`chaotic_{name}`"] for name in ("written", "released", "ours"))
+    for name, sets in {"written": written, "released": written | released, "ours": ours}.items():
+        for scale in ("laptop", "paper"):
+            config = plain(f"scale={scale}", f"method=chaotic_{name}")
+            for key, value in sets.items():
+                has(config, key, value)
+    plainly, config = plain("method=chaotic_written"), plain("method=chaotic_released")
+    groups = "method", "model", "loss", "optimizer"
+    changed = {leaf for group in groups for leaf in leaves(config, group) if not leaf.startswith(REPEATED)
+               if OmegaConf.select(OmegaConf.create(config), leaf)
+               != OmegaConf.select(OmegaConf.create(plainly), leaf)}
+    assert changed == set(released)
+
+
 @pytest.mark.parametrize("path", SCALES, ids=lambda path: path.stem)
 def test_every_difference_between_the_scales_is_there(path):
     head, rows = next((head, rows) for head, rows in tables() if "`scale=laptop`" in head)

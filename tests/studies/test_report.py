@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from mlflow import MlflowClient
+from places import ROOT
 
 from benchmarks import comparisons
 from fractal_exp import InputError, tracking
 from fractal_exp.cli.report import main
 from fractal_exp.studies import course, report, report_text
-from fractal_exp.studies.published import TABLES
+from fractal_exp.studies.published import ITERATION_MS, TABLES, VIEW_SECONDS
 
 F1 = {"full": [.6, .8, .7], "naive": [.5, .9, None], "no_ssim": [.6, .8, .7]}  # by fractal; None: that job failed
 
@@ -250,3 +251,12 @@ def test_a_sweep_is_kept_fit_by_fit(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="2 finished jobs of 3; the same fractal-sweep study command again goes on"):
         comparisons.keep(tmp_path, "study", None, tmp_path / "kept")
     assert not (tmp_path / "kept").exists(), "an unfinished sweep takes no finished one's place"
+
+
+def test_an_iteration_of_table_2_is_the_time_of_table_3_and_what_the_page_says():
+    a40, rtx = (sum(ITERATION_MS[gpu].values()) for gpu in ("A40", "RTX 3090"))
+    assert 15_000 * a40 / 1000 == pytest.approx(TABLES["comparisons"].seconds["chaotic"], rel=.01)
+    page = (ROOT / "docs" / "deviations.md").read_text()
+    assert f"{a40:.0f} ms an iteration on an A40, {rtx:.0f} on an RTX 3090" in page
+    a40, rtx = (sum(VIEW_SECONDS[gpu].values()) for gpu in ("A40", "RTX 3090"))
+    assert f"{a40:.1f} s a view on an A40, {rtx:.1f} s on an RTX 3090" in page

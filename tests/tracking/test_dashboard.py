@@ -25,9 +25,11 @@ def test_an_experiment_describes_itself_and_default_is_gone(uri, start):
     client = store.connect(uri)
     assert [experiment.name for experiment in client.search_experiments()].count("Default") == 0
     tags = client.get_experiment_by_name("study").tags
-    assert "study: each run recovers the code" in tags["mlflow.note.content"]
+    address = f"(./#/experiments/{client.get_experiment_by_name('study').experiment_id}/runs?"
+    assert tags["mlflow.note.content"].startswith(f"[All runs with their scores, best F1 first]{address}")
     view = json.loads(tags["mlflow.sharedViewState.scores"])
     assert view["orderByKey"] == "metrics.`eval/f1`" and view["selectedColumns"][0] == "metrics.`eval/f1`"
+    assert {"metrics.`eval/lpips`", "metrics.`eval/fractal_distance`"} <= set(view["selectedColumns"])
 
 
 @pytest.mark.slow

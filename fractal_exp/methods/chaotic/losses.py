@@ -120,16 +120,14 @@ def regularizer(singular: Tensor, offset: Tensor, *, condition_weight: float = 1
     parameters out of saturation, the last is a stable stand-in for the condition number and keeps maps from turning
     into streaks.
     """
-    condition = (singular.amax(-1) + 1) / (singular.amin(-1) + 1)
-    per_map = singular.square().sum(-1) + offset.square().sum(-1) + condition_weight * (condition - 1).square()
+    per_map = (singular.square().sum(-1) + offset.square().sum(-1)
+               + condition_weight * (condition(singular) - 1).square())
     return per_map.sum(-1)
 
 
-class MSE(Term):
-    """`mse` against the target: the ablation without the mip map."""
-
-    def forward(self, rendering: Rendering) -> Tensor:
-        return mse(rendering.image, self.prepared)
+def condition(singular: Tensor) -> Tensor:
+    """(s_i1 + 1)/(s_i2 + 1) of singular values (…,N,2) in any order: (…,N), from 1 to 2."""
+    return (singular.amax(-1) + 1) / (singular.amin(-1) + 1)
 
 
 class MipMSE(Term):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, NoReturn, Self
 
@@ -65,6 +66,9 @@ class Chaotic(Method):
     The result is the best state by total loss: the best `kept` contractive states seen are drawn again with
     `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well.
 
+    result_after_step: keep the parameters that the step of a low loss led to, annealing included, in place of those
+    whose loss it is. The released program does so, with kept=1.
+
     match_target: compare with the target as the model itself would draw it (`ForwardModel.match`), which the paper
     does not. radii: of the splats, in units of the model's, each for an equal part of the run; with some above 1 a fit
     goes from coarse to fine, and its best state is one of the last part. previews: how many preview images a run
@@ -75,7 +79,7 @@ class Chaotic(Method):
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
                  seconds: float | None = None, seed: int = 0, starts: int = 1, scouting: int = 100, kept: int = 8,
                  rescoring_draws: int = 4, match_target: bool = False, previews: int = 20, device: str = "cpu",
-                 init: Method | None = None, radii: Sequence[float] = (1.0,)):
+                 init: Method | None = None, radii: Sequence[float] = (1.0,), result_after_step: bool = False):
         counts = {"iterations": iterations, "starts": starts, "scouting": scouting, "kept": kept,
                   "rescoring_draws": rescoring_draws}
         for name, value in counts.items():
@@ -83,6 +87,9 @@ class Chaotic(Method):
                 raise InputError(f"{name} must be at least 1, got {value}")
         if init is not None and starts > 1:
             raise InputError(f"a fit that begins with the code of another method has one start, got starts={starts}")
+        if init is not None and not model.parameterization.takes_codes:
+            raise InputError(f"{type(model.parameterization).__name__} does not reach every map, so that a fit cannot "
+                             "begin with the code of another method; take model=svd")
         if not radii or not all(radius > 0 for radius in radii):
             raise InputError(f"radii must be one or more numbers above 0, got {list(radii)}")
         if previews < 0:
@@ -93,7 +100,7 @@ class Chaotic(Method):
         self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting
         self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
         self.match_target, self.device, self.init = match_target, check_device(device), init
-        self.radii = tuple(radii)
+        self.radii, self.result_after_step = tuple(radii), result_after_step
 
     @full_precision()
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None,
@@ -126,6 +133,8 @@ class Chaotic(Method):
                            else (1 - fraction) * total / self.iterations)
             try:
                 step = self.optimizer.step(problem, iteration, temperature)
+                if self.result_after_step:
+                    step = replace(step, raw={name: raw.detach().clone() for name, raw in self.optimizer.raw.items()})
                 iteration += 1
                 elapsed = (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0
                 fraction = min(1.0, max(iteration / total, elapsed))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
 
@@ -13,13 +13,15 @@ from torch import Tensor
 from ... import ops
 from ...errors import InputError
 from ...ifs.attractor import FRAME_SIDE
-from ...ifs.code import IFS
+from ...ifs.code import IFS, sampling_probabilities
 from ...ops import backends
 from .rendering import Rendering
 
 Parameters = Mapping[str, Tensor]  # raw, freely optimisable tensors by name, each (…,N,…)
 
 LARGEST_OFFSET = 0.9  # of a code that a fit begins with: tanh never reaches 1
+PROBABILITIES: Mapping[str, Callable[[Tensor], Tensor | None]] = {
+    "uniform": lambda linear: None, "area": sampling_probabilities}
 SMALLEST_SIDE = 1e-4  # an attractor below this is a point: normalising it would divide by zero
 
 
@@ -36,6 +38,7 @@ class Parameterization(ABC):
     """How raw parameters become affine maps. Stateless; a leading batch of codes is allowed throughout."""
 
     waits = False  # whether decoding waits for a GPU
+    takes_codes = True  # whether `encode` can take up any code
 
     @abstractmethod
     def initial(self, maps: int, generator: torch.Generator) -> dict[str, Tensor]:
@@ -134,14 +137,17 @@ class ForwardModel:
     """Point generator and splatter: raw parameters to an image of their attractor, normalised to the frame.
 
     maps: N; trajectories × length points are drawn, the first `warmup` of each trajectory dropped (b, l and m of the
-    paper: 2000, 250, 10), every map with probability 1/N. The image has `resolution`² pixels, splatted at `supersample`
-    times that with Gaussians of `sigma_px` supersampled pixels (Section 4.2; without multisampling: 1 and 1).
+    paper: 2000, 250, 10), from starts uniform on [-start_range, start_range]². probabilities: of the maps, "uniform"
+    (1/N, the paper's) or "area" (|det| + .01, as targets are drawn; without a gradient). The image has `resolution`²
+    pixels, splatted at `supersample` times that with Gaussians of `sigma_px` supersampled pixels (Section 4.2; without
+    multisampling: 1 and 1).
     backend: auto, cpu, cuda or torch, see `fractal_exp.ops`. Raises `InputError` on any value out of range.
     """
 
     def __init__(self, parameterization: Parameterization, *, resolution: int = 256, maps: int = 10,
                  trajectories: int = 2000, length: int = 250, warmup: int = 10, supersample: int = 5,
-                 sigma_px: float = 2.5, backend: str = "auto"):
+                 sigma_px: float = 2.5, start_range: float = 1.0, probabilities: str = "uniform",
+                 backend: str = "auto"):
         if maps < 1:
             raise InputError(f"the number of maps N must be at least 1, got {maps}")
         if not 0 <= warmup < length:
@@ -149,11 +155,15 @@ class ForwardModel:
         if trajectories < 1 or resolution < 16 or supersample < 1 or not sigma_px > 0:
             raise InputError("expected trajectories >= 1, resolution >= 16, supersample >= 1 and sigma_px > 0, got "
                              f"{trajectories}, {resolution}, {supersample} and {sigma_px}")
+        if not start_range > 0 or probabilities not in PROBABILITIES:
+            raise InputError(f"expected start_range > 0 and probabilities {' or '.join(PROBABILITIES)}, got "
+                             f"{start_range} and {probabilities!r}")
         backends.check_name(backend)
         self.parameterization = parameterization
         self.resolution, self.maps, self.backend = resolution, maps, backend
         self.trajectories, self.length, self.warmup = trajectories, length, warmup
         self.supersample, self.sigma_px = supersample, sigma_px
+        self.start_range, self.probabilities = start_range, probabilities
 
     def __call__(self, raw: Parameters, seed: int | Tensor) -> Rendering:
         """Image (…,R,R) of the attractor with fresh start points and map indices drawn from `seed`, an int or an int64
@@ -166,7 +176,8 @@ class ForwardModel:
 
     def waits(self, like: Tensor) -> bool:
         """Whether drawing from tensors `like` this one on a GPU waits for it, so that no CUDA graph can record it."""
-        return self.parameterization.waits or backends.choose(self.backend, like) == "torch"
+        return (self.parameterization.waits or self.probabilities != "uniform"
+                or backends.choose(self.backend, like) == "torch")
 
     def with_splats(self, factor: float) -> ForwardModel:
         """This model with splats so many times as wide."""
@@ -206,12 +217,14 @@ class ForwardModel:
         """The code of one set of raw parameters, in the frame of the images that the model draws."""
         maps = self.parameterization.decode(raw)
         scale, shift = frame(self._points(maps, seed))
-        return IFS(maps.linear.cpu(), maps.offset.cpu()).similar(float(scale), tuple(shift.tolist()))
+        return IFS(maps.linear.cpu(), maps.offset.cpu()).similar(float(scale) / self.start_range, tuple(shift.tolist()))
 
     def _splat(self, points: Tensor) -> Tensor:
         return ops.splat(points, self.resolution, sigma_px=self.sigma_px, supersample=self.supersample,
                          backend=self.backend)
 
     def _points(self, maps: Maps, seed: int | Tensor) -> Tensor:
-        return ops.chaos_game(maps.linear, maps.offset, trajectories=self.trajectories, length=self.length,
-                              warmup=self.warmup, seed=seed, backend=self.backend)
+        """In units of `start_range`, as the game starts in [-1,1]²; the frame of an image knows no unit."""
+        return ops.chaos_game(maps.linear, maps.offset / self.start_range, trajectories=self.trajectories,
+                              length=self.length, warmup=self.warmup, seed=seed, backend=self.backend,
+                              probabilities=PROBABILITIES[self.probabilities](maps.linear.detach()))

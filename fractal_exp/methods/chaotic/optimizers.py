@@ -287,21 +287,30 @@ class Alternating(GradientDescent):
         step = super().step(problem, iteration, temperature)
         if (iteration + 1) % self.every or 1 - temperature >= self.until:
             return step
-        accepted = self._anneal(problem, iteration, temperature)
+        accepted = self._anneal(problem, iteration, temperature, step)
         self.reset_moments()
         return Step(step.raw, step.loss, step.terms, accepted=accepted / self.candidates)
 
-    @torch.no_grad()
-    def _anneal(self, problem: Problem, iteration: int, temperature: float) -> int:
+    def _draws(self, iteration: int) -> tuple[list[Move], list[int]]:
+        """The moves of a phase, and the seeds of the rendering of the current state and of each candidate's."""
         random = generator(self.seed, "annealing", iteration)
         moves = [self.annealing.draw(self.raw, random) for _ in range(self.candidates)]
-        seeds = [derive(self.seed, "energy", iteration, 0 if self.common_random_numbers else j)
-                 for j in range(self.candidates + 1)]
-        most = self.together or (self.candidates if self._device.type == "cuda" else 1)
+        return moves, [derive(self.seed, "energy", iteration, 0 if self.common_random_numbers else j)
+                       for j in range(self.candidates + 1)]
+
+    @property
+    def at_a_time(self) -> int:
+        """How many candidates are rendered as a batch, at most."""
+        return self.together or (self.candidates if self._device.type == "cuda" else 1)
+
+    @torch.no_grad()
+    def _anneal(self, problem: Problem, iteration: int, temperature: float, step: Step) -> int:
+        """A phase after `step`; how many candidates were accepted."""
+        moves, seeds = self._draws(iteration)
         energy, tried, accepted, together = float(problem.energy(self.raw, seeds[0])), 0, 0, 1
         while tried < self.candidates:
             ahead = moves[tried:tried + together]
-            together = min(2 * together, most)
+            together = min(2 * together, self.at_a_time)
             noise = {name: torch.stack([move.noise[name] for move in ahead]) for name in self.raw}
             proposed = self.annealing.propose(self.raw, problem.parameterization, temperature, noise)
             energies = problem.energy(proposed, torch.tensor(seeds[tried + 1:tried + 1 + len(ahead)])).tolist()

@@ -47,6 +47,8 @@ class LearningFractalsParams(Params):
     """Iterations from one addition of noise to the next (Tu et al.: 10)."""
     noise_until: Annotated[int, Field(ge=0)] = 600
     """Iteration from which there is no more noise (Tu et al.: 600)."""
+    as_released: bool = False
+    """Whether the result is the last state, as in the paper's evaluation, and not the best one."""
 
 
 class LearningFractals256Params(LearningFractalsParams):
@@ -123,11 +125,16 @@ class LearningFractalsWalk(Walk):
         return float(state["least"])
 
     def code(self, state: State) -> IFS:
-        return affine.code(_under("best/", state), len(self.image))
+        return affine.code(self._result(state), len(self.image))
+
+    def _result(self, state: State) -> dict[str, Tensor]:
+        """The numbers of the code that is the result if this state is the last."""
+        return _under("raw/" if self.params.as_released else "best/", state)
 
     @torch.no_grad()
     def draw(self, state: State) -> Tensor:
-        linear, offset = affine.matrices(_under("best/", state)), state["best/b"]
+        raw = self._result(state)
+        linear, offset = affine.matrices(raw), raw["b"]
         points = sequence(linear, offset, affine.fixed_point(linear[0], offset[0]), sequences=1,
                           length=20 * self.params.points, probabilities=affine.probabilities(linear), seed=self.seed)
         row, column = affine.to_pixels(points[0], len(self.image)).round().long().unbind(-1)

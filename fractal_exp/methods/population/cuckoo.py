@@ -17,7 +17,7 @@ from ...ifs.code import IFS
 from ...runtime.params import Amount, Positive, Share
 from ...runtime.seeds import generator
 from ..stepwise import State, Stepwise, Walk
-from .search import Canvas, Overlap, PopulationParams, best_of, bounded
+from .search import Canvas, Overlap, PopulationParams, best_of, bounded, decoded
 
 
 class CuckooParams(PopulationParams):
@@ -30,7 +30,7 @@ class CuckooParams(PopulationParams):
     flight: Amount = 0.01
     """Length of the flights (Yang and Deb 2009: 0.01)."""
     abandoned: Share = 0.25
-    """Chance of a number to be changed when nests are abandoned (Yang and Deb 2009: 0.25)."""
+    """Chance of a number to be changed when nests are abandoned (Yang and Deb 2009: 0.25); as released, of a nest."""
 
 
 def mismatch(overlap: Overlap, as_released: bool = False) -> Tensor:
@@ -82,15 +82,23 @@ class CuckooWalk(Walk):
         return self._better(nests, state["cost"], flown)
 
     def _abandon(self, nests: Tensor, cost: Tensor, random: torch.Generator) -> tuple[Tensor, Tensor]:
-        """Some numbers of every nest move by a share of the difference of two others; as released, for better or
-        worse."""
+        """Some numbers of every nest move by a share of the difference of two others."""
+        if self.params.as_released:
+            return self._replace(nests, cost, random)
         changed = torch.rand(nests.shape, generator=random) < self.params.abandoned
         first, second = (torch.randperm(len(nests), generator=random).to(self.device) for _ in range(2))
         share = float(torch.rand((), generator=random))
         built = self._held(nests + share * (nests[first] - nests[second]) * changed.to(self.device))
-        if self.params.as_released:
-            return built, self.cost(built)
         return self._better(nests, cost, built)
+
+    def _replace(self, nests: Tensor, cost: Tensor, random: torch.Generator) -> tuple[Tensor, Tensor]:
+        """As released: some nests move, for better or worse; each matrix and each offset by a share of its own."""
+        changed = (torch.rand(len(nests), generator=random) < self.params.abandoned).to(self.device)
+        first, second = torch.randint(0, len(nests), (2, len(nests)), generator=random).to(self.device)
+        share = torch.rand(*nests.shape[:2], 2, generator=random).to(self.device)
+        share = share.repeat_interleave(torch.tensor([4, 2], device=self.device), -1)
+        built = self._held(nests + share * (nests[first] - nests[second]) * changed[:, None, None])
+        return built, torch.where(changed, self.cost(built), cost)
 
     def _better(self, nests: Tensor, cost: Tensor, new: Tensor) -> tuple[Tensor, Tensor]:
         new_cost = self.cost(new)
@@ -108,14 +116,18 @@ class CuckooWalk(Walk):
         return float(state["least"])
 
     def code(self, state: State) -> IFS:
-        return self.canvas.code(state["best"])
+        return self.canvas.code(self._maps(state["best"]))
 
     def draw(self, state: State) -> Tensor:
-        return self.canvas.draw(state["best"][None])[0].float()
+        return self.canvas.draw(self._maps(state["best"][None]))[0].float()
+
+    def _maps(self, nests: Tensor) -> Tensor:
+        """As released, offsets go through tanh."""
+        return decoded(nests) if self.params.as_released else nests
 
     def cost(self, nests: Tensor) -> Tensor:
         """What is lowered, of every nest, (P,)."""
-        return mismatch(self.canvas.overlap(nests), self.params.as_released)
+        return mismatch(self.canvas.overlap(self._maps(nests)), self.params.as_released)
 
 
 class Cuckoo(Stepwise):

@@ -17,7 +17,7 @@ from ...ifs.code import IFS
 from ...runtime.params import Amount, Positive
 from ...runtime.seeds import generator
 from ..stepwise import State, Stepwise, Walk
-from .search import Canvas, Overlap, PopulationParams, best_of, bounded
+from .search import Canvas, Overlap, PopulationParams, best_of, bounded, decoded
 
 
 class EvolutionaryParams(PopulationParams):
@@ -74,6 +74,8 @@ class EvolutionaryWalk(Walk):
         random = generator(self.seed, "generation", number)
         noise = torch.randn(state["genome"].shape, generator=random).to(self.device)
         children = bounded(state["genome"] + noise * step_sizes(state["cost"], self.params), self.params.bound)
+        if self.params.as_released:
+            children = children.clamp(-1, 1)  # offsets, before tanh; matrices are within the bound
         genome = torch.cat([state["genome"], children])
         cost = torch.cat([state["cost"], self.cost(children)])
         drawn = torch.randint(len(cost), (len(cost), self.params.opponents), generator=random).to(self.device)
@@ -109,11 +111,6 @@ class EvolutionaryWalk(Walk):
         if self.params.as_released:
             linear = torch.eye(2).expand_as(linear)
         return bounded(torch.cat([linear.flatten(-2), offset], -1), self.params.bound)
-
-
-def decoded(genome: Tensor) -> Tensor:
-    """The maps (…,6) of genes (…,6): offsets go through tanh."""
-    return torch.cat([genome[..., :4], genome[..., 4:].tanh()], -1)
 
 
 def rotation(angle: Tensor) -> Tensor:

@@ -83,7 +83,8 @@ class Canvas:
         """The pixels (P,S,S) uint8 that codes (P,N,6) light."""
         linear, offset = self.contracted(maps)
         points = max(1, round(self.params.points_per_pixel * self.shape.numel()))
-        return occupancy(linear, offset, len(self.shape), points=points, probabilities=sampling_probabilities(linear),
+        probabilities = None if self.params.as_released else sampling_probabilities(linear)
+        return occupancy(linear, offset, len(self.shape), points=points, probabilities=probabilities,
                          frame=FRAME_SIDE if self.params.normalize else None, seed=self.seed)
 
     def overlap(self, maps: Tensor) -> Overlap:
@@ -113,6 +114,11 @@ def largest_singular_value(linear: Tensor) -> Tensor:
 def bounded(maps: Tensor, bound: float) -> Tensor:
     """Rows (…,6) with every entry of the matrices within ±bound."""
     return torch.cat([maps[..., :4].clamp(-bound, bound), maps[..., 4:]], -1)
+
+
+def decoded(genome: Tensor) -> Tensor:
+    """The maps (…,6) of genes (…,6): offsets go through tanh."""
+    return torch.cat([genome[..., :4], genome[..., 4:].tanh()], -1)
 
 
 def best_of(maps: Tensor, cost: Tensor, best: Tensor, least: Tensor) -> tuple[Tensor, Tensor]:

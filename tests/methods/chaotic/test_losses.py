@@ -9,11 +9,11 @@ from scipy import stats
 from skimage.metrics import structural_similarity
 
 from fractal_exp.methods.chaotic import losses
-from fractal_exp.methods.chaotic.losses import DSSIM, MSE, MipMSE, Moments, Regularizer, WeightedSum
+from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Moments, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic.rendering import Rendering
 
-IMAGE_TERMS = {"mse": MSE, "mip": MipMSE, "mip_stretch": lambda: MipMSE(stretch=True), "dssim": DSSIM,
-               "moments": Moments}
+IMAGE_TERMS = {"mse": lambda: MipMSE(levels=1), "mip": MipMSE, "mip_stretch": lambda: MipMSE(stretch=True),
+               "dssim": DSSIM, "moments": Moments}
 IMAGE_FUNCTIONS = {
     "mse": losses.mse, "mip": losses.mip_mse, "dssim": losses.dssim, "moments": losses.moment_distance,
     "mip_stretch": lambda image, target: losses.mip_mse(image, target, stretch=True),

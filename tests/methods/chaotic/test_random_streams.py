@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from fractal_exp.methods.chaotic.losses import MSE, WeightedSum
+from fractal_exp.methods.chaotic.losses import MipMSE, WeightedSum
 from fractal_exp.methods.chaotic.method import Chaotic
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Parameterization
 from fractal_exp.methods.chaotic.optimizers import Alternating, AnnealingOnly, GradientDescent, NoisyGradientDescent
@@ -107,8 +107,9 @@ def test_the_best_states_of_a_fit_are_all_judged_on_the_same_fresh_points():
     model = Recorded(SVD(), resolution=32, maps=3, trajectories=30, length=30)
     target = model(SVD().initial(3, torch.Generator().manual_seed(5)), 0).image.detach()
     model.seeds.clear()
-    Chaotic(model, WeightedSum({"mse": 1}, {"mse": MSE()}), GradientDescent(), iterations=6, kept=2, rescoring_draws=3,
-            previews=0).reconstruct(target)
+    objective = WeightedSum({"mse": 1}, {"mse": MipMSE(levels=1)})
+    method = Chaotic(model, objective, GradientDescent(), iterations=6, kept=2, rescoring_draws=3, previews=0)
+    method.reconstruct(target)
     fitted, judged = model.seeds[:6], model.seeds[6:]
     assert judged[:3] == judged[3:] and len(set(judged)) == 3 and len(set(fitted)) == 6
     assert not set(judged) & set(fitted)

@@ -9,7 +9,6 @@ from functools import cached_property
 from ....cameras.blur import blurred
 from ....cameras.camera import KNOWN, LENGTHS
 from ....cameras.kinds import with_camera
-from ....cameras.levels import may_be_density
 from ....cameras.pens import Drawn
 from ....cameras.strokes import Strokes, flat_maps
 from ....likeness import ALIKE, TILED_MAPS, UNLIKE
@@ -67,11 +66,9 @@ class Construction(Stage):
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
-        """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them, and
-        no grey inside."""
+        """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them."""
         params = problem.params
-        return (params.camera.estimate and bool(_tries(problem)) and not problem.is_reduced and not params.maps
-                and not may_be_density(problem.image))
+        return (params.camera.estimate and bool(_tries(problem)) and not problem.is_reduced and not params.maps)
 
     @property
     def expected_moves(self) -> int:

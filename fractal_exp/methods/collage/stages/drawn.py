@@ -125,7 +125,8 @@ class DrawnRounding(Rounding):
 
 
 class DrawnPlan(Plan):
-    """The stages for such a picture. The first round may measure it as a density, and looks for a construction."""
+    """The stages for such a picture. The first round may measure it as a density, and looks for a construction, unless
+    the picture is grey inside: a photograph would take minutes of that."""
 
     rounding = DrawnRounding
 
@@ -137,5 +138,5 @@ class DrawnPlan(Plan):
             self.problem) else found
 
     def moves(self, number: int) -> list[Stage]:
-        constructed = [Construction(self.problem)] if not number and Construction.may_help(self.problem) else []
-        return [*constructed, DrawnMoves(self.problem, number)]
+        wanted = not number and Construction.may_help(self.problem) and not Sketch.may_help(self.problem)
+        return [*([Construction(self.problem)] if wanted else []), DrawnMoves(self.problem, number)]

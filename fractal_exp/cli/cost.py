@@ -40,7 +40,8 @@ def _seconds(config: DictConfig, workers: int) -> float | None:
     try:
         method = configuration.build(config.method)
         threads.use(config.threads or max(1, threads.available() // workers))
-        return watched(method, config.resolution) if isinstance(method, Chaotic | Stepwise) else None
+        known = isinstance(method, Chaotic | Stepwise) and not config.get("init")  # a search begins with another method
+        return watched(method, config.resolution) if known else None
     except (InputError, RuntimeError):  # the fit itself will say it
         return None
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .commands import command, command_parser
+from .commands import ORDER_HELP, command, command_parser
 
 if TYPE_CHECKING:
     from ..ifs.code import IFS
@@ -38,6 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("codes", nargs="+", help="a folder of files of codes, a file with one or several, FILE:NAME, a "
                         "classic, suite:INDEX, or random:COUNT or random:COUNT:SEED for so many codes as in the suite")
     parser.add_argument("folder", help="where to write")
+    parser.add_argument("--order", metavar="COLUMNS", help=ORDER_HELP)
     parser.add_argument("--draw", default="patches", help="patches (of 3 × 3 dots), points, or density (grey levels)")
     parser.add_argument("--size", type=int, default=362, help="pixels a side")
     parser.add_argument("--points", type=int, default=100_000, help="of a picture")
@@ -58,8 +59,8 @@ def write_dataset(options: argparse.Namespace) -> None:
 
     from ..datasets import Fractals, write
 
-    named = [each for text in options.codes for each in read_codes(text)]
-    choices = {key: value for key, value in vars(options).items() if key not in ("codes", "folder", "shards")}
+    named = [each for text in options.codes for each in codes_named(text, options.order)]
+    choices = {key: value for key, value in vars(options).items() if key not in ("codes", "folder", "shards", "order")}
     fractals = Fractals([code for _, code in named], **choices)
     print(f"{fractals.pictures} pictures of {len(named)} codes in {Path(options.folder).absolute()}")
     with tqdm(total=fractals.pictures, unit="picture", delay=1) as bar:
@@ -67,12 +68,12 @@ def write_dataset(options: argparse.Namespace) -> None:
     print(f"{fractals.pictures - there} were drawn" + (f", {there} were there" if there else ""))
 
 
-def read_codes(text: str) -> list[tuple[str, IFS]]:
-    """All codes that a word of the command line names, each with a name. Raises `InputError` if there is none, or if a
-    folder holds anything else."""
+def codes_named(text: str, order: str | None = None) -> list[tuple[str, IFS]]:
+    """All codes that a word of the command line names, each with a name. order: of the columns in files of rows. Raises
+    `InputError` if there is none, or if a folder holds anything else."""
     from ..ifs import formats
     from ..suite import random_suite
-    from .code_names import read_code
+    from .code_names import read_codes
 
     if text.startswith("random:"):
         found = re.fullmatch(r"random:(\d{1,6})(?::(\d{1,19}))?", text)
@@ -89,19 +90,8 @@ def read_codes(text: str) -> list[tuple[str, IFS]]:
             what = f"{others[0].relative_to(path)}, which is no file" if others else "no file"
             raise InputError(f"{path} holds {what} of codes ({', '.join(known)}); name a folder that holds nothing "
                              "else, or the files of codes")
-        return [named for file in files for named in _codes_of(file)]
-    return _codes_of(path) if path.is_file() and path.suffix.lower() in known else [(text, read_code(text))]
-
-
-def _codes_of(path: Path) -> list[tuple[str, IFS]]:
-    """The codes of a file, named by it where it names them."""
-    from ..ifs import formats
-    from ..runtime.files import read_file
-
-    try:
-        entries = formats.suffixes()[path.suffix.lower()].entries(read_file(path, "the codes", formats.LARGEST))
-        if not entries:
-            raise InputError("the file holds no code; name another")
-        return [(entry.name or path.stem, entry.read().code) for entry in entries]
-    except InputError as error:
-        raise InputError(f"{path.absolute()}: {error}") from error
+        return [named for file in files for named in codes_named(str(file), order)]
+    found = read_codes(text, order=order)
+    if len(found) == 1:
+        return [(path.stem if path.is_file() else text, found[0])]
+    return [(str(code.meta.get("name") or path.stem), code) for code in found]

@@ -22,7 +22,7 @@ from ..rendering.film import check_film, forecast, frames, write_film
 from ..rendering.film_formats import NAMES, format_of, is_film
 from ..rendering.morph import morph_path
 from ..rendering.png import PngWriter
-from ..rendering.still import CHANNELS, UNDIVIDED, render, render_tiles, tile_side
+from ..rendering.still import CHANNELS, UNDIVIDED, render_tiles, render_with_info, tile_side
 from ..rendering.tone import tone_map, usual_mode, white_level
 from ..rendering.toned import COLOUR, Toned
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
@@ -121,7 +121,7 @@ def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Ite
     mode = toned.mode if toned else options.mode
     rows = _rows(code, view, size, options, mode)
     if mode in UNDIVIDED:  # one white level or exposure for all tiles, from a small picture of the whole view
-        small = render(code, view, resolution=min(size, 512), mode=mode)
+        small, _ = render_with_info(code, view, resolution=min(size, 512), mode=mode)
         if toned:
             exposure = toned.exposure(toned.softened(small))
             rows = (toned.shown(each, exposure) for each in _softened(rows, toned))

@@ -7,7 +7,8 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from .commands import CODE_HELP, command, command_parser
+from ..errors import InputError
+from .commands import CODE_HELP, ORDER_HELP, command, command_parser
 
 SIDE, LARGEST = 1024, 50 * 10**6  # pixels a side of the drawing of a code; of a picture, for the memory
 
@@ -31,8 +32,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--json", action="store_true", help="print a line of JSON for each, with all digits")
     parser.add_argument("--threshold", type=float, help="of pictures: the least level in (0,1), white on black, that "
                                                         "counts (default: what is seen on the background)")
-    parser.add_argument("--invert", choices=("auto", "true", "false"), default="auto", help="of pictures: whether the "
-                                                                                            "shape is black on white")
+    parser.add_argument("--invert", choices=("auto", "true", "false"),
+                        help="of pictures: whether the shape is black on white (default: auto)")
+    parser.add_argument("--order", metavar="COLUMNS", help=ORDER_HELP)
     command("fractal-measure", measure, parser, arguments)
 
 
@@ -40,22 +42,29 @@ def measure(options: argparse.Namespace) -> None:
     """Print what the command line asks for."""
     from ..dimension.samples import count_boxes, lacunarity
     from ..ifs import attractor
+    from ..ifs.contraction import AVERAGE
     from ..images.reading import read_lit
     from ..rendering.still import render
     from ..runtime import threads
     from .code_names import is_picture, read_code
 
     threads.use()
+    pictures = {name for name in options.measured if is_picture(Path(name))}
+    if not pictures and (options.threshold is not None or options.invert):
+        raise InputError("--threshold and --invert are for pictures, and none is given; leave them out")
+    if len(pictures) == len(options.measured) and options.order is not None:
+        raise InputError("--order is for files of codes, and none is given; leave it out")
     for name in options.measured:
-        if is_picture(Path(name)):
+        if name in pictures:
             lit = read_lit(name, invert={"true": True, "false": False}.get(options.invert, "auto"),
                            threshold=options.threshold, most_pixels=LARGEST)
             of, dimensions = f"{lit.shape[1]}×{lit.shape[0]} px", []
         else:
-            code = read_code(name)
+            code = read_code(name, order=options.order)
             lit = render(attractor.normalize(code), resolution=SIDE, supersample=1).numpy() > 0
             of = f"{len(code)} maps"
-            dimensions = [code.dimension(kind) for kind in (None, "information", "correlation")]
+            kinds = *([] if code.contraction.kind == AVERAGE else [None]), "information", "correlation"
+            dimensions = [code.dimension(kind) for kind in kinds]
         dimensions, gaps = [*dimensions, count_boxes(lit)], lacunarity(lit)
         if options.json:
             print(json.dumps({"name": name, "of": of, "dimensions": list(map(asdict, dimensions)), "lacunarity": gaps}))

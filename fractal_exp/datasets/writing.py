@@ -3,6 +3,7 @@ again."""
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import io
 import json
@@ -48,6 +49,8 @@ def write(fractals: Fractals, names: Sequence[str], folder: str | Path, shards: 
     """
     if shards is not None:
         check_count("shards", shards)
+    fractals = copy.copy(fractals)
+    fractals.set_epoch(0)
     digest = hashlib.blake2b(b"".join(rows.tobytes() for rows in fractals.rows), digest_size=16).hexdigest()
     record = {"program": f"fractal-exp {__version__}", **fractals.options, "shards": shards,
               "pictures": fractals.pictures, "codes": digest, "names": list(names)}

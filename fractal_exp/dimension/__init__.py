@@ -41,7 +41,8 @@ def dimension(code: IFS, kind: str | None = None, *, seed: int = 0) -> Dimension
     former where all maps are similarities, else the latter. Of the measure, "information" or "correlation": by formula
     for similarities whose pieces do not overlap, else from 400 000 points of this seed, in some seconds. Maps of
     probability 0 do not count. Above 2, a value tells that pieces overlap; the attractor has at most 2. Raises
-    `InputError` if the code is not contractive, on an unknown kind, or on "similarity" of other maps.
+    `InputError` if the code is not contractive, if it contracts on average only and the dimension is not that of its
+    measure, on an unknown kind, or on "similarity" of other maps.
     """
     from .formulas import of_code  # SciPy and numba, where they are needed
 

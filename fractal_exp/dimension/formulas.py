@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 
 from ..errors import InputError, did_you_mean
 from ..ifs.code import IFS
+from ..ifs.contraction import AVERAGE
 from . import Dimension
 from .affinity import affinity
 from .overlap import overlap
@@ -30,8 +31,11 @@ def of_code(code: IFS, kind: str | None, seed: int) -> Dimension:
     linear, chances = code.linear.cpu().double().numpy(), code.sampling_probabilities().cpu().double().numpy()
     singular = np.linalg.svd(linear, compute_uv=False)
     drawn, similar = chances > 0, singular[:, 0] - singular[:, 1] <= ALIKE * singular[:, 0]
-    if (singular[drawn].prod(1) >= 1).any():
-        raise InputError("a dimension needs maps that contract together, but one of these shrinks no areas; drop it")
+    if code.contraction.kind == AVERAGE:
+        if kind in MEASURES:
+            return of_points(code, kind, seed)
+        raise InputError("the code contracts on average only, so its attractor may have no end, and no dimension by "
+                         'formula; kind="information" or "correlation" is one of its points')
     if kind == "similarity" and not similar[drawn].all():
         raise InputError('a "similarity" dimension needs maps that are similarities, but some stretch one direction '
                          'more than another; take kind="affinity"')

@@ -25,7 +25,7 @@ from ..runtime.checks import check_count, check_memory
 from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
 from .still import REUSE, RenderInfo, render_with_info
-from .tone import tone_map, white_level
+from .tone import tone_map, white_level, with_tone
 from .toned import Toned
 
 MEMORY = 0.9  # weight of the last frame's white level or exposure
@@ -52,6 +52,8 @@ def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int 
 
     tones = [Toned.of(code, mode) for code in codes]
     toned = [each for each in tones if each] if None not in tones else []
+    if any(tones) and not toned:  # a film is of one kind
+        codes = [with_tone(code, None) for code in codes]
 
     def draw(number: int, near: float) -> tuple[Tensor, RenderInfo]:
         return render_with_info(codes[number], views[number], resolution=resolution, points_in_view=points_in_view,

@@ -251,7 +251,7 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
         return _Plan(tree, float(points), 1.0)
     # With infinitely many points, the tree is searched, not sampled, and the budget ends the search at the first leaf.
     if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK / 32).finished:
-        return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is black")
+        return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is empty")
     allowed = effort * (WORK + WORK_PER_POINT * points)
     pilot = effort * PILOT_POINTS
     thrown, attempt = (1.5 * pilot / near if near > 0 else 4096.0), 0
@@ -272,7 +272,7 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
         thrown *= growth
     if tally.kept == 0:
         return _Plan(tree, 0.0, 0.0, f"no point of the attractor was found in the view, trying {tally.visited} words "
-                                     f"of its address tree and {tally.thrown} points: the image is black")
+                                     f"of its address tree and {tally.thrown} points: the image is empty")
     mass, fewer = min(1.0, tally.kept / thrown), int(allowed / work_per_point)
     if fewer >= points:
         return _Plan(tree, points / mass, mass)

@@ -104,8 +104,10 @@ class Tone:
 
 
 def tone_of(code: IFS) -> Tone:
-    """The tone that a code keeps as "tone" in its `meta`, {light, gamma, linear}. Raises `InputError` if there is none,
-    or none that can be drawn."""
+    """The tone that a code keeps as "tone" in its `meta`, {light, gamma, linear, cover}.
+
+    Raises `InputError` if there is none, or none that can be drawn.
+    """
     given = code.meta.get(NOTE)
     if given is None:
         raise InputError('the code has no tone to draw with; invert finds it in a picture whose grey levels are a '

@@ -90,6 +90,12 @@ def test_a_preset_is_the_same_method_at_every_scale(scale):
         assert same[scale] == plain(f"scale={scale}")["method"], "what method=chaotic is at this scale"
 
 
+def test_your_own_words_win_over_a_preset():
+    method = plain("method=chaotic_written", "starts=5", "match_target=true")["method"]
+    assert method["starts"] == 5 and method["match_target"] is True
+    assert plain("method=chaotic_ours", "init=collage")["method"]["starts"] == 1
+
+
 def test_parts_of_the_method_compose():
     both = plain("model=naive", "loss=no_mip", "optimizer=gradient")
     assert both["loss"]["terms"]["mse"]["levels"] == 1 and both["loss"]["weights"]["mse"] == 10

@@ -6,6 +6,7 @@ import tarfile
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from fractal_exp import codes
@@ -80,9 +81,25 @@ def test_all_codes_of_folders_files_and_distributions(tmp_path):
     entries = "one { .5 0 0 .5 0 0 .5 .5 0 0 .5 1 0 .5 }", "two { .5 0 0 .5 0 0 .5 .5 0 0 .5 0 1 .5 }"
     (folder / "a.ifs").write_text("\n".join(entries))
     (folder / ".hidden").write_text("nothing")
-    assert [name for name, _ in app.read_codes(str(folder))] == ["one", "two", "b"]
-    assert [name for name, _ in app.read_codes(f"{folder / 'a.ifs'}:two")] == [f"{folder / 'a.ifs'}:two"]
-    assert [code for _, code in app.read_codes("random:3:7")] == random_suite(3, 7)
+    assert [name for name, _ in app.codes_named(str(folder))] == ["one", "two", "b"]
+    assert [name for name, _ in app.codes_named(f"{folder / 'a.ifs'}:two")] == [f"{folder / 'a.ifs'}:two"]
+    assert [code for _, code in app.codes_named("random:3:7")] == random_suite(3, 7)
+
+
+def test_it_is_told_what_was_read_and_in_which_order(tmp_path, capsys):
+    table = tmp_path / "koch.csv"
+    table.write_text(".333,0,0,0,.333,0,.5\n.333,0,.667,0,.333,0,.5\n")
+    ((name, code),) = app.codes_named(str(table), "abecdf")
+    assert name == "koch" and code.linear[0].tolist() == torch.tensor([[.333, 0], [0, .333]]).tolist()
+    assert "koch.csv: 2 maps read" in capsys.readouterr().err
+
+
+def test_pictures_are_those_of_the_first_epoch_whatever_was_drawn_before(tmp_path):
+    later = fractals()
+    later.set_epoch(3)
+    write(later, NAMES, tmp_path / "later", 60)
+    write(fractals(), NAMES, tmp_path / "first", 60)
+    assert contents(tmp_path / "later") == contents(tmp_path / "first") and later.epoch == 3
 
 
 @pytest.mark.parametrize(("words", "message"), [

@@ -193,13 +193,19 @@ def test_what_is_never_drawn_does_not_count():
     assert more.dimension("information").value == pytest.approx(1.5, abs=1e-6)
 
 
-def test_what_has_no_dimension_is_refused(monkeypatch):
+def test_what_has_no_dimension_is_refused():
     with pytest.raises(InputError, match="kind must be one of similarity.* did you mean 'correlation'"):
         GASKET.dimension("corelation")
     with pytest.raises(InputError, match='take kind="affinity"'):
         PRODUCT.dimension("similarity")
     with pytest.raises(InputError, match="contract"):
         IFS(2 * GASKET.linear, GASKET.offset).dimension()
-    monkeypatch.setattr(IFS, "check_contractive", lambda code: code)   # as where codes may contract on average alone
-    with pytest.raises(InputError, match="contract together"):
-        IFS(2 * GASKET.linear, GASKET.offset).dimension()
+
+
+def test_a_code_that_contracts_on_average_has_the_dimensions_of_its_measure_alone():
+    ratios = torch.tensor([0.3, 1.8, 0.5])
+    code = IFS(ratios[:, None, None] * torch.eye(2), torch.tensor([[0.0, 0], [1, 0], [0, 1]]), [0.4, 0.2, 0.4])
+    for kind in None, "similarity", "affinity":
+        with pytest.raises(InputError, match="on average only"):
+            code.dimension(kind)
+    assert code.dimension("information").standing == code.dimension("correlation").standing == "estimate"

@@ -228,3 +228,10 @@ def test_colours_found_in_a_picture_bring_its_cover_with_them():
     drawn = render(code, resolution=SIDE, mode="colour")
     lit = drawn[..., 3] > 0.5
     assert (drawn[lit][:, :3].mean(0) - torch.tensor([0.2, 0.8, 0.3])).abs().max() < 0.03
+
+
+def test_a_film_in_colour_has_no_cover_unless_all_its_codes_have_one():
+    bare = replace(PAINTED, meta={"ground": "#fff8e7"})
+    mixed = list(frames([PAINTED, bare], [View(), View()], resolution=64, mode="colour"))
+    plain = list(frames([bare, bare], [View(), View()], resolution=64, mode="colour"))
+    assert all(torch.equal(one, other) for one, other in zip(mixed, plain, strict=True))

@@ -22,8 +22,8 @@ MOST_CODES = 10_000  # of one file
 MOST_LISTED = 12     # names in an error message
 LOOKED_AT = 10       # times the characters of a note that are kept
 NORMALISED = 1e-3    # weights whose sum is closer to 1 than this stay as they are
-DECLARED = re.compile(rb"""<\?xml[^>]{0,100}?encoding\s*=\s*["'](iso-8859-(?:1?[1-9]|10)|windows-125[0-8]|koi8-[ru]|"""
-                      rb"""shift_jis|euc-jp|euc-kr|gbk|gb18030|big5)["']""", re.IGNORECASE)
+DECLARED = re.compile(rb"""<\?xml[^>]{0,100}?encoding\s*=\s*["'](iso-8859-(?:[1-9]|1[013-6])|windows-125[0-8]|"""
+                      rb"""koi8-[ru]|shift_jis|euc-jp|euc-kr|gbk|gb18030|big5)["']""", re.IGNORECASE)
 NUMBER = re.compile(r"[+-]?(\d++(\.\d*+)?|\.\d++)([eE][+-]?\d++)?", re.ASCII)  # no digit is looked at twice
 
 

@@ -9,7 +9,7 @@ const LEAST = { light: 1e-3, gamma: 1 / 20, cover: 1e-3 }, MOST = { light: 1, ga
  * colours has the light `cover` of its cover. */
 export function toneOf({ meta }) {
   const { light, gamma = 1, linear = false, cover, ...others } = Object(meta?.tone);
-  const tone = cover === undefined ? { light, gamma } : { light, gamma, cover };
+  const tone = cover == null ? { light, gamma } : { light, gamma, cover };
   const fits = Object.entries(tone).every(([name, number]) => number >= LEAST[name] && number <= MOST[name]
     && typeof number === "number");
   return fits && typeof linear === "boolean" && !Object.keys(others).length ? { ...tone, linear } : null;

@@ -38,7 +38,8 @@ def test_json_has_a_line_for_each_with_all_digits(tmp_path, capsys):
     (["nothing.png"], "'nothing.png' is no file"), (["koch_curv"], "did you mean 'koch_curve'?"),
     (["dark.png"], "dark.png"),
     (["code.json", "--invert", "true"], "--threshold and --invert are for pictures"),
-    (["dark.png", "--order", "abecdf"], "--order is for files of codes"), (["code.json", "--theshold", "1"], "did you mean '--threshold' or"),
+    (["dark.png", "--order", "abecdf"], "--order is for files of codes"),
+    (["code.json", "--theshold", "1"], "did you mean '--threshold' or"),
 ])
 def test_what_cannot_be_measured_ends_in_one_line(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -47,10 +47,8 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         check_count("--points", options.points)
     check_kind(options.views)
     threads.use()
-    if options.published is None:
-        candidates, alone = gather(options.codes, options.truth, options.output), []
-    else:
-        candidates, alone = published_codes.gather(options.published, options.codes)
+    candidates, alone = (published_codes.gather(options.published, options.codes) if options.published is not None else
+                         (gather(options.codes, options.truth, options.output), []))
     begun, enlarged = without_code(options.codes)
     known = [candidate for candidate in candidates if candidate.aim.truth is not None]
     pictured = [candidate for candidate in candidates if candidate.aim.picture is not None]
@@ -74,11 +72,12 @@ def evaluate_codes(options: argparse.Namespace) -> None:
                 beside = published_codes.beside_published(per_view)
                 write_atomically(folder / "published.csv", beside.to_csv(index=False))
                 run.table("published.json", beside)
-                parts.append(published_codes.in_words(beside, options.resolution))
+                parts.append("beside the paper's method in its Table 3 (100 fractals, 7 views each at 1024²); here at "
+                             f"{options.resolution}², on other views of the same fractals\n{describe(beside, 'row')}")
         if pictured:
             parts.append(_write_inputs(_judge_pictures(pictured, options, distance, strips, run), folder, run))
         if alone:
-            parts.append(f"not judged, since one of the two is missing: {', '.join(alone)}")
+            parts.append(f"not judged, since the data set or the optimised codes lack it: {', '.join(alone)}")
         if lost:
             parts.append(f"not judged, since neither a truth nor a picture is kept: {', '.join(lost)}")
         if enlarged:

@@ -33,8 +33,8 @@ Read = Callable[[str], bytes | None]  # a file of a fit by its name, None if the
 
 @dataclass(frozen=True)
 class Aim:
-    """What a fit was to find: the `truth` that drew its target, or the `picture` (R,R) and the `file` it was kept in;
-    nothing, if the fit was of a picture that is not kept."""
+    """What a fit was to find: the `truth` that drew its target, or the `picture` (R,R) and the `file` it was kept in,
+    or both where the authors published both; nothing, if the fit was of a picture that is not kept."""
 
     truth: IFS | None = None
     picture: Tensor | None = None
@@ -162,12 +162,13 @@ def read_aim(read: Read, where: str) -> Aim:
     if truth is not None:
         return Aim(truth)
     if (data := read(PICTURE)) is not None:
-        return Aim(None, _picture(data, f"{where}/{PICTURE}"), PICTURE)
+        return Aim(None, fit_picture(data, f"{where}/{PICTURE}"), PICTURE)
     return Aim()
 
 
-def _picture(data: bytes, where: str) -> Tensor:
-    """A square grey PNG as (R,R) float32 in [0,1]."""
+def fit_picture(data: bytes, where: str) -> Tensor:
+    """A square grey PNG, perhaps with the same grey in all three colours, as (R,R) float32 in [0,1]. Raises
+    `InputError`, which begins with `where`, on anything else."""
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
             if picture.width != picture.height or picture.width > LARGEST_SIDE:
@@ -179,6 +180,8 @@ def _picture(data: bytes, where: str) -> Tensor:
     except Exception as error:  # Pillow's own kinds, by what is wrong
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise InputError(f"{where}: this is no PNG that can be read: {reason}") from None
+    if pixels.ndim == 3 and pixels.shape[2] == 3 and (pixels == pixels[..., :1]).all():
+        pixels = pixels[..., 0]
     if pixels.ndim != 2 or pixels.dtype not in (np.uint8, np.uint16, np.int32):
         raise InputError(f"{where}: a fit's picture is grey, of 8 or 16 bits")
     white = 255 if pixels.dtype == np.uint8 else 65535

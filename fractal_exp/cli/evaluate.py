@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ..errors import InputError
 from .commands import command, command_parser
 
 SCALES = {"laptop": {"resolution": 256, "views": "attractor"}, "paper": {"resolution": 1024, "views": "released"}}
@@ -21,6 +22,11 @@ unless told otherwise.
 Written to --out: per_view (.csv and .parquet, a row a view), summary and codes (.csv), report.txt, and for each code a
 strip target | result | difference. Beside the results stand their ceiling, which is the truth drawn with other
 random points, and what an all white and an all black picture would get.
+With --published FOLDER the codes are those that the authors of the paper found for their own data set, as their project
+page offers both. Their means stand beside the paper's own in the report and in published.csv. FOLDER holds the data
+set: ifs_codes/fdb_0.json, … and ifs/fdb_0.png, …; and, if no other folder is named, the optimised codes:
+fdb_0/output/best_optimized_ifs_code.pth, … or fdb_0.pth, …
+
 A fit of a picture has no truth. It is judged against its input, on the whole view, at the input's own resolution; that
 stands apart, in inputs.csv and in a part of the report of its own.
 
@@ -28,17 +34,20 @@ examples
   fractal-evaluate outputs/fits                                   all finished fits of a study
   fractal-evaluate mine/*.json --truth suite --scale paper
   fractal-evaluate leaf.json --truth fern --align none            do not shift or scale the code
+  fractal-evaluate --published chaotic_fractals                   the authors' codes, beside their figures
   fractal-evaluate run:3fa0… --track judgements                   a run of the store in outputs, logged as another"""
 
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line."""
     parser = command_parser("fractal-evaluate", DESCRIPTION)
-    parser.add_argument("codes", nargs="+", help="what to judge")
+    parser.add_argument("codes", nargs="*", help="what to judge")
+    parser.add_argument("--published", metavar="FOLDER", help="judge the paper's own codes, from its project page, at "
+                                                              "--scale paper")
     parser.add_argument("--truth", help="what it ought to be (default: what the fits' records say)")
     parser.add_argument("--out", default="evaluation", help="folder to write to")
-    parser.add_argument("--scale", choices=SCALES, default="laptop", help="256² pixels and views=attractor, or 1024² "
-                                                                         "and views=released")
+    parser.add_argument("--scale", choices=SCALES, help="laptop: 256² pixels and views=attractor (default); paper: "
+                                                        "1024² and views=released")
     parser.add_argument("--resolution", type=int, help="pixels a side, instead of the scale's")
     parser.add_argument("--points", type=int, help="points in a view, instead of 50 million · (resolution / 1024)²")
     parser.add_argument("--views", metavar=f"{{{','.join(VIEWS)}}}",
@@ -62,6 +71,14 @@ def main(arguments: list[str] | None = None) -> None:
 def _evaluate(options: argparse.Namespace) -> None:
     from .judgements import evaluate_codes
 
+    if options.published is None and not options.codes:
+        raise InputError("name the codes to judge: files, folders or run:ID")
+    if options.published is not None:
+        if options.truth or options.views not in (None, "released"):
+            raise InputError("--published has truths of its own and needs --views released, on which the paper's "
+                             "figures are; leave out --truth and --views")
+        options.views, options.scale = "released", options.scale or "paper"
+    options.scale = options.scale or "laptop"
     for name, value in SCALES[options.scale].items():
         setattr(options, name, value if getattr(options, name) is None else getattr(options, name))
     evaluate_codes(options)

@@ -27,6 +27,7 @@ from ..runtime import threads
 from ..runtime.checks import check_count
 from ..runtime.files import make_folder, write_atomically
 from ..studies.judging import against_input, f1_in_words
+from . import published_codes
 from .candidates import Submission, gather, without_code
 from .folders import PICTURE, TRUTH
 
@@ -46,7 +47,8 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         check_count("--points", options.points)
     check_kind(options.views)
     threads.use()
-    candidates = gather(options.codes, options.truth, options.output)
+    candidates, alone = (published_codes.gather(options.published, options.codes) if options.published is not None else
+                         (gather(options.codes, options.truth, options.output), []))
     begun, enlarged = without_code(options.codes)
     known = [candidate for candidate in candidates if candidate.aim.truth is not None]
     pictured = [candidate for candidate in candidates if candidate.aim.picture is not None]
@@ -66,8 +68,16 @@ def evaluate_codes(options: argparse.Namespace) -> None:
             cache = options.cache or stack.enter_context(tempfile.TemporaryDirectory())
             per_view, codes = _judge_all(known, options, distance, cache, strips, run)
             parts.append(_write(per_view, codes, options.views, folder, run))
+            if options.published is not None:
+                beside = published_codes.beside_published(per_view)
+                write_atomically(folder / "published.csv", beside.to_csv(index=False))
+                run.table("published.json", beside)
+                parts.append("beside the paper's method in its Table 3 (100 fractals, 7 views each at 1024²); here at "
+                             f"{options.resolution}², on other views of the same fractals\n{describe(beside, 'row')}")
         if pictured:
             parts.append(_write_inputs(_judge_pictures(pictured, options, distance, strips, run), folder, run))
+        if alone:
+            parts.append(f"not judged, since the data set or the optimised codes lack it: {', '.join(alone)}")
         if lost:
             parts.append(f"not judged, since neither a truth nor a picture is kept: {', '.join(lost)}")
         if enlarged:
@@ -136,22 +146,24 @@ def _keep_strip(strip: np.ndarray, name: str, strips: Path, run: tracking.Tracke
 
 def _judge_pictures(candidates: list[Submission], options: argparse.Namespace, distance: Perceptual, strips: Path,
                     run: tracking.Tracker) -> pd.DataFrame:
-    """A row for each fit of a picture and each of the two trivial pictures, against the fit's input: columns fractal,
-    method, against, input (the file), resolution, then the scores."""
+    """A row for each fit of a picture and each of the two trivial pictures, and for its truth where that is known too,
+    against the fit's input: columns fractal, method, against, input (the file), resolution, then the scores."""
     import pandas as pd
 
     rows = []
-    for candidate in candidates:
+    for number, candidate in enumerate(candidates, 1):
         picture = candidate.aim.picture
-        side = picture.shape[-1]
-        drawn = render(candidate.code, resolution=side, points_in_view=options.points, device=options.device)
-        images = {RESULT: drawn, **{name: torch.full_like(picture, one.value) for name, one in TRIVIAL.items()}}
+        side, truth = picture.shape[-1], candidate.aim.truth
+        images = {name: render(code, resolution=side, points_in_view=options.points, device=options.device)
+                  for name, code in {RESULT: candidate.code, CEILING: truth}.items() if code is not None}
+        images |= {name: torch.full_like(picture, one.value) for name, one in TRIVIAL.items()}
         rows += [against_input(image, picture, distance).drop(columns=["view", "zoom"]).assign(
             fractal=candidate.name, method=method, against="input", input=candidate.aim.file, resolution=side,
             perceptual=distance.name) for method, image in images.items()]
         caption = f"{candidate.name}, {f1_in_words(rows[-len(images)]['f1'][0])}"
-        strip = comparison_strip(drawn[None], picture[None], [caption])
-        _keep_strip(strip, candidate.name, strips, run, len(rows) // len(images), "input strip")
+        strip = comparison_strip(images[RESULT][None], picture[None], [caption])
+        _keep_strip(strip, candidate.name if truth is None else f"{candidate.name}-picture", strips, run, number,
+                    "input strip")
     table = pd.concat(rows, ignore_index=True)
     first = ["fractal", "method", "against", "input", "resolution"]
     return table[first + [name for name in table if name not in first]]
@@ -166,8 +178,8 @@ def _write_inputs(table: pd.DataFrame, folder: Path, run: tracking.Tracker) -> s
     run.log({f"input/{name}": float(value) for name, value in means.loc[RESULT].items()})
     count = int((table["method"] == RESULT).sum())
     return "\n".join([
-        f"{_codes(count)} of pictures against the input: the whole view at the input's own resolution, no truth is "
-        "known",
+        f"{_codes(count)} of pictures against the input: the whole view at the input's own resolution, "
+        + ("no truth is known" if CEILING not in means.index else "and the truth (ceiling) as we draw it"),
         means.rename_axis(None).to_string(float_format="{:.3f}".format), "",
         "each result against its input",
         scores[scores["method"] == RESULT].drop(columns="method").set_index("fractal").rename_axis(None).dropna(

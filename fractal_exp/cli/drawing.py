@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import shutil
 import sys
 import time
@@ -27,6 +28,7 @@ from ..rendering.tone import tone_map, usual_mode, white_level
 from ..rendering.toned import COLOUR, Toned
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
+from ..runtime.checks import shown
 from .code_names import read_code
 from .commands import LARGEST
 
@@ -37,6 +39,7 @@ FILMS = {"seconds": None, "fps": None}
 ZOOMS = {"start_zoom": 1.0}
 MORPHS = {"loop": False}
 DEFAULTS = STILLS | ZOOMS | MORPHS | {"supersample": 8, "seed": 0}
+SMALL = 512  # pixels of the longer side of the picture that finds a white level or an exposure
 ZOOM_SECONDS, PASSAGE_SECONDS = 12.0, 4.0
 
 
@@ -103,7 +106,7 @@ def draw_still(code: IFS, options: argparse.Namespace) -> Path:
     x, y = options.center or (0.0, 0.0)
     view = View((x, y), 1.0 if options.zoom is None else options.zoom)
     lit, empty = False, np.float32(options.ground if options.mode == COLOUR and not options.transparent else 0)
-    with PngWriter(options.out, size, size, bits=options.bits, transparent=options.transparent,
+    with PngWriter(options.out, *reversed(size), bits=options.bits, transparent=options.transparent,
                    colour=options.mode == COLOUR) as file:
         for band in _bands(code, view, size, options):
             lit |= bool((band != empty).any())
@@ -115,13 +118,15 @@ def draw_still(code: IFS, options: argparse.Namespace) -> Path:
     return file.path
 
 
-def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Iterator[np.ndarray]:
+def _bands(code: IFS, view: View, size: tuple[int, int], options: argparse.Namespace) -> Iterator[np.ndarray]:
     """The picture as bands of whole rows, each as high as a tile: density with a tone, colours on their ground."""
     toned = Toned.of(code, options.mode)
     mode = toned.mode if toned else options.mode
     rows = _rows(code, view, size, options, mode)
     if mode in UNDIVIDED:  # one white level or exposure for all tiles, from a small picture of the whole view
-        small, _ = render_with_info(code, view, resolution=min(size, 512), mode=mode)
+        shrunk = min(1.0, SMALL / max(size))
+        height, width = (max(1, round(shrunk * side)) for side in size)
+        small, _ = render_with_info(code, view, resolution=(height, width), mode=mode)
         if toned:
             exposure = toned.exposure(toned.softened(small))
             rows = (toned.shown(each, exposure) for each in _softened(rows, toned))
@@ -133,17 +138,18 @@ def _bands(code: IFS, view: View, size: int, options: argparse.Namespace) -> Ite
     return (each.numpy() for each in rows)
 
 
-def _rows(code: IFS, view: View, size: int, options: argparse.Namespace, mode: str) -> Iterator[torch.Tensor]:
+def _rows(code: IFS, view: View, size: tuple[int, int], options: argparse.Namespace, mode: str
+          ) -> Iterator[torch.Tensor]:
     """What `render_tiles` draws in a mode, as bands of whole rows."""
-    side = tile_side(size, options.supersample, mode)
-    across = math.ceil(size / side)
-    band = np.empty((side, across * side, *CHANNELS.get(mode, ())), np.float32)
+    height, width = (tile_side(side, options.supersample, mode) for side in size)
+    down, across = math.ceil(size[0] / height), math.ceil(size[1] / width)
+    band = np.empty((height, across * width, *CHANNELS.get(mode, ())), np.float32)
     tiles = render_tiles(code, view, resolution=size, points_in_view=options.points, supersample=options.supersample,
                          seed=options.seed, mode=mode)
-    for tile in _with_progress(tiles, across * across, "tile") if across > 1 else tiles:
-        band[:, tile.column:tile.column + side] = tile.pixels
-        if tile.column + side >= size:
-            yield torch.from_numpy(band[:size - tile.row, :size])
+    for tile in _with_progress(tiles, down * across, "tile") if down * across > 1 else tiles:
+        band[:, tile.column:tile.column + width] = tile.pixels
+        if tile.column + width >= size[1]:
+            yield torch.from_numpy(band[:size[0] - tile.row, :size[1]])
 
 
 def _softened(bands: Iterable[torch.Tensor], toned: Toned) -> Iterator[torch.Tensor]:
@@ -197,8 +203,12 @@ def _zoom(code: IFS, count: int, options: argparse.Namespace) -> tuple[Sequence[
     return [code] * count, zoom_path(target, count, start=start, end_zoom=end_zoom)
 
 
-def _size(options: argparse.Namespace, default: int) -> int:
-    size = default if options.size is None else options.size
-    if not 1 <= size <= LARGEST:
-        raise InputError(f"--size must be from 1 to {LARGEST} pixels a side, got {size}")
-    return size
+def _size(options: argparse.Namespace, default: int) -> tuple[int, int]:
+    """The (height, width) in pixels that --size asks for."""
+    found = re.fullmatch(r"([0-9]+)(?:[x×]([0-9]+))?", str(default) if options.size is None else options.size,
+                         re.IGNORECASE)
+    sides = [side for side in found.groups() if side] if found else []
+    if not sides or any(len(side) > len(str(LARGEST)) or not 1 <= int(side) <= LARGEST for side in sides):
+        raise InputError(f"--size must be from 1 to {LARGEST} pixels a side, such as 1024, or 1920x1080 (width x "
+                         f"height), got {shown(options.size)}")
+    return int(sides[-1]), int(sides[0])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from ..errors import InputError
 from .commands import command, command_parser
 
 SCALES = {"laptop": {"resolution": 256, "views": "attractor"}, "paper": {"resolution": 1024, "views": "released"}}
 VIEWS, ALIGNMENTS = ("attractor", "released", "uniform"), ("bbox", "none")
+INVERT = {"true": True, "false": False}
 DISTANCES = ("lpips_alex", "lpips_squeeze", "lpips_vgg", "fractal")
 
 DESCRIPTION = """Judge recovered codes on the seven views of each fractal: the whole, and closer by up to eight times.
@@ -29,12 +31,14 @@ fdb_0/output/best_optimized_ifs_code.pth, … or fdb_0.pth, …
 
 A fit of a picture has no truth. It is judged against its input, on the whole view, at the input's own resolution; that
 stands apart, in inputs.csv and in a part of the report of its own.
+Where --truth is a picture, CODES are pictures of its size, and all their pixels are compared: pictures.csv.
 
 examples
   fractal-evaluate outputs/fits                                   all finished fits of a study
   fractal-evaluate mine/*.json --truth suite --scale paper
   fractal-evaluate leaf.json --truth fern --align none            do not shift or scale the code
   fractal-evaluate --published chaotic_fractals                   the authors' codes, beside their figures
+  fractal-evaluate drawing.png --truth leaf.png                   a picture against a picture
   fractal-evaluate run:3fa0… --track judgements                   a run of the store in outputs, logged as another"""
 
 
@@ -61,6 +65,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--perceptual-weights", metavar="FILE", help="its weights (default: those of fractal come with "
                                                                      "the package, those of LPIPS from torch's cache, "
                                                                      "else a download)")
+    parser.add_argument("--invert", choices=INVERT, help="of pictures: whether the shape is black on white (default: "
+                                                         "what the border says)")
     parser.add_argument("--device", default="cpu", help="where codes are drawn: cpu, or cuda with an NVIDIA GPU")
     parser.add_argument("--cache", metavar="FOLDER", help="keep the truths' images here, for the next evaluation")
     parser.add_argument("--track", metavar="STUDY", help="log to this study of the MLflow store in --output")
@@ -69,10 +75,19 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _evaluate(options: argparse.Namespace) -> None:
-    from .judgements import evaluate_codes
+    from .code_names import is_picture
 
     if options.published is None and not options.codes:
-        raise InputError("name the codes to judge: files, folders or run:ID")
+        raise InputError("name what to judge: files, folders or run:ID")
+    if options.truth is not None and is_picture(Path(options.truth)):
+        from .pictures import evaluate_pictures
+
+        evaluate_pictures(options)
+        return
+    if options.invert is not None:
+        raise InputError("--invert is for pictures, and the truth is none; leave it out")
+    from .judgements import evaluate_codes
+
     if options.published is not None:
         if options.truth or options.views not in (None, "released"):
             raise InputError("--published has truths of its own and needs --views released, on which the paper's "

@@ -12,12 +12,14 @@ MODES = ("occupancy", "density", "tone", "colour")
 DESCRIPTION = """Draw a code: a still at any view and any zoom, or a film that zooms into it. Or draw several: a morph.
 
 The canvas is [-1,1]², x to the right and y up; a code is brought to it first, its longer side from -0.75 to 0.75
-(--frame own leaves it where it is). A view is a square window about --center of half side 1/zoom.
+(--frame own leaves it where it is). A view is a square window about --center of half side 1/zoom; a picture that is
+not square shows all of it, and more along its longer side.
 
 examples
   fractal-render fern fern.png                               the whole fern, 1024 pixels
   fractal-render leaf.json leaf.png --center 0.1 -0.3 --zoom 64
   fractal-render fern poster.png --size 16384 --bits 16      as large as a wall, in bounded memory
+  fractal-render fern wide.png --size 1920x1080              width x height, of films too
   fractal-render fern sticker.png --transparent              to lay on anything
   fractal-render suite:7 dust.png --mode density             how often points come by, not only whether
   fractal-render leaf.json leaf.png --background "#fff8e7"   a code with colours, on paper; --mode occupancy: in white
@@ -38,7 +40,8 @@ def main(arguments: list[str] | None = None) -> None:
                         help="middle of the view (default 0 0); of a film, where it zooms to (default: a point of the "
                              "attractor with much to see around it, by --seed)")
     parser.add_argument("--zoom", type=float, help="of the view (default 1); of a film, at its end (default 10000)")
-    parser.add_argument("--size", type=int, help=f"pixels a side, up to {LARGEST} (default 1024; of a film 720)")
+    parser.add_argument("--size", metavar="PIXELS", help=f"a side, or WIDTHxHEIGHT, up to {LARGEST} (default 1024; "
+                                                         "of a film 720)")
     parser.add_argument("--points", type=float, help="points in the view (default: 50 million at 1024², in proportion)")
     parser.add_argument("--supersample", type=int, help="parts of a pixel along each axis (default 8; not for density "
                                                               "and tone)")

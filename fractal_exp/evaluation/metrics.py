@@ -67,8 +67,8 @@ def ssim(images: Tensor, truth: Tensor) -> Tensor:
 
     _check(images, truth)
     if min(images.shape[-2:]) < SSIM_WINDOW:
-        raise InputError(f"SSIM needs images of at least {SSIM_WINDOW} px a side, got {tuple(images.shape[-2:])}; "
-                         "raise the resolution")
+        raise InputError(f"SSIM needs pictures of at least {SSIM_WINDOW} px a side, got "
+                         f"{images.shape[-1]}×{images.shape[-2]}; raise the resolution")
     # In float64: the variance of a bright, nearly constant window is a difference of two large numbers.
     maps = ssim_map(images[:, None].double(), truth[:, None].double(), SSIM_WINDOW, max_val=1.0, eps=0.0,
                     padding="valid")

@@ -86,8 +86,11 @@ class Perceptual:
         return "lpips" if self.name == "none" or self.name.startswith("lpips") else f"{self.name}_distance"
 
     def check(self, side: int, setting: str = "resolution") -> None:
-        """Raise `InputError` if there is a distance, but it cannot be measured on the inner 75% of pictures with `side`
-        >= 1 pixels per side. setting: the name of the option that sets the side, for the message."""
+        """Raise `InputError` if SSIM, or a distance that there is, cannot be measured on the inner 75% of pictures with
+        `side` >= 1 pixels per side. setting: the name of the option that sets the side, for the message."""
+        if side < metrics.SMALLEST:
+            raise InputError(f"SSIM needs pictures of at least {metrics.SMALLEST} px a side, got {side}; raise "
+                             f"{setting}")
         if self.distance is None:
             return
 

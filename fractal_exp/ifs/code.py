@@ -27,7 +27,8 @@ PROBABILITY_FLOOR = 0.01  # so that flat maps are drawn too: p_i is proportional
 
 @dataclass(frozen=True)
 class View:
-    """A square window on the canvas: `center` (x, y), half-side 1/`zoom`; the default is the whole canvas [-1,1]².
+    """A square window on the canvas: `center` (x, y), half-side 1/`zoom`; the default is the whole canvas [-1,1]². A
+    picture that is not square shows all of it, and more along its longer side.
 
     Raises `InputError` unless the centre is two finite numbers and the zoom is finite and positive.
     """

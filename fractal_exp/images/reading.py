@@ -25,8 +25,8 @@ from .placement import Placement
 from .plots import without_axes
 from .sampling import is_target, resample, window
 
-__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_lit", "read_small", "read_target",
-           "write_image"]
+__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_grey", "read_lit", "read_small",
+           "read_target", "write_image"]
 
 COMPRESSION = 3                          # of PNGs: a third of the time of the usual 6, files are a tenth larger
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
@@ -149,6 +149,25 @@ def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal
     _check_sides(pixels.width, pixels.height, "fit", name)
     shape = _levels(pixels, invert, name, Notes(), clean=threshold is None)
     return np.concatenate([band > shape.seen if threshold is None else band >= threshold for band in shape.grey])
+
+
+def read_grey(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal["auto"] = "auto",
+              most_pixels: int = LARGEST_PIXELS) -> tuple[Tensor, Tensor, tuple[str, ...]]:
+    """The luminance of a picture in its own pixels, (H,W) in [0,1], white on black; which pixels are lit, (H,W) bool;
+    and sentences on how it was read. Nothing is cleaned.
+
+    Lit is what is brighter than the background: by a 512th, or by a quarter in a file that stores pixels with errors.
+    source, invert, most_pixels, errors: as for `read_target`.
+    """
+    check_options(invert, None, PADDING, "fit", True)
+    name, notes = _name(source), Notes()
+    pixels = _open(source, notes, name, most=most_pixels)
+    _check_sides(pixels.width, pixels.height, "fit", name)
+    shape = _levels(pixels, invert, name, notes, clean=False)
+    levels, least = torch.from_numpy(np.concatenate(list(shape.grey))), shape.level + shape.seen
+    if least > MIN_CONTRAST:
+        notes.append(f"lit is what is brighter than {least:.2f}")
+    return levels, levels > least, tuple(notes)
 
 
 def _name(source: str | Path | np.ndarray | Tensor) -> str:

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
-from ..runtime.checks import check_count, check_memory
+from ..runtime.checks import check_count, check_memory, size_of
 from .colour import on_ground, own_ground
 from .film_formats import NUMBER, SEQUENCE, format_of, frame_path
 from .still import REUSE, RenderInfo, render_with_info
@@ -34,10 +34,10 @@ CLIPS, CLIP = 3, 4  # parts of a film that are drawn to foretell the rest, and f
 RARE = 16  # frames to a clip, at least: a short film is not foretold by drawing it twice
 
 
-def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int = 720,
+def frames(code: IFS | Sequence[IFS], views: Sequence[View], *, resolution: int | tuple[int, int] = 720,
            points_in_view: int | None = None, supersample: int = 8, mode: str = "occupancy",
            ground: tuple[float, float, float] | None = None) -> Iterator[Tensor]:
-    """The picture in [0,1] of each view, (R,R), or (R,R,3) in colour on `ground` (default: the first code's own), one
+    """The picture in [0,1] of each view, (H,W), or (H,W,3) in colour on `ground` (default: the first code's own), one
     after another, with the arguments and errors of `render`.
 
     code: one for all views, or as many as there are views. The white level of a density and the exposure of a tone
@@ -90,12 +90,13 @@ def _ahead(draw: Callable[[int, float], tuple[Tensor, RenderInfo]], count: int) 
             workers.shutdown(cancel_futures=True)
 
 
-def check_film(path: str | Path, resolution: int, fps: int, frames: int | None = None) -> Path:
+def check_film(path: str | Path, resolution: int | tuple[int, int], fps: int, frames: int | None = None) -> Path:
     """The absolute path of a film. Raises `InputError` if it cannot be written, with so many frames if given."""
+    height, width = size_of(resolution)
     path = Path(path).absolute()
     kind = format_of(path)
-    if kind.even and resolution % 2:
-        raise InputError(f"a film needs an even number of pixels a side as {path.suffix}, got {resolution}")
+    if kind.even and (height % 2 or width % 2):
+        raise InputError(f"a film needs an even number of pixels a side as {path.suffix}, got {width}×{height}")
     if not 1 <= fps <= kind.most_fps:
         raise InputError(f"a film has 1 to 240 frames a second, a GIF at most 50, got {fps}")
     if not os.access(path.parent, os.W_OK):
@@ -117,7 +118,7 @@ def _check_sequence(path: Path, frames: int) -> None:
 
 
 def write_film(path: str | Path, pictures: Iterable[Tensor], *, fps: int | None = None) -> Path:
-    """Write pictures, (R,R) grey or (R,R,3) colours in [0,1], as a film; return the absolute path.
+    """Write pictures, (H,W) grey or (H,W,3) colours in [0,1], as a film; return the absolute path.
 
     The name chooses the format: `.mp4` (H.264), `.webm` (VP9), `.gif` (repeats for ever), or `.png` with `%04d` where
     the number of a frame goes, from 1: `frames/fern-%04d.png`. A film of one file appears when its last frame is
@@ -138,9 +139,9 @@ def _levels(path: Path, pictures: Iterable[Tensor]) -> Iterator[np.ndarray]:
     for picture in pictures:
         if shape is None:
             shape = tuple(picture.shape)
-            if picture.ndim not in (2, 3) or shape[0] != shape[1] or shape[2:] not in ((), (3,)):
-                raise InputError(f"a frame has shape (R,R) or (R,R,3), got {shape}")
-            check_film(path, shape[0], 1)
+            if picture.ndim not in (2, 3) or shape[2:] not in ((), (3,)):
+                raise InputError(f"a frame has shape (H,W) or (H,W,3), got {shape}")
+            check_film(path, (shape[0], shape[1]), 1)
         if tuple(picture.shape) != shape:
             raise InputError(f"all frames of a film have one shape, got {shape} and then {tuple(picture.shape)}")
         yield (picture * 255).round().clamp(0, 255).to(torch.uint8).numpy()

@@ -30,7 +30,7 @@ class FilmFormat:
     """A kind of file that a film may be."""
 
     write: Callable[[Path, Iterable[np.ndarray], int, Mapping[str, Any]], None]
-    """Writes pictures, uint8 (R,R) or (R,R,3), to a path, at so many frames a second."""
+    """Writes pictures, uint8 (H,W) or (H,W,3), to a path, at so many frames a second."""
     fps: int = 30
     """Frames a second, unless told."""
     most_fps: int = 240
@@ -56,8 +56,9 @@ def _write_video(path: Path, pictures: Iterable[np.ndarray], fps: int, options: 
         try:
             for picture in pictures:
                 if film is None:
-                    film = imageio_ffmpeg.write_frames(partial, picture.shape[:2], fps=fps, pix_fmt_out="yuv420p",
-                                                       pix_fmt_in="gray" if picture.ndim == 2 else "rgb24", **options)
+                    width_height, kind = picture.shape[1::-1], "gray" if picture.ndim == 2 else "rgb24"
+                    film = imageio_ffmpeg.write_frames(partial, width_height, fps=fps, pix_fmt_in=kind,
+                                                       pix_fmt_out="yuv420p", **options)
                     film.send(None)
                 film.send(picture)
         except BaseException:

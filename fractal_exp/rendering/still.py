@@ -22,7 +22,7 @@ from ..ops import cuda_launch, histogram
 from ..ops.histogram import AddressTree, Window
 from ..ops.histogram.boxes import lit_share
 from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
-from ..runtime.checks import check_count, check_memory, shown
+from ..runtime.checks import check_count, check_memory, shown, size_of
 from .toned import Toned
 
 log = logging.getLogger(__name__)
@@ -74,7 +74,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class Tile:
-    """A square piece of an image: `pixels` (T,T) or (T,T,4) float32, its upper left pixel at (`row`, `column`)."""
+    """A piece of an image: `pixels` (T,U) or (T,U,4) float32, its upper left pixel at (`row`, `column`)."""
 
     row: int
     column: int
@@ -82,24 +82,28 @@ class Tile:
     drawn: int
 
 
-def points_per_view(resolution: int) -> int:
+def points_per_view(resolution: int | tuple[int, int]) -> int:
     """The paper's density of points at any resolution: 50 million at 1024², 3.1 million at 256²."""
-    return max(1, round(POINTS_AT_1024 * (resolution / 1024) ** 2))
+    height, width = size_of(resolution)
+    return max(1, round(POINTS_AT_1024 * (height / 1024 * (width / 1024))))
 
 
-def render(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-           supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Tensor:
-    """Render a view of a code's attractor: an image (resolution, resolution), float32, on the CPU.
+def render(code: IFS, view: View | None = None, *, resolution: int | tuple[int, int] = 1024,
+           points_in_view: int | None = None, supersample: int = 8, seed: int = 0, mode: str = "occupancy",
+           device: str = "cpu") -> Tensor:
+    """Render a view of a code's attractor: an image (H,W), float32, on the CPU.
 
     - view: the window; the whole canvas by default.
-    - points_in_view: how many points of the chaos game land in the window, 50 million · (resolution / 1024)² by
-      default, however small the part of the attractor in the window.
+    - resolution: (height, width) in pixels, or one number for both. A picture that is not square shows all of the
+      view's square, 1/zoom is half of its shorter side, and along the longer one it shows more.
+    - points_in_view: how many points of the chaos game land in the window, 50 million · H W / 1024² by default,
+      however small the part of the attractor in the window.
     - supersample: subpixels per side of a pixel; unused where a density or a tone is drawn.
     - mode: "occupancy" gives the share, in [0,1], of the subpixels of a pixel that a point has hit. "density" gives the
-      points in a pixel over their mean in the window, in [0, resolution²]: the density of the invariant measure
+      points in a pixel over their mean in the window, in [0, H W]: the density of the invariant measure
       relative to a uniform one. `tone.tone_map` makes an image of it. "tone", for a code that was found on a density,
       gives it the tone of that picture, in every view; see `tone.Tone`. "colour", for a code with colours, gives an
-      image (resolution, resolution, 4): the mean red, green and blue of the points in a pixel, and its opacity, which
+      image (H,W,4): the mean red, green and blue of the points in a pixel, and its opacity, which
       is the "occupancy", or for a code with a tone its cover; see `toned.Toned`. `colour.on_ground` lays it on one
       colour. "tinted" has the "density" in the place of the opacity. A pixel without points is 0 in all modes.
     - device: "cpu" or "cuda"; colours are drawn on the CPU alone. A GPU throws other points of the same
@@ -123,9 +127,10 @@ def render(code: IFS, view: View | None = None, *, resolution: int = 1024, point
     return image
 
 
-def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1024, points_in_view: int | None = None,
-                     supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu",
-                     reuse: int = 1, effort: float = 1.0, near: float = 0.0) -> tuple[Tensor, RenderInfo]:
+def render_with_info(code: IFS, view: View | None = None, *, resolution: int | tuple[int, int] = 1024,
+                     points_in_view: int | None = None, supersample: int = 8, seed: int = 0, mode: str = "occupancy",
+                     device: str = "cpu", reuse: int = 1, effort: float = 1.0, near: float = 0.0
+                     ) -> tuple[Tensor, RenderInfo]:
     """`render`, with a `RenderInfo` instead of warnings. reuse: as in `AddressTree`, for speed (CPU only). effort: the
     share, above 0, of the points that weigh the view, and of the work after which `render` gives up on its last points.
     near: the mass of a view much like this one, which makes weighing faster, or 0."""
@@ -138,17 +143,18 @@ def render_with_info(code: IFS, view: View | None = None, *, resolution: int = 1
     code, view = _drawable(code), _checked(view)
     wanted = points_per_view(resolution) if points_in_view is None else points_in_view
     plan = _plan(code, view, resolution, wanted, supersample, seed, mode, reuse, effort, near)
-    image, drawn = np.zeros((resolution, resolution, *CHANNELS.get(mode, ())), np.float32), 0
+    image, drawn = np.zeros((*size_of(resolution), *CHANNELS.get(mode, ())), np.float32), 0
     for tile in _tiles(plan, view, resolution, wanted, supersample, seed, mode, device):
-        target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + len(tile.pixels)]
+        target = image[tile.row:tile.row + len(tile.pixels), tile.column:tile.column + tile.pixels.shape[1]]
         target[:] = tile.pixels[:target.shape[0], :target.shape[1]]
         drawn += tile.drawn
     return torch.from_numpy(image), RenderInfo(wanted, drawn, plan.mass, plan.reason)
 
 
-def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points_in_view: int | None = None,
-                 supersample: int = 8, seed: int = 0, mode: str = "occupancy", device: str = "cpu") -> Iterator[Tile]:
-    """`render` in square tiles, row by row from the top, with memory that does not grow with the resolution.
+def render_tiles(code: IFS, view: View | None = None, *, resolution: int | tuple[int, int],
+                 points_in_view: int | None = None, supersample: int = 8, seed: int = 0, mode: str = "occupancy",
+                 device: str = "cpu") -> Iterator[Tile]:
+    """`render` in tiles of one size, row by row from the top, with memory that does not grow with the resolution.
 
     Tiles overhang the right and the lower edge. Arguments and errors are those of `render`, but a picture with a tone,
     which is exposed for a whole view, is refused. Each tile has its own points, all at the same density, so no seams
@@ -166,11 +172,11 @@ def render_tiles(code: IFS, view: View | None = None, *, resolution: int, points
     return _tiles(plan, view, resolution, wanted, supersample, seed, mode, device)
 
 
-def tile_side(resolution: int, supersample: int, mode: str = "occupancy") -> int:
-    """The side, in pixels, of the tiles from `render_tiles`: at most 8192 supersampled pixels, in equal parts; at most
-    1024 pixels in colour, which takes 32 bytes a pixel and thread."""
+def tile_side(length: int, supersample: int, mode: str = "occupancy") -> int:
+    """The side, in pixels, of the tiles from `render_tiles` along a picture's side of this length: at most 8192
+    supersampled pixels, in equal parts; at most 1024 pixels in colour, which takes 32 bytes a pixel and thread."""
     supersample = max(supersample, TILE // COLOUR_TILE) if MODES[mode] == COLOURED else supersample
-    return math.ceil(resolution / math.ceil(resolution * supersample / TILE))
+    return math.ceil(length / math.ceil(length * supersample / TILE))
 
 
 def _drawable(code: IFS) -> IFS:
@@ -192,9 +198,10 @@ def _checked(view: View | None) -> View:
     return View() if view is None else view
 
 
-def _plan(code: IFS, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
+def _plan(code: IFS, view: View, resolution: int | tuple[int, int], points: int, supersample: int, seed: int, mode: str,
           reuse: int = 1, effort: float = 1.0, near: float = 0.0) -> _Plan:
-    for name, value in (("resolution", resolution), ("points_in_view", points), ("reuse", reuse)):
+    size_of(resolution)
+    for name, value in (("points_in_view", points), ("reuse", reuse)):
         check_count(name, value)
     check_count("supersample", supersample, most=MAX_SUPERSAMPLE)
     if not isinstance(seed, Integral) or seed < 0:
@@ -240,9 +247,11 @@ def _colours(code: IFS, probabilities: Tensor) -> tuple[Tensor, Tensor]:
     return code.colours.rgb, code.colours.blends
 
 
-def _window(view: View, size: int) -> Window:
-    left, _, _, top = view.box
-    return Window(left, top, size * view.zoom / 2, size)
+def _window(view: View, resolution: int | tuple[int, int]) -> Window:
+    (x, y), (height, width) = view.center, size_of(resolution)
+    shorter = min(height, width)
+    return Window(x - width / shorter / view.zoom, y + height / shorter / view.zoom, shorter * view.zoom / 2, width,
+                  height)
 
 
 def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: float, near: float) -> _Plan:
@@ -281,19 +290,20 @@ def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: fl
                                            f"of {points} points")
 
 
-def _tiles(plan: _Plan, view: View, resolution: int, points: int, supersample: int, seed: int, mode: str,
-           device: str) -> Iterator[Tile]:
-    whole, side = _window(view, resolution), tile_side(resolution, supersample, mode)
+def _tiles(plan: _Plan, view: View, resolution: int | tuple[int, int], points: int, supersample: int, seed: int,
+           mode: str, device: str) -> Iterator[Tile]:
+    whole = _window(view, resolution)
+    height, width = (tile_side(length, supersample, mode) for length in (whole.height, whole.width))
     factor = 1 if mode in UNDIVIDED else supersample
     scatter = SCATTER[torch.device(device).type]
-    for number, (row, column) in enumerate((r, c) for r in range(0, resolution, side)
-                                           for c in range(0, resolution, side)):
-        pixels, drawn = np.zeros((side, side, *CHANNELS.get(mode, ())), np.float32), 0
+    for number, (row, column) in enumerate((r, c) for r in range(0, whole.height, height)
+                                           for c in range(0, whole.width, width)):
+        pixels, drawn = np.zeros((height, width, *CHANNELS.get(mode, ())), np.float32), 0
         if plan.thrown > 0:
             window = Window(whole.left + column / whole.scale, whole.top - row / whole.scale, whole.scale * factor,
-                            side * factor)
+                            width * factor, height * factor)
             pixels, drawn = scatter(plan, window, factor, (seed, 0, number), MODES[mode], device)
-            per_mean = resolution**2 / (plan.thrown * plan.mass)
+            per_mean = whole.height * whole.width / (plan.thrown * plan.mass)
             if mode == "density":
                 pixels = (pixels * per_mean).astype(np.float32)
             elif mode in CHANNELS:
@@ -306,12 +316,13 @@ def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, .
                     ) -> tuple[np.ndarray, int]:
     """The lit share of the factor² parts of each pixel for LIT, the number of its points for COUNTED, or its colour,
     lit share and number of points for COLOURED; and the number of points in the window."""
-    canvas, side = histogram.planes(window.size, mode), window.size // factor
-    sums = histogram.colour_planes(side) if mode == COLOURED else None
+    canvas = histogram.planes(window.height, window.width, mode)
+    size = window.height // factor, window.width // factor
+    sums = histogram.colour_planes(*size) if mode == COLOURED else None
     drawn = plan.tree.scatter(window, plan.thrown, seed=seed, canvas=canvas, sums=sums, mode=mode).kept
     if mode == COUNTED:
         return canvas.sum(0), drawn
-    pixels = np.empty((side, side), np.float32)
+    pixels = np.empty(size, np.float32)
     lit_share(canvas, factor, pixels)
     if sums is None:
         return pixels, drawn
@@ -352,8 +363,9 @@ def check_device(device: str, mode: str = "occupancy") -> None:
                          "'fractal-exp[cuda]'); take device='cpu'")
 
 
-def check_resolution(resolution: int, name: str = "resolution") -> None:
+def check_resolution(resolution: int | tuple[int, int], name: str = "resolution") -> None:
     """Raise `InputError` unless an image of this resolution can be drawn. The message calls the resolution `name`."""
-    check_count(name, resolution)
-    check_memory(f"an image of {resolution}² pixels", 8 * int(resolution)**2,  # the image and a copy
+    height, width = size_of(resolution, name)
+    what = f"{height}²" if height == width else f"{width}×{height}"
+    check_memory(f"an image of {what} pixels", 8 * height * width,  # the image and a copy
                  torch.device("cpu"), f"lower {name}, or draw it in tiles (render_tiles)")

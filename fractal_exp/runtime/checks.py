@@ -50,6 +50,16 @@ def check_count(name: str, value: int, least: int = 1, most: int = 2**63 - 1) ->
         raise InputError(f"{name} must be an integer of at most {most}, got {shown(value)}")
 
 
+def size_of(resolution: int | tuple[int, int], name: str = "resolution") -> tuple[int, int]:
+    """The (height, width) of a picture in pixels; one number is both. Raises `InputError` on anything else."""
+    if isinstance(resolution, tuple) and len(resolution) != 2:
+        raise InputError(f"{name} must be (height, width) or one number of pixels for both, got {shown(resolution)}")
+    height, width = resolution if isinstance(resolution, tuple) else (resolution, resolution)
+    for side in (height, width):
+        check_count(name, side)
+    return int(height), int(width)
+
+
 def check_number(name: str, value: float, what: str, least: float = -math.inf, most: float = math.inf) -> None:
     """Raise `InputError`, "`name` must be `what`", unless `value` is a finite number from `least` to `most`."""
     try:

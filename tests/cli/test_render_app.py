@@ -40,6 +40,27 @@ def test_a_still_is_what_render_draws(tmp_path, capsys):
     assert str(out) in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("size", "shape"), [("96x64", (64, 96)), ("40X120", (120, 40))])
+def test_a_still_that_is_not_square(tmp_path, size, shape):
+    fern = attractor.normalize(codes.known("fern"))
+    render_app.main(["fern", str(tmp_path / "a.png"), "--size", size, "--points", "1e5", "--zoom", "1.5"])
+    expected = render(fern, View(zoom=1.5), resolution=shape, points_in_view=100_000)
+    np.testing.assert_allclose(pixels(tmp_path / "a.png") / 255, expected.numpy(), atol=1 / 255)
+    square = render(fern, View(zoom=1.5), resolution=min(shape), points_in_view=100_000).numpy()
+    left, top = ((side - min(shape)) // 2 for side in reversed(shape))
+    middle = expected.numpy()[top:top + min(shape), left:left + min(shape)]
+    assert 2 * ((middle > 0) & (square > 0)).sum() / ((middle > 0).sum() + (square > 0).sum()) > 0.95
+
+
+def test_films_that_are_not_square(tmp_path):
+    render_app.main(["fern", str(tmp_path / "a.mp4"), "--size", "96x64", "--points", "2e4", "--seconds", "0.2",
+                     "--zoom", "10"])
+    assert iio.imread(tmp_path / "a.mp4").shape == (6, 64, 96, 3)
+    render_app.main(["fern", "tree", str(tmp_path / "%d.png"), "--size", "33x64", "--points", "2e4", "--seconds",
+                     "0.2"])
+    assert pixels(tmp_path / "1.png").shape == (64, 33)
+
+
 def test_transparent_and_density_stills(tmp_path):
     render_app.main(["fern", str(tmp_path / "a.png"), "--size", "64", "--transparent"])
     image = pixels(tmp_path / "a.png")
@@ -81,6 +102,11 @@ def test_a_morph_through_three_codes_and_back(tmp_path, capsys):
     (["fern", "a.png", "--zoom", "0"], "zoom must be a finite number above 0"),
     (["fern", "a.png", "--zoom", "nan"], "zoom must be a finite number above 0"),
     (["fern", "a.png", "--size", "20000"], "from 1 to 16384"),
+    (["fern", "a.png", "--size", "64x20000"], "from 1 to 16384"),
+    (["fern", "a.png", "--size", "64x"], "such as 1024, or 1920x1080 (width x height), got '64x'"),
+    (["fern", "a.png", "--size", "-5"], "got '-5'"),
+    (["fern", "a.png", "--size", ""], "got ''"),
+    (["fern", "a.mp4", "--size", "64x63"], "even number of pixels a side as .mp4, got 64×63"),
     (["fern", "a.png", "--points", "nan"], "--points"),
     (["fern", "a.png", "--points", "-5"], "--points"),
     (["fern", "a.mp4", "--size", "63"], "even"),

@@ -203,6 +203,8 @@ BAD = {
     "missing weights": (["target=retina", "perceptual=lpips_alex", "perceptual_weights=none.pth"], "none.pth"),
     "a picture whose inner part is too small": (["target=retina", "perceptual=fractal"],
                                                 "fractal needs pictures .*inner 24 px of 32; raise resolution to 42"),
+    "views too small for SSIM": (["resolution=64", "evaluation.resolution=12"],
+                                 "SSIM needs pictures of at least 13 px a side, got 12; raise evaluation.resolution"),
     "views whose inner part is too small": (["perceptual=fractal", "resolution=64", "evaluation.resolution=41"],
                                             "inner 31 px of 41; raise evaluation.resolution to 42"),
     "wrong device": (["device=gpu"], "there is no device 'gpu'"),

@@ -148,7 +148,7 @@ def test_summaries_average_over_views_and_bootstrap_over_fractals():
 @pytest.mark.parametrize(("arguments", "message"), [
     ({"align": "left"}, "bbox, none"), ({"views": "all"}, "attractor, released, uniform"),
     ({"resolution": 0}, "resolution"),
-    ({"resolution": 12}, r"SSIM needs images of at least 13 px a side, got \(12, 12\); raise"),
+    ({"resolution": 12}, "SSIM needs pictures of at least 13 px a side, got 12; raise resolution"),
     ({"perceptual": "vision"}, "no perceptual distance 'vision'"),
 ])
 def test_what_cannot_be_evaluated(arguments, message):

@@ -74,7 +74,7 @@ def check_histogram(view: View, bins: int, thrown: float) -> None:
     tree, window = _address_tree(code), _window(view, bins)
     canvas, kept = cuda_histogram.scatter(tree, window, thrown, seed=(1,), mode=COUNTED, device=DEVICE)
     assert int(canvas.sum()) == kept
-    many = histogram.planes(bins, COUNTED)
+    many = histogram.planes(bins, bins, COUNTED)
     for seed in range(64):
         tree.scatter(window, thrown, seed=(seed,), canvas=many, mode=COUNTED)
     counts, expected = canvas.cpu().numpy().ravel(), many.sum(0).ravel()

@@ -26,11 +26,13 @@ WINDOWS = [  # the fern's frond, a dragon's boundary, codes whose maps overlap, 
 ]
 
 
-def sampled(code: IFS, view: View, thrown: float, seeds: range = range(1)) -> np.ndarray:
-    """Counts (BINS²,) of points in the window, `thrown` at the whole attractor in all."""
-    canvas, tree = histogram.planes(BINS, cpu_histogram.COUNTED), _address_tree(code)
+def sampled(code: IFS, view: View, thrown: float, seeds: range = range(1), size: int | tuple[int, int] = BINS
+            ) -> np.ndarray:
+    """Counts (BINS²,), or of the pixels of a `size`, of points in the window, `thrown` at the attractor in all."""
+    window, tree = _window(view, size), _address_tree(code)
+    canvas = histogram.planes(window.height, window.width, cpu_histogram.COUNTED)
     for seed in seeds:
-        tree.scatter(_window(view, BINS), thrown / len(seeds), seed=(seed,), canvas=canvas, mode=cpu_histogram.COUNTED)
+        tree.scatter(window, thrown / len(seeds), seed=(seed,), canvas=canvas, mode=cpu_histogram.COUNTED)
     return canvas.sum(0).ravel()
 
 
@@ -49,6 +51,17 @@ def p_value(a: np.ndarray, b: np.ndarray) -> float:
     few = a + b < 20
     table = np.array([[*a[~few], a[few].sum()], [*b[~few], b[few].sum()]])
     return stats.chi2_contingency(table[:, table.sum(0) > 0]).pvalue
+
+
+@pytest.mark.parametrize(("code", "view"), [pytest.param(*case[1:], id=case[0]) for case in WINDOWS])
+@pytest.mark.parametrize("tall", [False, True], ids=["wide", "tall"])
+def test_a_window_that_is_not_square_holds_the_points_of_a_square_about_it(code, view, tall):
+    code, thin = attractor.normalize(code), BINS // 4
+    square = sampled(code, view, 2e6, range(0, 50)).reshape(BINS, BINS)
+    part = slice((BINS - thin) // 2, (BINS + thin) // 2)
+    square = square[:, part] if tall else square[part]
+    alone = sampled(code, View(view.center, view.zoom * BINS / thin), 2e6, range(50, 100), square.shape)
+    assert square.sum() > 1000 and p_value(square.ravel(), alone) > 1e-3
 
 
 @pytest.mark.parametrize(("code", "view"), [
@@ -87,7 +100,7 @@ def test_words_under_a_map_that_has_nearly_all_the_chance_are_not_split_for_ever
     offset = torch.tensor([[0.0, 0.0], [0.4, 0.0]])
     code = IFS(linear[:len(chances)], offset[:len(chances)], torch.tensor(chances))
     tree = _address_tree(code, reuse)
-    tally = tree.scatter(_window(View(), 64), 20_000, seed=(0,), canvas=histogram.planes(64, cpu_histogram.LIT),
+    tally = tree.scatter(_window(View(), 64), 20_000, seed=(0,), canvas=histogram.planes(64, 64, cpu_histogram.LIT),
                          mode=cpu_histogram.LIT)
     assert tally.visited < 1_000_000
     assert tally.kept == tally.thrown == pytest.approx(20_000, rel=0.05)

@@ -34,13 +34,14 @@ def read(folder, name) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("shape", [(32, 32), (32, 32, 3)], ids=["grey", "colour"])
+@pytest.mark.parametrize("shape", [(32, 32), (32, 32, 3), (32, 48), (32, 28, 3)],
+                         ids=["grey", "colour", "wide", "tall in colour"])
 def test_every_format_holds_grey_and_coloured_frames(tmp_path, name, shape):
     pictures = moving(shape)
     path = write_film(tmp_path / name, pictures, fps=20)
     assert path == (tmp_path / name).absolute()
     film = read(tmp_path, name)
-    assert film.shape == (6, 32, 32, 3)
+    assert film.shape == (6, *shape[:2], 3)
     for frame, picture in zip(film / 255, pictures, strict=True):
         wanted = (picture if len(shape) == 3 else picture[..., None].expand(-1, -1, 3)).numpy()
         assert np.abs(frame - wanted).mean() < 0.05

@@ -3,6 +3,7 @@
 import logging
 import math
 import time
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -11,8 +12,9 @@ import torch
 
 from fractal_exp import IFS, InputError, View, codes
 from fractal_exp.ifs import attractor
+from fractal_exp.ifs.colours import Colours
 from fractal_exp.rendering import still as rendering
-from fractal_exp.rendering.still import render, render_tiles, render_with_info
+from fractal_exp.rendering.still import points_per_view, render, render_tiles, render_with_info
 from fractal_exp.rendering.tone import tone_map
 from fractal_exp.runtime import threads
 from fractal_exp.suite import random_suite
@@ -113,6 +115,54 @@ def test_the_same_seed_gives_the_same_image_on_any_number_of_threads(mode, reuse
         threads.use()
     assert torch.equal(one, render_with_info(code, view, seed=5, **arguments)[0])
     assert not torch.equal(one, render_with_info(code, view, seed=6, **arguments)[0])
+
+
+@pytest.mark.parametrize(("size", "lit"), [
+    ((32, 64), (slice(8, 24), slice(24, 40))), ((64, 32), (slice(24, 40), slice(8, 24))),
+    ((32, 33), (slice(8, 24), slice(8, 25)))], ids=["wide", "tall", "nearly square"])
+@pytest.mark.parametrize("mode", ["occupancy", "density", "tinted"])
+def test_a_picture_that_is_not_square_shows_the_views_square_in_its_middle(size, lit, mode):
+    code = replace(square(), colours=Colours(torch.eye(4, 3), torch.full((4,), 0.5)))
+    image = render(code, resolution=size, points_in_view=400_000, mode=mode)
+    assert image.shape[:2] == size
+    levels = image[..., 3] if mode == "tinted" else image
+    inside = levels[lit]
+    if size == (32, 33):  # the shape's left and right edge halve a pixel each
+        assert float(levels[:, 8].mean() / levels[:, 16].mean()) == pytest.approx(0.5, abs=0.1)
+        inside = inside[:, 1:-1]
+    wanted = 1.0 if mode == "occupancy" else size[0] * size[1] / 256  # pixels of the picture, of the shape
+    assert float((inside / wanted - 1).abs().max()) < 0.15
+    outside = levels.clone()
+    outside[lit] = 0
+    assert not outside.any()
+
+
+@pytest.mark.parametrize(("size", "mass"), [((16, 32), 0.5), ((32, 16), 0.5), ((16, 64), 0.5), ((16, 24), 0.375)])
+def test_the_mass_of_a_view_that_is_not_square(size, mass):
+    """A zoom of 4 shows a quarter of the square's side, and so much more of it as the picture is longer."""
+    image, info = render_with_info(square(), View(zoom=4), resolution=size, points_in_view=200_000, mode="density")
+    assert info.mass == pytest.approx(mass, rel=0.02) and info.drawn == pytest.approx(200_000, rel=0.02)
+    assert float(image.mean()) == pytest.approx(1, rel=0.02)
+    assert points_per_view((512, 2048)) == points_per_view(1024) == 50_000_000
+
+
+@pytest.mark.parametrize("size", [(64,), (64, 0), (64, 1.5), (64, 64, 4), [64, 64]])
+def test_a_size_is_one_or_two_numbers_of_pixels(size):
+    with pytest.raises(InputError, match="resolution must be"):
+        render(square(), resolution=size)
+
+
+@pytest.mark.parametrize("mode", ["occupancy", "density"])
+def test_tiles_of_a_wide_picture_are_equal_parts_of_it(monkeypatch, mode):
+    code, view = attractor.normalize(codes.known("fern")), View((0.1, 0.0), 1.5)
+    arguments = {"resolution": (100, 150), "points_in_view": 600_000, "supersample": 4, "mode": mode}
+    whole = render(code, view, **arguments, seed=1)
+    monkeypatch.setattr(rendering, "TILE", 4 * 40)
+    tiles = list(render_tiles(code, view, **arguments))
+    assert len(tiles) == 12 and all(tile.pixels.shape == (34, 38) for tile in tiles)
+    tiled = render(code, view, **arguments, seed=2)
+    assert f1(whole, tiled) > 0.97
+    assert float(tiled.mean()) == pytest.approx(float(whole.mean()), rel=0.01)
 
 
 @pytest.mark.parametrize("mode", ["occupancy", "density"])

@@ -177,15 +177,16 @@ def test_the_command_draws_the_tone_unless_told_otherwise(tmp_path, capsys):
     assert "no tone" in capsys.readouterr().err
 
 
-def test_a_still_of_several_tiles_has_no_seams(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("size", "shape"), [("96", 96), ("128x80", (80, 128))])
+def test_a_still_of_several_tiles_has_no_seams(tmp_path, monkeypatch, size, shape):
     density = render(FERN, resolution=90, mode="density")
     for height in (1, 40, 90):
         bands = torch.cat(list(drawing._softened(iter(density.split(height)), Toned(Tone(0.3)))))
         assert torch.equal(bands, softened(density))
     monkeypatch.setattr(still, "TILE", 256)  # 32 pixels a side
     TONED.save(tmp_path / "code.json")
-    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", "96", "--frame", "own"])
-    assert np.abs(pixels(tmp_path / "a.png") - render(TONED, resolution=96, mode="tone").numpy()).max() < 0.1
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", size, "--frame", "own"])
+    assert np.abs(pixels(tmp_path / "a.png") - render(TONED, resolution=shape, mode="tone").numpy()).max() < 0.1
 
 
 def test_a_code_in_colours_covers_as_much_as_the_shape_did_in_its_picture():
@@ -205,14 +206,15 @@ def test_without_a_cover_colours_are_as_opaque_as_the_points_lie():
                        render(replace(bare, meta={}), resolution=64, mode="colour"))
 
 
-def test_stills_tiles_and_films_in_colour_have_the_cover(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("size", "shape"), [("96", 96), ("96x130", (130, 96))])
+def test_stills_tiles_and_films_in_colour_have_the_cover(tmp_path, monkeypatch, size, shape):
     ground = (1.0, 248 / 255, 231 / 255)
-    image = on_ground(render(PAINTED, resolution=96, mode="colour"), ground).numpy()
-    film = next(iter(frames(PAINTED, [View()], resolution=96, mode="colour")))
+    image = on_ground(render(PAINTED, resolution=shape, mode="colour"), ground).numpy()
+    film = next(iter(frames(PAINTED, [View()], resolution=shape, mode="colour")))
     assert np.abs(film.numpy() - image).mean() < 0.01
     monkeypatch.setattr(still, "COLOUR_TILE", 32)
     PAINTED.save(tmp_path / "code.json")
-    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", "96", "--frame", "own"])
+    render_app.main([str(tmp_path / "code.json"), str(tmp_path / "a.png"), "--size", size, "--frame", "own"])
     assert np.abs(pixels(tmp_path / "a.png") - image).mean() < 0.02
     with pytest.raises(InputError, match='mode="tinted"'):
         render_tiles(PAINTED, resolution=96, mode="colour")

@@ -34,12 +34,18 @@ FEWER = 16   # shares for a tree that reuses points, because each share makes it
 
 
 class Window(NamedTuple):
-    """The square of `size` × `size` pixels with upper left corner (left, top) and `scale` pixels per unit."""
+    """`width` × `height` pixels with upper left corner (left, top) and `scale` pixels per unit."""
 
     left: float
     top: float
     scale: float
-    size: int
+    width: int
+    height: int
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Its width and height, as the kernels take them."""
+        return float(self.width), float(self.height)
 
 
 class Tally(NamedTuple):
@@ -85,7 +91,7 @@ class AddressTree:
     def within(self, window: Window) -> bool:
         """Whether the whole attractor certainly lies in the window."""
         a, b, c, d, x, y = self._root(window)
-        return kernels.place(a, b, c, d, x, y, self.hull, float(window.size))[0] == 1
+        return kernels.place(a, b, c, d, x, y, self.hull, window.size)[0] == 1
 
     def scatter(self, window: Window, thrown: float, *, seed: tuple[int, ...], canvas: np.ndarray | None = None,
                 sums: np.ndarray | None = None, mode: int = DRY, tasks: int | None = None, budget: float = math.inf
@@ -94,7 +100,7 @@ class AddressTree:
 
         `canvas` is what `planes` gives: a bit for each part of a pixel in the modes LIT and COLOURED, a count for
         COUNTED, in a plane for each of numba's threads, and unused for DRY. `sums`, for COLOURED and a tree with
-        colours, is (threads,S/f,S/f,4) uint64 for pixels of f² parts: the points of a pixel, and the sums of their red,
+        colours, is (threads,H/f,W/f,4) uint64 for pixels of f² parts: the points of a pixel, and the sums of their red,
         green and blue times COLOUR_UNIT. The points depend only on `seed`, not on the threads, the mode or the colours.
         If words and points would exceed `budget`, the work stops unfinished, with only a part of the points.
         """
@@ -107,12 +113,11 @@ class AddressTree:
         seeds = np.random.SeedSequence(seed).generate_state(tasks, np.uint64)
         tally = np.zeros((tasks, 4), np.int64)
         each = min(budget / tasks, float(sys.maxsize // 2))
-        size = float(window.size)
         jobs = self.cut(window, thrown, 8 * tasks, whole=reuse > 1)
         tree = kernels.Tree(self.maps, self.mass, self.thresholds, self.guide, self.hull, self.colours)
         across = canvas.shape[2] * (1 if mode == COUNTED else 64)
-        marked = kernels.Canvas(canvas.reshape(len(canvas), -1), sums, across, window.size // sums.shape[1])
-        kernels.scatter(tree, size, jobs, each, seeds, marked, mode, reuse, tally)
+        marked = kernels.Canvas(canvas.reshape(len(canvas), -1), sums, across, window.height // sums.shape[1])
+        kernels.scatter(tree, window.size, jobs, each, seeds, marked, mode, reuse, tally)
         kept, drawn, visited, cut_short = (int(total) for total in tally.sum(0))
         return Tally(kept, drawn, visited, cut_short == 0)
 
@@ -122,7 +127,7 @@ class AddressTree:
         numbers (J,12) are the share that the word keeps of a colour, and what it adds. A large word that lies in the
         window is drawn in several parts, so that there are at least about `pieces` rows; with `whole`, it is split into
         longer words instead, like all others."""
-        return kernels.cut(self.maps, self.mass, self.hull, self.colours, float(window.size), self._root(window),
+        return kernels.cut(self.maps, self.mass, self.hull, self.colours, window.size, self._root(window),
                            float(thrown), pieces, whole)
 
     def _root(self, window: Window) -> np.ndarray:
@@ -131,17 +136,17 @@ class AddressTree:
         return np.array([s, 0.0, 0.0, -s, (x - window.left) * s, (window.top - y) * s])
 
 
-def planes(size: int, mode: int) -> np.ndarray:
-    """An empty canvas for `AddressTree.scatter`: counts (threads,S,S) uint32 for COUNTED, else bits (threads,S,W)
-    uint64. Bit c & 63 of word c >> 6 stands for column c; the last of the W words is not used."""
+def planes(height: int, width: int, mode: int) -> np.ndarray:
+    """An empty canvas for `AddressTree.scatter`: counts (threads,H,W) uint32 for COUNTED, else bits (threads,H,K)
+    uint64. Bit c & 63 of word c >> 6 stands for column c; the last of the K words is not used."""
     if mode != COUNTED:
-        return np.zeros((get_num_threads(), size, size // 64 + 2), np.uint64)
-    return np.zeros((get_num_threads(), size, size), np.uint32)
+        return np.zeros((get_num_threads(), height, width // 64 + 2), np.uint64)
+    return np.zeros((get_num_threads(), height, width), np.uint32)
 
 
-def colour_planes(size: int) -> np.ndarray:
-    """Empty sums of colours for `AddressTree.scatter` and an image of size² pixels."""
-    return np.zeros((get_num_threads(), size, size, 4), np.uint64)
+def colour_planes(height: int, width: int) -> np.ndarray:
+    """Empty sums of colours for `AddressTree.scatter` and an image (H,W)."""
+    return np.zeros((get_num_threads(), height, width, 4), np.uint64)
 
 
 def _folded(rgb: Tensor, blends: Tensor) -> np.ndarray:

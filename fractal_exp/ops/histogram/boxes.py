@@ -37,8 +37,8 @@ def _ones(bits):
 
 @kernel(parallel=True)
 def lit_share(planes, factor, out):
-    """The share of each factor × factor block of parts that is set in any of the planes (T,S,W) uint64, which
-    `histogram.planes` explains, into out (S // factor, S // factor) float32; factor at most 64."""
+    """The share of each factor × factor block of parts that is set in any of the planes (T,H,K) uint64, which
+    `histogram.planes` explains, into out (H // factor, W // factor) float32; factor at most 64."""
     scale, mask = 1.0 / (factor * factor), uint64(0xFFFFFFFFFFFFFFFF) >> uint64(64 - factor)
     for row in prange(out.shape[0]):
         line, sums = np.empty(planes.shape[2], np.uint64), np.zeros(out.shape[1], np.uint64)

@@ -14,7 +14,7 @@ from .pool import APART, fill, new_pool, poisson, warm_up
 SHARES = 8           # a word is split until its points are so small a part of those kept: none lies twice under it
 LEVELS = 512         # but no deeper below the word that the task began with
 FEW = 64.0           # expected points under a word, below which throwing them is cheaper than a look at its children
-SMALL = 1 / 8        # of the window's side: words that reach no further are drawn and tested, not split
+SMALL = 1 / 8        # of the window's shorter side: words that reach no further are drawn and tested, not split
 BATCH = 256          # points of a word that are placed at a time
 CUT = 4096           # words are split until each holds at most this fraction of the window's points
 MAX_DEPTH = 20_000   # of a word; deeper ones likewise
@@ -51,22 +51,23 @@ class Canvas(NamedTuple):
 
 @njit
 def place(a, b, c, d, x, y, hull, size):
-    """Where a word's parallelogram lies, -1 beside the window [0,size]², 1 within it, 0 across its edge, and how far
-    it reaches from its centre: separating axes are those of the window and of the parallelogram."""
+    """Where a word's parallelogram lies, -1 beside the window, 1 within it, 0 across its edge, and how far it reaches
+    from its centre: separating axes are those of the window and of the parallelogram. size: the window's width and
+    height."""
     p0, q0 = a * hull[0, 0] + b * hull[1, 0], c * hull[0, 0] + d * hull[1, 0]
     p1, q1 = a * hull[0, 1] + b * hull[1, 1], c * hull[0, 1] + d * hull[1, 1]
     reach_x, reach_y = abs(p0) + abs(p1), abs(q0) + abs(q1)
     reach = max(reach_x, reach_y)
-    half = 0.5 * size
-    dx, dy = x - half, y - half
-    if abs(dx) > half + reach_x or abs(dy) > half + reach_y:
+    half_x, half_y = 0.5 * size[0], 0.5 * size[1]
+    dx, dy = x - half_x, y - half_y
+    if abs(dx) > half_x + reach_x or abs(dy) > half_y + reach_y:
         return -1, reach
-    if abs(dx) + reach_x < half and abs(dy) + reach_y < half:
+    if abs(dx) + reach_x < half_x and abs(dy) + reach_y < half_y:
         return 1, reach
-    area = abs(p0 * q1 - p1 * q0)
-    if abs(p0 * dy - q0 * dx) > area + half * (abs(p0) + abs(q0)):
+    area, aspect = abs(p0 * q1 - p1 * q0), half_y / half_x
+    if abs(p0 * dy - q0 * dx) > area + half_x * (aspect * abs(p0) + abs(q0)):
         return -1, reach
-    if abs(p1 * dy - q1 * dx) > area + half * (abs(p1) + abs(q1)):
+    if abs(p1 * dy - q1 * dx) > area + half_x * (aspect * abs(p1) + abs(q1)):
         return -1, reach
     return 0, reach
 
@@ -77,12 +78,13 @@ def _throw(pool, begin, end, word, size, canvas, plane, mode, places):
     int32 is room for where points are on the plane, -1 beside the window. They are computed many at once."""
     a, b, c, d, x, y = word[0], word[1], word[2], word[3], word[4], word[5]
     marks, sums, across, kept = canvas.parts[plane], canvas.sums, int32(canvas.across), 0
+    width, height = size
     for first in range(begin, end, BATCH):
         last = min(first + BATCH, end)
         xs, ys = pool[0, first:last], pool[1, first:last]
         for k in range(len(xs)):
             column, row = a * xs[k] + (b * ys[k] + x), c * xs[k] + (d * ys[k] + y)
-            inside = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
             place = int32(row) * across + int32(column)
             places[k] = place if inside else int32(-1)
             kept += inside
@@ -117,7 +119,7 @@ def _is_leaf(word, hull, size):
     """Where a word lies (see `place`), and whether its points are to be drawn: all of them lie in the window, most
     of them do, or they are too few for a search among its children to pay."""
     where, reach = place(word[0], word[1], word[2], word[3], word[4], word[5], hull, size)
-    return where, where == 1 or reach <= SMALL * size or word[7] < FEW or word[6] >= MAX_DEPTH
+    return where, where == 1 or reach <= SMALL * min(size) or word[7] < FEW or word[6] >= MAX_DEPTH
 
 
 @njit

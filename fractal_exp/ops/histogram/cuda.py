@@ -34,7 +34,7 @@ WASTE = 64            # throws for every point in the window, beyond which searc
 
 def scatter(tree: AddressTree, window: Window, thrown: float, *, seed: tuple[int, ...], mode: int,
             device: torch.device | str, wanted: float = math.inf) -> tuple[Tensor, int] | None:
-    """`AddressTree.scatter` onto a new canvas (S,S) on a device, uint8 for LIT and int32 for COUNTED, and the points
+    """`AddressTree.scatter` onto a new canvas (H,W) on a device, uint8 for LIT and int32 for COUNTED, and the points
     in it. None if the words found hold many times the points `wanted` in the window."""
     words = tree.cut(window, thrown, CUT, whole=True)  # small ones also where all of a word lies in the window
     if words[:, 7].sum() > WASTE * (wanted + CUT):
@@ -43,7 +43,7 @@ def scatter(tree: AddressTree, window: Window, thrown: float, *, seed: tuple[int
     counts = random.poisson(words[:, 7])
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0
-    canvas = torch.zeros(window.size, window.size, dtype=DTYPES[mode], device=device)
+    canvas = torch.zeros(window.height, window.width, dtype=DTYPES[mode], device=device)
     kept = torch.zeros(1, dtype=torch.int64, device=device)
     if total == 0:
         return canvas, 0
@@ -63,9 +63,9 @@ def burn_in(tree: AddressTree) -> int:
 
 
 def box_mean(canvas: Tensor, factor: int) -> Tensor:
-    """The mean of each factor × factor block of canvas (S,S) uint8: (S // factor, S // factor) float32."""
-    side = len(canvas) // factor
-    return canvas.view(side, factor, side, factor).sum((1, 3), dtype=torch.int32) / float(factor * factor)
+    """The mean of each factor × factor block of canvas (H,W) uint8: (H // factor, W // factor) float32."""
+    parts = canvas.view(len(canvas) // factor, factor, -1, factor)
+    return parts.sum((1, 3), dtype=torch.int32) / float(factor * factor)
 
 
 def _thrower(mark: Callable[..., Any]) -> Any:
@@ -76,7 +76,7 @@ def _thrower(mark: Callable[..., Any]) -> Any:
         threads = (total + share - 1) // share
         if thread >= threads:
             return
-        size, stride = canvas.shape[0], int64(GOLDEN_RATIO * share) | 1
+        height, width, stride = canvas.shape[0], canvas.shape[1], int64(GOLDEN_RATIO * share) | 1
         state, start_x, start_y = start(seed, thread)
         x, y = float64(start_x), float64(start_y)
         inside = int64(0)
@@ -99,7 +99,7 @@ def _thrower(mark: Callable[..., Any]) -> Any:
                         job = middle + 1
                 column = words[job, 0] * x + (words[job, 1] * y + words[job, 4])
                 row = words[job, 2] * x + (words[job, 3] * y + words[job, 5])
-                if column >= 0 and column < size and row >= 0 and row < size:
+                if column >= 0 and column < width and row >= 0 and row < height:
                     inside += 1
                     mark(canvas, int64(row), int64(column))
         cuda.atomic.add(kept, 0, inside)

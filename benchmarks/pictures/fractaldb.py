@@ -15,20 +15,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from fractal_exp import suite
 from fractal_exp.datasets import kernels
 from fractal_exp.errors import InputError
 from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import IFS
+from fractal_exp.images.levels import TARGET_SUPERSAMPLE
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.ops.histogram.pool import choice
+from fractal_exp.rendering.still import points_per_view, render
 
 from . import density_maps, judging
 
 VARIABLE = "FRACTAL_EXP_FRACTALDB"  # the environment's name of the folder or the file
 RESOLUTION = 256                    # of grey targets
 SIZE, POINTS = 362, 100_000         # of the set's own pictures
+READ_SIZE = 468                     # of such a picture as it is read: its dots are three quarters of the side
 
 
 @cache
@@ -137,8 +141,16 @@ def score(truth: IFS, code: IFS, read: ReadImage) -> dict[str, Any]:
             **judging.against_code(code, truth, likeness, size)}
 
 
-def shown(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The picture (R,R), and the dots of as many points of a code."""
+def grey_shown(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The picture (R,R), and a code drawn as it is."""
+    size = len(image)
+    return image, render(code, resolution=size, points_in_view=points_per_view(size),
+                         supersample=TARGET_SUPERSAMPLE).numpy()
+
+
+def dots_shown(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The picture (R,R), and as many dots of a code, of the same size."""
     points, _ = attractor.random_points(code, POINTS)
-    counts, _, _ = np.histogram2d(-points[:, 1], points[:, 0], len(image), [[-1, 1], [-1, 1]])
-    return image / image.max(), (counts > 0).astype(np.float32)
+    counts, _, _ = np.histogram2d(-points[:, 1], points[:, 0], READ_SIZE, [[-1, 1], [-1, 1]])
+    drawn = Image.fromarray((counts > 0).astype(np.float32)).resize(image.shape[::-1], Image.Resampling.BOX)
+    return image / image.max(), np.asarray(drawn)

@@ -100,9 +100,10 @@ def _thresholded(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fractaldb(picture: Callable[[str], np.ndarray], truth: Callable[[str, ReadImage], IFS],
+               shown: Callable[[IFS, np.ndarray], tuple[np.ndarray, np.ndarray]],
                options: Mapping[str, Any]) -> PictureSet:
     return PictureSet(fractaldb.roles, picture, lambda name, code, read: fractaldb.score(truth(name, read), code, read),
-                      tables.fractaldb, options, fractaldb.shown, truth)
+                      tables.fractaldb, options, shown, truth)
 
 
 SETS: dict[str, PictureSet] = {
@@ -123,6 +124,6 @@ SETS: dict[str, PictureSet] = {
                               tables.tone_curves, {"frame": "keep"}),
     "trees": _trees(trees.trees),
     "random_trees": _trees(trees.random_trees),
-    "fractaldb_grey": _fractaldb(fractaldb.grey, fractaldb.grey_truth, {"frame": "keep"}),
-    "fractaldb_dots": _fractaldb(fractaldb.dots, fractaldb.dots_truth, {}),
+    "fractaldb_grey": _fractaldb(fractaldb.grey, fractaldb.grey_truth, fractaldb.grey_shown, {"frame": "keep"}),
+    "fractaldb_dots": _fractaldb(fractaldb.dots, fractaldb.dots_truth, fractaldb.dots_shown, {}),
 }

@@ -54,7 +54,7 @@ def test_the_true_code_lies_on_its_picture(made, kind, name):
     image = read.image.numpy()
     lit = image > 0
     drawn, beside = (judging.thickened(set_.shown(truth.similar(1, (shift, 0.0)), image)[1] > 0)
-                     for shift in (0, 4 / 256))
+                     for shift in (0, 8 / 256))
     assert (lit & drawn).sum() > 0.965 * lit.sum() and drawn.sum() < 1.05 * judging.thickened(lit).sum()
     assert (lit & beside).sum() < (lit & drawn).sum() - 0.015 * lit.sum()
     wrong = set_.score(name, truth.similar(0.9, (0.0, 0.0)), read)

@@ -274,6 +274,24 @@ def tone_curves(folder: Path) -> tuple[list[str], Rows]:
     return ["", "pictures", "F1 with the true attractor", "recovered"], rows
 
 
+def fractaldb(*folders: Path) -> tuple[list[str], Rows]:
+    """Codes of FractalDB-1k for reporting, by kind of picture, number of maps and contraction."""
+    from benchmarks.pictures.tables import contraction
+
+    rows = []
+    for folder in folders:
+        fits = frame(folder)
+        fits = fits[(fits["role"] == "reporting") & fits["f1_truth"].notna()]
+        groups = [("all", fits), *((f"{count} maps", each) for count, each in fits.groupby("true_maps")),
+                  *((f"contract: {kind}", each) for kind, each in fits.groupby(contraction(fits)))]
+        rows += [[str(fits["set"].iloc[0]).removeprefix("fractaldb_"), str(which), f"{len(each)}",
+                  short(each["f1_truth"].mean()), short(each["f1_input"].mean()), f"{each['density_sse'].mean():.1e}",
+                  f"{each['floor_sse'].mean():.1e}", f"{each['recovered'].sum()}", f"{each['exact'].sum()}",
+                  f"{each['core_seconds'].mean():.0f}"] for which, each in groups]
+    return ["picture", "codes", "number", "F1 with the true attractor", "F1 on the input", "density SSE",
+            "of the truth", "recovered", "of them exact", "seconds of a core"], rows
+
+
 def classics(path: Path) -> tuple[list[str], Rows]:
     """The classics of the gallery."""
     each = [line["figures"] for line in lines_of(path)]
@@ -334,5 +352,5 @@ def dimensions(path: Path) -> tuple[list[str], Rows]:
 
 MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {
     each.__name__: each for each in (suite, codes, parts, ablation, worked_example, textbook, trees, binary, shapes,
-                                     photographs, photographs_in_colour, equal_bytes, density, tone_curves, classics,
-                                     datasets, speed, dimensions)}
+                                     photographs, photographs_in_colour, equal_bytes, density, tone_curves, fractaldb,
+                                     classics, datasets, speed, dimensions)}

@@ -1,10 +1,11 @@
-"""Pictures from elsewhere: textbook fractals, trees, density maps, shapes, the binary suite, tone curves, and samples
-of long ago.
+"""Pictures from elsewhere: textbook fractals, trees, density maps, shapes, the binary suite, tone curves, FractalDB-1k,
+and samples of long ago.
 
     python -m benchmarks.pictures textbook --seconds 30                    all pictures of the set, half a minute each
     python -m benchmarks.pictures textbook --tuning --names 'koch*' '*-jpeg'   some of those for tuning
     python -m benchmarks.pictures shapes --set maps=32 --set moves.root=0  options of `invert`, values as JSON
     python -m benchmarks.pictures density --density-maps FILE.npz          the published maps as well
+    python -m benchmarks.pictures fractaldb_dots --fractaldb FOLDER        codes of FractalDB-1k, as that set draws them
     python -m benchmarks.pictures binary --report                          only the tables and sheets of what is there
     python -m benchmarks.pictures tone_curves --set 'levels="tonemapped"'   densities seen through gamma and logarithm
     python -m benchmarks.pictures binary --from-truth                      what is lost apart from the search
@@ -29,10 +30,11 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from fractal_exp.errors import InputError
 from fractal_exp.images.reading import write_image
 from fractal_exp.runtime import threads
 
-from . import density_maps, fitting, report, samples
+from . import density_maps, fitting, fractaldb, report, samples
 from .sets import SETS
 
 
@@ -42,8 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         samples.main(given[1:])
         return
     args = _parser().parse_args(given)
-    if args.density_maps:  # workers read it too
-        os.environ[density_maps.VARIABLE] = str(args.density_maps.absolute())
+    for variable, path in ((density_maps.VARIABLE, args.density_maps), (fractaldb.VARIABLE, args.fractaldb)):
+        if path:  # workers read it too
+            os.environ[variable] = str(path.absolute())
     chosen = SETS[args.set]
     names = _names(args)
     if args.draw:
@@ -84,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--from-truth", action="store_true", help="begin with the true codes: only camera and maps are "
                                                                   "refined. Pictures without one are left out")
     parser.add_argument("--density-maps", type=Path, metavar="PATH", help=f"or {density_maps.VARIABLE}")
+    parser.add_argument("--fractaldb", type=Path, metavar="PATH", help=f"or {fractaldb.VARIABLE}")
     parser.add_argument("--output", type=Path, help="folder (default: benchmarks/results/pictures_SET)")
     parser.add_argument("--judge", action="store_true", help="only score the codes that are there again")
     parser.add_argument("--report", action="store_true", help="only write the tables and the sheets")
@@ -93,7 +97,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _names(args: argparse.Namespace) -> list[str]:
     """The pictures that were asked for."""
-    roles = SETS[args.set].roles()
+    try:
+        roles = SETS[args.set].roles()
+    except InputError as error:
+        raise SystemExit(str(error)) from error
     names = [name for name, role in roles.items() if args.role in (None, role)
              and any(fnmatchcase(name, pattern) for pattern in args.names or ["*"])]
     if not names:

@@ -19,7 +19,7 @@ from . import fitting
 from .sets import SETS
 
 ROWS, SIDE = 16, 240        # of a sheet: pictures, and pixels of each
-MAIN_SCORES = ("iou", "sse", "f1_box", "f1_input", "f1_truth")  # the first that a set has stands beside a picture
+MAIN_SCORES = ("iou", "sse", "f1_box", "f1_truth", "f1_input")  # the first that a set has stands beside a picture
 RESOLUTION = 256            # of `invert`, unless told otherwise
 
 

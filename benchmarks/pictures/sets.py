@@ -15,7 +15,7 @@ from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage
 
-from . import binary, density_maps, judging, tables, textbook, tone_curves, trees
+from . import binary, density_maps, fractaldb, judging, tables, textbook, tone_curves, trees
 from .figures import Truth
 from .paving import paving
 from .shapes import shapes
@@ -99,6 +99,13 @@ def _thresholded(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return image, binary.drawn(code)
 
 
+def _fractaldb(picture: Callable[[str], np.ndarray], truth: Callable[[str, ReadImage], IFS],
+               shown: Callable[[IFS, np.ndarray], tuple[np.ndarray, np.ndarray]],
+               options: Mapping[str, Any]) -> PictureSet:
+    return PictureSet(fractaldb.roles, picture, lambda name, code, read: fractaldb.score(truth(name, read), code, read),
+                      tables.fractaldb, options, shown, truth)
+
+
 SETS: dict[str, PictureSet] = {
     "textbook": _textbook(0),
     "textbook_redrawn": _textbook(1),
@@ -117,4 +124,6 @@ SETS: dict[str, PictureSet] = {
                               tables.tone_curves, {"frame": "keep"}),
     "trees": _trees(trees.trees),
     "random_trees": _trees(trees.random_trees),
+    "fractaldb_grey": _fractaldb(fractaldb.grey, fractaldb.grey_truth, fractaldb.grey_shown, {"frame": "keep"}),
+    "fractaldb_dots": _fractaldb(fractaldb.dots, fractaldb.dots_truth, fractaldb.dots_shown, {}),
 }

@@ -133,6 +133,30 @@ def _tree_row(rows: pd.DataFrame) -> dict[str, object]:
             "maps": _mean(rows["maps"], 1), "true maps": _mean(rows["true_maps"], 1), "core s": _core(rows)}
 
 
+def fractaldb(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Overall, by the true number of maps and by how the true maps contract."""
+    fits = fits.assign(**{"true maps": fits["true_maps"], "maps that contract": contraction(fits)})
+    fits = fits.sort_values("true maps")
+    return {"FractalDB-1k": pd.DataFrame([_fractaldb_row(fits)]),
+            "By number of maps": _grouped(fits, "true maps", _fractaldb_row),
+            "By contraction": _grouped(fits, "maps that contract", _fractaldb_row)}
+
+
+def contraction(fits: pd.DataFrame) -> pd.Series:
+    """How the true maps of fits contract, in words."""
+    kinds = fits["contraction"].map({"norm": "in a norm, but a map stretches", "average": "on average only"})
+    return kinds.where(fits["largest"] >= 1, "every map, in every direction")
+
+
+def _fractaldb_row(rows: pd.DataFrame) -> dict[str, object]:
+    return {"n": len(rows), "F1 within 1 px": _mean(rows["f1_truth"]),
+            "density SSE": f"{rows['density_sse'].mean():.2g}",
+            "truth against itself": f"{rows['floor_sse'].mean():.2g}", "recovered": _mean(rows["recovered"]),
+            "exact": _mean(rows["exact"]), "F1 on the input": _mean(rows["f1_input"]),
+            "of the truth": _mean(rows["f1_input_truth"]), "maps": _mean(rows["maps"], 1),
+            "true maps missed": _mean(rows["missed"], 1), "core s": _core(rows)}
+
+
 def _grouped(fits: pd.DataFrame, key: str, row: Callable[[pd.DataFrame], dict[str, object]]) -> pd.DataFrame:
     return pd.DataFrame([{key: name, **row(rows)} for name, rows in fits.groupby(key, sort=False)])
 

@@ -24,8 +24,8 @@ from .code_names import is_picture
 from .evaluate import INVERT
 
 LARGEST = 50 * 10**6  # pixels of a picture, for the memory
-OF_CODES = {"scale": None, "published": None, "resolution": None, "points": None, "views": None, "align": "bbox", "device": "cpu",
-            "cache": None, "track": None}  # options that change nothing here, and their defaults
+OF_CODES = {"scale": None, "published": None, "resolution": None, "points": None, "views": None, "align": "bbox",
+            "device": "cpu", "cache": None, "track": None}  # options that change nothing here, and their defaults
 
 
 def evaluate_pictures(options: argparse.Namespace) -> None:

@@ -222,7 +222,7 @@ def test_errors_say_what_was_expected_and_found(download, tmp_path, program):
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    ([], "name the codes to judge"),
+    ([], "name what to judge"),
     (["--published", "there", "--views", "attractor"], "needs --views released"),
     (["--published", "there", "--truth", "suite"], "leave out --truth"),
 ])

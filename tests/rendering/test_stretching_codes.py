@@ -74,7 +74,7 @@ def test_beyond_it_points_are_thrown_at_the_whole_and_their_number_is_told(caplo
     assert info.mass == pytest.approx(0.7 * 0.3**13, rel=0.5) and info.drawn > 0
     assert "nothing but tails" in caplog.text and "e+07 points are thrown for its 10" in caplog.text
     empty = render_with_info(TAILS, View((3**13, 0), 1e3), resolution=8, points_in_view=10)[1]
-    assert empty.empty and "black" in empty.reason
+    assert empty.empty and "empty" in empty.reason
 
 
 @pytest.mark.parametrize("code", [TAKAGI, HALF_TURN, HEAVY], ids=["takagi", "turn", "heavy"])

@@ -62,7 +62,8 @@ def write_dataset(options: argparse.Namespace) -> None:
     named = [each for text in options.codes for each in codes_named(text, options.order)]
     choices = {key: value for key, value in vars(options).items() if key not in ("codes", "folder", "shards", "order")}
     fractals = Fractals([code for _, code in named], **choices)
-    print(f"{fractals.pictures} pictures of {len(named)} codes in {Path(options.folder).absolute()}")
+    count = f"{len(named)} code{'s' * (len(named) > 1)}"
+    print(f"{fractals.pictures} pictures of {count} in {Path(options.folder).absolute()}")
     with tqdm(total=fractals.pictures, unit="picture", delay=1) as bar:
         there = write(fractals, [name for name, _ in named], options.folder, options.shards, bar.update)
     print(f"{fractals.pictures - there} were drawn" + (f", {there} were there" if there else ""))

@@ -15,15 +15,15 @@ from torch import Tensor
 
 from .. import codes
 from ..errors import InputError
-from ..ifs import attractor
 from ..ifs.code import IFS, View
 from ..ifs.contraction import AVERAGE
 from ..ops import cuda_launch, histogram
-from ..ops.histogram import AddressTree, Window
+from ..ops.histogram import Window
 from ..ops.histogram.boxes import lit_share
 from ..ops.histogram.cpu import COLOUR_UNIT, COLOURED, COUNTED, LIT
 from ..runtime.checks import check_count, check_memory, shown, size_of
 from .toned import Toned
+from .weighing import Plan, address_tree, weighed, window_of
 
 log = logging.getLogger(__name__)
 
@@ -39,11 +39,6 @@ MODES = {"occupancy": LIT, "density": COUNTED, "colour": COLOURED, "tinted": COL
 REUSE = 8                    # words under which a point of a film or a large picture is used, see `AddressTree`
 MANY = 2 * POINTS_AT_1024    # points from which on a picture is large
 
-PILOT_POINTS = 65_536        # points that weigh a view, to 0.4%
-WORD = 4                     # work of visiting a word, in points thrown
-SEARCH_WORK = 30_000_000     # points thrown before a view counts as empty: about a tenth of a second
-WORK, WORK_PER_POINT = 1_000_000_000, 25  # limits for a view: about ten seconds at 50 million points
-EVERYWHERE = 1e9             # times the likely rectangle of a measure with tails: with it, no word is left out
 
 
 @dataclass(frozen=True)
@@ -60,16 +55,6 @@ class RenderInfo:
     def empty(self) -> bool:
         """Whether no point of the attractor was found in the view."""
         return self.drawn == 0
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """How many points to throw at the whole attractor so that the view gets the requested number."""
-
-    tree: AddressTree
-    thrown: float
-    mass: float
-    reason: str | None = None
 
 
 @dataclass(frozen=True)
@@ -94,8 +79,8 @@ def render(code: IFS, view: View | None = None, *, resolution: int | tuple[int, 
     """Render a view of a code's attractor: an image (H,W), float32, on the CPU.
 
     - view: the window; the whole canvas by default.
-    - resolution: (height, width) in pixels, or one number for both. A picture that is not square shows all of the
-      view's square, 1/zoom is half of its shorter side, and along the longer one it shows more.
+    - resolution: (height, width) in pixels, or one number for both. 1/zoom is half of the picture's shorter side. So
+      the view's square is seen whole, and a longer side shows more.
     - points_in_view: how many points of the chaos game land in the window, 50 million · H W / 1024² by default,
       however small the part of the attractor in the window.
     - supersample: subpixels per side of a pixel; unused where a density or a tone is drawn.
@@ -103,9 +88,9 @@ def render(code: IFS, view: View | None = None, *, resolution: int | tuple[int, 
       points in a pixel over their mean in the window, in [0, H W]: the density of the invariant measure
       relative to a uniform one. `tone.tone_map` makes an image of it. "tone", for a code that was found on a density,
       gives it the tone of that picture, in every view; see `tone.Tone`. "colour", for a code with colours, gives an
-      image (H,W,4): the mean red, green and blue of the points in a pixel, and its opacity, which
-      is the "occupancy", or for a code with a tone its cover; see `toned.Toned`. `colour.on_ground` lays it on one
-      colour. "tinted" has the "density" in the place of the opacity. A pixel without points is 0 in all modes.
+      image (H,W,4): the mean red, green and blue of the points in a pixel, and its opacity. The opacity is the
+      "occupancy", or the cover if the code has a tone with one; see `toned.Toned`. `colour.on_ground` lays such an
+      image on one colour. "tinted" has the "density" in the place of the opacity. A pixel without points is 0.
     - device: "cpu" or "cuda"; colours are drawn on the CPU alone. A GPU throws other points of the same
       distribution. The CPU always renders views in which points must be searched for.
 
@@ -199,7 +184,7 @@ def _checked(view: View | None) -> View:
 
 
 def _plan(code: IFS, view: View, resolution: int | tuple[int, int], points: int, supersample: int, seed: int, mode: str,
-          reuse: int = 1, effort: float = 1.0, near: float = 0.0) -> _Plan:
+          reuse: int = 1, effort: float = 1.0, near: float = 0.0) -> Plan:
     size_of(resolution)
     for name, value in (("points_in_view", points), ("reuse", reuse)):
         check_count(name, value)
@@ -210,89 +195,13 @@ def _plan(code: IFS, view: View, resolution: int | tuple[int, int], points: int,
         raise InputError(f"mode must be one of {', '.join([*MODES, 'tone'])}, got {mode!r}")
     if view.zoom > MAX_ZOOM:
         raise InputError(f"the zoom must be at most {MAX_ZOOM:g}, where double precision ends, got {view.zoom:g}")
-    tree, window = _address_tree(code, reuse, with_colours=MODES[mode] == COLOURED), _window(view, resolution)
-    plan = _weigh(tree, window, points, seed, effort, near)
-    if plan.mass > 0 or code.contraction.kind != AVERAGE:
-        return plan
-    plan = _weigh(replace(tree, hull=tree.hull * EVERYWHERE), window, points, seed, effort, 0.0)
-    if plan.mass > 0:
-        log.warning("the view holds nothing but tails, %.1g of the measure: %.2g points are thrown for its %.2g",
-                    plan.mass, plan.thrown, plan.thrown * plan.mass)
-    return plan
+    tree, window = address_tree(code, reuse, with_colours=MODES[mode] == COLOURED), window_of(view, resolution)
+    return weighed(tree, window, points, seed, effort, near, has_tails=code.contraction.kind == AVERAGE)
 
 
-def _address_tree(code: IFS, reuse: int = 1, *, with_colours: bool = False) -> AddressTree:
-    """The code with the smallest rectangle about its half planes. Raises `InputError` if colours are wanted and there
-    are none."""
-    probabilities = code.sampling_probabilities()
-    colours = _colours(code, probabilities) if with_colours else None
-    h = attractor.support_function(code)
-    quarter = len(h) // 4
-    # Widths and middles along direction k and across it.
-    along, across = h[:quarter] + h[2 * quarter:3 * quarter], h[quarter:2 * quarter] + h[3 * quarter:]
-    k = int((along * across).argmin())
-    angle = 2 * math.pi * k / len(h)
-    axes = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    center = axes @ np.array([h[k] - h[k + 2 * quarter], h[k + quarter] - h[k + 3 * quarter]]) / 2
-    slack = 1 + 1e-9  # covers the rounding of all this
-    hull = axes * np.array([along[k], across[k]]) / 2 * slack
-    return AddressTree.of(code.linear, code.offset, probabilities, center, hull, reuse, colours)
-
-
-def _colours(code: IFS, probabilities: Tensor) -> tuple[Tensor, Tensor]:
-    if code.colours is None:
-        raise InputError('the code has no colours to draw; invert(..., colour=True) finds them in a picture, '
-                         'IFS(..., colours=Colours(rgb, blends)) gives them, and mode="occupancy" draws without')
-    code.colours.shares(probabilities)  # or it raises
-    return code.colours.rgb, code.colours.blends
-
-
-def _window(view: View, resolution: int | tuple[int, int]) -> Window:
-    (x, y), (height, width) = view.center, size_of(resolution)
-    shorter = min(height, width)
-    return Window(x - width / shorter / view.zoom, y + height / shorter / view.zoom, shorter * view.zoom / 2, width,
-                  height)
-
-
-def _weigh(tree: AddressTree, window: Window, points: int, seed: int, effort: float, near: float) -> _Plan:
-    """Estimate how much of the invariant measure lies in the window, by dry runs with more and more points."""
-    if tree.within(window):
-        return _Plan(tree, float(points), 1.0)
-    # With infinitely many points, the tree is searched, not sampled, and the budget ends the search at the first leaf.
-    if tree.scatter(window, 1e280, seed=(seed, 1), tasks=1, budget=SEARCH_WORK / 32).finished:
-        return _Plan(tree, 0.0, 0.0, "the view holds no point of the attractor: the image is empty")
-    allowed = effort * (WORK + WORK_PER_POINT * points)
-    pilot = effort * PILOT_POINTS
-    thrown, attempt = (1.5 * pilot / near if near > 0 else 4096.0), 0
-    while True:
-        attempt += 1
-        tally = tree.scatter(window, thrown, seed=(seed, 1, attempt), budget=allowed / 8 if near > 0 else math.inf)
-        if near > 0 and not tally.finished:  # this view is not like that one
-            return _weigh(tree, window, points, seed, effort, 0.0)
-        work = tally.thrown + WORD * tally.visited + 1
-        # Words are shared, so work grows less than proportionally to the points: what follows is a bound.
-        work_per_point = work / max(tally.kept, 1)
-        if tally.kept >= pilot and work_per_point * points <= allowed:
-            break
-        wanted = 1.5 * pilot / tally.kept if 0 < tally.kept < pilot else 1000.0
-        growth = min(1000.0, wanted, (allowed / 8 if tally.kept else SEARCH_WORK) / work)
-        if growth < 1.5 or thrown > 1e250:
-            break
-        thrown *= growth
-    if tally.kept == 0:
-        return _Plan(tree, 0.0, 0.0, f"no point of the attractor was found in the view, trying {tally.visited} words "
-                                     f"of its address tree and {tally.thrown} points: the image is empty")
-    mass, fewer = min(1.0, tally.kept / thrown), int(allowed / work_per_point)
-    if fewer >= points:
-        return _Plan(tree, points / mass, mass)
-    return _Plan(tree, fewer / mass, mass, f"the code's maps overlap so much, or its tails are so long, that a point "
-                                           f"of this view takes up to {work_per_point:.0f} throws: drew about {fewer} "
-                                           f"of {points} points")
-
-
-def _tiles(plan: _Plan, view: View, resolution: int | tuple[int, int], points: int, supersample: int, seed: int,
+def _tiles(plan: Plan, view: View, resolution: int | tuple[int, int], points: int, supersample: int, seed: int,
            mode: str, device: str) -> Iterator[Tile]:
-    whole = _window(view, resolution)
+    whole = window_of(view, resolution)
     height, width = (tile_side(length, supersample, mode) for length in (whole.height, whole.width))
     factor = 1 if mode in UNDIVIDED else supersample
     scatter = SCATTER[torch.device(device).type]
@@ -312,7 +221,7 @@ def _tiles(plan: _Plan, view: View, resolution: int | tuple[int, int], points: i
         yield Tile(row, column, pixels, drawn)
 
 
-def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
+def _scatter_on_cpu(plan: Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
                     ) -> tuple[np.ndarray, int]:
     """The lit share of the factor² parts of each pixel for LIT, the number of its points for COUNTED, or its colour,
     lit share and number of points for COLOURED; and the number of points in the window."""
@@ -331,7 +240,7 @@ def _scatter_on_cpu(plan: _Plan, window: Window, factor: int, seed: tuple[int, .
     return np.dstack([mean.clip(0, 1).astype(np.float32), pixels, whole[..., 0].astype(np.float32)]), drawn
 
 
-def _scatter_on_cuda(plan: _Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
+def _scatter_on_cuda(plan: Plan, window: Window, factor: int, seed: tuple[int, ...], mode: int, device: str
                      ) -> tuple[np.ndarray, int]:
     from ..ops.histogram import cuda as cuda_histogram
 

@@ -16,7 +16,7 @@ from fractal_exp.ops import chaos_game, histogram, splat
 from fractal_exp.ops.cuda_launch import DEVICE
 from fractal_exp.ops.histogram import cuda as cuda_histogram
 from fractal_exp.ops.histogram.cpu import COUNTED
-from fractal_exp.rendering.still import _address_tree, _window
+from fractal_exp.rendering.weighing import address_tree, window_of
 
 
 def play(backend: str, dtype: torch.dtype, code: tuple[Tensor, Tensor], game: dict) -> tuple[Tensor, ...]:
@@ -71,7 +71,7 @@ def check_splat(points: Tensor, resolution: int, supersample: int, sigma_px: flo
 def check_histogram(view: View, bins: int, thrown: float) -> None:
     """A chi-squared test of one canvas against 64 of the CPU's sampler, whose own tests compare it with rejection."""
     code = attractor.normalize(codes.known("fern"))
-    tree, window = _address_tree(code), _window(view, bins)
+    tree, window = address_tree(code), window_of(view, bins)
     canvas, kept = cuda_histogram.scatter(tree, window, thrown, seed=(1,), mode=COUNTED, device=DEVICE)
     assert int(canvas.sum()) == kept
     many = histogram.planes(bins, bins, COUNTED)

@@ -16,7 +16,7 @@ from fractal_exp.ops.collage import Descent, pushforward
 from fractal_exp.ops.histogram import cuda as cuda_histogram
 from fractal_exp.ops.histogram.cpu import COUNTED, CUT, LIT
 from fractal_exp.ops.splatting import cuda_kernels as cuda_splat
-from fractal_exp.rendering.still import _address_tree, _window
+from fractal_exp.rendering.weighing import address_tree, window_of
 
 pytestmark = pytest.mark.skipif(not cuda_launch.SIMULATED, reason="run by test_cuda, with NUMBA_ENABLE_CUDASIM=1")
 if cuda_launch.SIMULATED:
@@ -90,8 +90,8 @@ def test_histogram_has_the_distribution_of_the_cpus(view):
 def test_points_under_a_word_do_not_follow_each_other():
     spiral = 0.98 * torch.tensor([[math.cos(0.1), -math.sin(0.1)], [math.sin(0.1), math.cos(0.1)]])
     code = attractor.normalize(IFS(torch.stack([spiral, 0.2 * torch.eye(2)]), torch.tensor([[0.0, 0], [1, 0]])))
-    tree, (side, tiles, points) = _address_tree(code), (16, 8, 64)
-    most = tree.cut(_window(View(), 8192), 5e7, CUT, whole=True)[:, 7].max()
+    tree, (side, tiles, points) = address_tree(code), (16, 8, 64)
+    most = tree.cut(window_of(View(), 8192), 5e7, CUT, whole=True)[:, 7].max()
     assert most < 5e7 / 8, "an orbit's next point comes under another word"
     words = torch.tensor([[side / 2, 0, 0, side / 2, side * (column + 0.5), side * (row + 0.5)]  # each on its own tile
                           for row in range(tiles) for column in range(tiles)], dtype=torch.float64)
@@ -108,12 +108,12 @@ def test_points_under_a_word_do_not_follow_each_other():
 @pytest.mark.parametrize(("singular", "steps"), [(0.5, 256), (0.98, 792), (0.9999, 4096)])
 def test_slow_maps_take_longer_to_reach_the_attractor(singular, steps):
     code = IFS(singular * torch.eye(2).expand(2, 2, 2), torch.tensor([[0.0, 0], [1e-4, 0]]))
-    assert cuda_histogram.burn_in(_address_tree(code)) == steps  # .98 ** 792 = e^-16
+    assert cuda_histogram.burn_in(address_tree(code)) == steps  # .98 ** 792 = e^-16
 
 
 @pytest.mark.parametrize(("steps", "most"), [(0, 64), (12, 1)])
 def test_threads_take_that_many_steps_before_their_first_point(steps, most):
-    tree = _address_tree(IFS(torch.eye(2).expand(2, 2, 2) / 2, torch.tensor([[0.0, 0], [1e-4, 0]])))
+    tree = address_tree(IFS(torch.eye(2).expand(2, 2, 2) / 2, torch.tensor([[0.0, 0], [1e-4, 0]])))
     canvas, kept = torch.zeros(17, 17, dtype=torch.int32), torch.zeros(1, dtype=torch.int64)
     tables = (torch.from_numpy(table) for table in (tree.maps, tree.thresholds.astype("i8"), tree.guide.astype("i4")))
     words = torch.tensor([[8.0, 0, 0, 8, 8.5, 8.5]], dtype=torch.float64)
@@ -124,7 +124,7 @@ def test_threads_take_that_many_steps_before_their_first_point(steps, most):
 
 def test_histogram_lights_the_pixels_that_it_counts():
     code = attractor.normalize(codes.known("fern"))
-    tree, window = _address_tree(code), _window(View(), (9, 12))
+    tree, window = address_tree(code), window_of(View(), (9, 12))
     lit, counted = (cuda_histogram.scatter(tree, window, 2000, seed=(3,), mode=mode, device="cpu")
                     for mode in (LIT, COUNTED))
     assert lit[1] == counted[1] and torch.equal(lit[0] > 0, counted[0] > 0)
@@ -133,8 +133,8 @@ def test_histogram_lights_the_pixels_that_it_counts():
 
 
 def test_histogram_leaves_to_the_cpu_what_has_to_be_searched():
-    tree = _address_tree(attractor.normalize(codes.known("fern")))
-    assert cuda_histogram.scatter(tree, _window(View((0.05, -0.1), 4), 16), 1e9, seed=(0,), mode=LIT, device="cpu",
+    tree = address_tree(attractor.normalize(codes.known("fern")))
+    assert cuda_histogram.scatter(tree, window_of(View((0.05, -0.1), 4), 16), 1e9, seed=(0,), mode=LIT, device="cpu",
                                   wanted=10) is None
 
 

@@ -11,7 +11,8 @@ from fractal_exp import IFS, Colours, View, codes, ops, render
 from fractal_exp.ifs import attractor
 from fractal_exp.ops import histogram
 from fractal_exp.ops.histogram import cpu as cpu_histogram
-from fractal_exp.rendering.still import _address_tree, _window, render_with_info
+from fractal_exp.rendering.still import render_with_info
+from fractal_exp.rendering.weighing import address_tree, window_of
 from fractal_exp.suite import random_suite
 
 BINS = 16
@@ -29,7 +30,7 @@ WINDOWS = [  # the fern's frond, a dragon's boundary, codes whose maps overlap, 
 def sampled(code: IFS, view: View, thrown: float, seeds: range = range(1), size: int | tuple[int, int] = BINS
             ) -> np.ndarray:
     """Counts (BINS²,), or of the pixels of a `size`, of points in the window, `thrown` at the attractor in all."""
-    window, tree = _window(view, size), _address_tree(code)
+    window, tree = window_of(view, size), address_tree(code)
     canvas = histogram.planes(window.height, window.width, cpu_histogram.COUNTED)
     for seed in seeds:
         tree.scatter(window, thrown / len(seeds), seed=(seed,), canvas=canvas, mode=cpu_histogram.COUNTED)
@@ -99,8 +100,8 @@ def test_words_under_a_map_that_has_nearly_all_the_chance_are_not_split_for_ever
     linear = torch.eye(2) * torch.tensor([0.9, 0.5])[:, None, None]
     offset = torch.tensor([[0.0, 0.0], [0.4, 0.0]])
     code = IFS(linear[:len(chances)], offset[:len(chances)], torch.tensor(chances))
-    tree = _address_tree(code, reuse)
-    tally = tree.scatter(_window(View(), 64), 20_000, seed=(0,), canvas=histogram.planes(64, 64, cpu_histogram.LIT),
+    tree = address_tree(code, reuse)
+    tally = tree.scatter(window_of(View(), 64), 20_000, seed=(0,), canvas=histogram.planes(64, 64, cpu_histogram.LIT),
                          mode=cpu_histogram.LIT)
     assert tally.visited < 1_000_000
     assert tally.kept == tally.thrown == pytest.approx(20_000, rel=0.05)

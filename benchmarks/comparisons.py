@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from fractal_exp import InputError, tracking
-from fractal_exp.images.reading import write_image
+from fractal_exp.images.pixels import write_image
 from fractal_exp.inversion.result import INVERSION
 from fractal_exp.studies import course, report, report_text
 from fractal_exp.studies.report_figure import figure

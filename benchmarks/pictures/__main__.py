@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from fractal_exp.errors import InputError
-from fractal_exp.images.reading import write_image
+from fractal_exp.images.pixels import write_image
 from fractal_exp.runtime import threads
 
 from . import density_maps, fitting, fractaldb, report, samples

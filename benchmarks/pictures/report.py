@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 import torch
 
-from fractal_exp.images.reading import read_target, write_image
+from fractal_exp.images.pixels import write_image
+from fractal_exp.images.reading import read_target
 from fractal_exp.rendering.sheets import comparison_strip
 
 from . import fitting

@@ -26,7 +26,7 @@ from fractal_exp import View
 from fractal_exp.evaluation import metrics
 from fractal_exp.images import samples
 from fractal_exp.images.levels import TargetImage
-from fractal_exp.images.reading import write_image
+from fractal_exp.images.pixels import write_image
 from fractal_exp.likeness import Likeness
 from fractal_exp.methods import METHODS, load
 from fractal_exp.methods.base import Progress

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..ifs.code import IFS
-from ..images.reading import write_image
+from ..images.pixels import write_image
 from ..runtime.checkpoint import compare
 from ..runtime.files import alone_in, check_scores, read_record, remove_partial, write_atomically
 from ..tracking.addresses import shown

@@ -20,7 +20,7 @@ from ..evaluation.code_error import code_error
 from ..evaluation.scoring import TRIVIAL, Scored
 from ..evaluation.summary import CEILING_F1, describe
 from ..evaluation.views import check_kind
-from ..images.reading import write_image
+from ..images.pixels import write_image
 from ..rendering.sheets import comparison_strip
 from ..rendering.still import check_resolution, render
 from ..runtime import threads

@@ -14,7 +14,8 @@ from ..errors import InputError
 from ..evaluation import Perceptual
 from ..evaluation.pictures import compare_pictures
 from ..evaluation.scoring import TRIVIAL
-from ..images.reading import read_grey, write_image
+from ..images.pixels import write_image
+from ..images.reading import read_grey
 from ..rendering.sheets import comparison_strip
 from ..runtime import threads
 from ..runtime.extras import need

@@ -9,7 +9,7 @@ from typing import Self
 
 from tqdm import tqdm
 
-from ..images.reading import write_image
+from ..images.pixels import write_image
 from ..methods.base import Progress
 from ..tracking import Tracker
 from . import interruption

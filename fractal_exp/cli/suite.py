@@ -47,7 +47,7 @@ def write_suite(options: argparse.Namespace) -> None:
     from tqdm import tqdm
 
     from ..ifs import attractor
-    from ..images.reading import write_image
+    from ..images.pixels import write_image
     from ..rendering.sheets import contact_sheet
     from ..suite import TARGET_KINDS, random_suite, target
 

@@ -19,7 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from ..errors import InputError
 from ..evaluation import Perceptual
 from ..images.painted import Painted
-from ..images.reading import write_image
+from ..images.pixels import write_image
 from ..inversion import Inversion, Work, coloured, conclude, reconstruct, write
 from ..inversion.writing import PAGE
 from ..methods import WITHOUT_CODE

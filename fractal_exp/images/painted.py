@@ -10,7 +10,8 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from ..errors import InputError
 from .bands import Bands
 from .checks import unit
-from .reading import ReadImage, open_source
+from .pixels import open_source
+from .reading import ReadImage
 from .sampling import resample
 
 FINEST = 4           # pixels of a painted picture for one of the target, at most, along each side

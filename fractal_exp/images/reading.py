@@ -1,4 +1,4 @@
-"""Read a picture as a target (checked, white on black, centred and padded), and write a PNG."""
+"""Read a picture as a target: checked, white on black, centred and padded."""
 
 from __future__ import annotations
 
@@ -10,25 +10,22 @@ from typing import Literal
 
 import numpy as np
 import torch
-from PIL import Image
 from torch import Tensor
 
 from ..errors import InputError
-from ..runtime.files import replacing
 from . import tone
-from .bands import LARGEST_PIXELS, Bands, Crop, Overview, Profile, open_picture
-from .checks import MIN_SIDE, Notes, check_crop, check_options, check_pixels, check_resolution, unit
+from .bands import LARGEST_PIXELS, Bands, Crop, Overview, Profile
+from .checks import MIN_SIDE, Notes, check_crop, check_options, check_resolution
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
 from .levels import Levels, TargetImage, decided
 from .parts import beside_the_shape
+from .pixels import open_pixels
 from .placement import Placement
 from .plots import without_axes
 from .sampling import is_target, resample, window
 
-__all__ = ["PADDING", "ReadImage", "check_resolution", "read_colour", "read_grey", "read_lit", "read_small",
-           "read_target", "write_image"]
+__all__ = ["PADDING", "ReadImage", "check_resolution", "read_grey", "read_lit", "read_target"]
 
-COMPRESSION = 3                          # of PNGs: a third of the time of the usual 6, files are a tenth larger
 PADDING = 0.25                           # total share of the canvas; the shape's longer side spans the rest
 SEEN = 1 / 512                           # level up to which nothing counts as lit if there is no noise
 SEEN_IN_NOISE, SEEN_IF_LOSSY = 0.1, 0.25  # the same level with noise, and in a file that stores pixels with errors
@@ -117,7 +114,7 @@ def read_target(
     check_options(invert, threshold, padding, frame, clean)
     part = None if crop is None else check_crop(crop)
     name, notes = _name(source), Notes()
-    pixels = _open(source, notes, name, shrink=frame == "fit", crop=part, most=most_pixels)
+    pixels = open_pixels(source, notes, name, shrink=frame == "fit", crop=part, most=most_pixels)
     width, height, (left, top) = pixels.width, pixels.height, pixels.origin
     if part is not None:
         name = f"the part {part} of {name}"
@@ -145,7 +142,7 @@ def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal
     are. source, invert, most_pixels, errors: as for `read_target`."""
     check_options(invert, threshold, PADDING, "fit", True)
     name = _name(source)
-    pixels = _open(source, Notes(), name, most=most_pixels)
+    pixels = open_pixels(source, Notes(), name, most=most_pixels)
     _check_sides(pixels.width, pixels.height, "fit", name)
     shape = _levels(pixels, invert, name, Notes(), clean=threshold is None)
     return np.concatenate([band > shape.seen if threshold is None else band >= threshold for band in shape.grey])
@@ -161,7 +158,7 @@ def read_grey(source: str | Path | np.ndarray | Tensor, *, invert: bool | Litera
     """
     check_options(invert, None, PADDING, "fit", True)
     name, notes = _name(source), Notes()
-    pixels = _open(source, notes, name, most=most_pixels)
+    pixels = open_pixels(source, notes, name, most=most_pixels)
     _check_sides(pixels.width, pixels.height, "fit", name)
     shape = _levels(pixels, invert, name, notes, clean=False)
     levels, least = torch.from_numpy(np.concatenate(list(shape.grey))), shape.level + shape.seen
@@ -316,71 +313,3 @@ def _raised(levels: np.ndarray, factor: np.float32) -> np.ndarray:
 
 def _quiet(levels: np.ndarray, noise: np.float32) -> np.ndarray:
     return np.where(levels <= noise, np.float32(0), levels)
-
-
-def read_colour(source: str | Path | np.ndarray | Tensor, backdrop: float = 0.0) -> np.ndarray:
-    """The upright picture in its own colours and size, (H,W,3) uint8.
-
-    source: as for `read_target`; backdrop: the grey level in [0,1] behind transparent parts. Raises `InputError` if the
-    picture cannot be read.
-    """
-    pixels = open_source(source)
-    return np.concatenate([_coloured(band, backdrop) for band in pixels])
-
-
-def read_small(path: str | Path, side: int, backdrop: float = 0.0) -> np.ndarray:
-    """The upright picture of a file in its own colours, (h,w,3) uint8, shrunk so that its longer side has at most
-    `side` pixels. It is shrunk as it is read: beside what Pillow decodes, the memory is for some rows. backdrop: as for
-    `read_colour`. Raises `InputError` as that does."""
-    pixels = _open(path, Notes(), "the image", shrink=True)
-    block = max(1, max(pixels.height, pixels.width) // side)  # pixels a side, of which one is made
-    starts = np.arange(0, pixels.width, block)
-    counts = np.diff(np.append(starts, pixels.width))[:, None]
-    rows = [np.add.reduceat(_coloured(pixels.rows(first, min(first + block, pixels.height)), backdrop).mean(0), starts)
-            for first in range(0, pixels.height, block)]
-    image = Image.fromarray(np.rint(np.stack(rows) / counts).astype(np.uint8))
-    scale = min(1.0, side / max(pixels.width, pixels.height))
-    shown = [max(1, round(scale * each)) for each in (pixels.width, pixels.height)]
-    box = 0, 0, pixels.width / block, pixels.height / block  # the last block of a row may be less than a whole one
-    return np.asarray(image.resize(shown, Image.Resampling.BICUBIC, box=box))
-
-
-def _coloured(band: np.ndarray, backdrop: float) -> np.ndarray:
-    """Some rows as they look, uint8, on a grey level behind transparent parts."""
-    levels = np.atleast_3d(unit(band))
-    if levels.shape[2] == 4:
-        levels = levels[..., :3] * levels[..., 3:] + np.float32(backdrop) * (1 - levels[..., 3:])
-    return np.rint(255 * np.broadcast_to(levels, (*levels.shape[:2], 3))).astype(np.uint8)
-
-
-def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8, 16] = 8) -> Path:
-    """Write an image (H,W) or (H,W,3), of bool, uint8, uint16 or floats in [0,1], as a PNG; return the absolute path.
-
-    16 bits are for grey images. The file appears whole or not at all. Raises `InputError` on another suffix, shape or
-    range, on 16-bit colour, and if the file cannot be written.
-    """
-    path = Path(path).absolute()
-    if path.suffix.lower() != ".png":
-        raise InputError(f"images are written as PNG, got {path.name!r}; end the name in .png")
-    pixels = check_pixels(image, "the image")
-    if bits not in (8, 16) or (bits == 16 and pixels.ndim == 3) or pixels.shape[2:] == (4,):
-        raise InputError(f"a PNG is written with 8 bits, grey or RGB, or with 16 bits, grey; got bits={bits!r} and "
-                         f"shape {pixels.shape}")
-    white = 2**bits - 1
-    levels = np.rint(unit(pixels, np.float64) * white).astype(f"uint{bits}")
-    with replacing(path) as unfinished:
-        Image.fromarray(levels).save(unfinished, format="PNG", compress_level=COMPRESSION)
-    return path
-
-
-def open_source(source: str | Path | np.ndarray | Tensor, crop: Crop | None = None) -> Bands:
-    """The upright picture of a file or an array, or a crop of it, in its own size. Raises `InputError` if it cannot be
-    read."""
-    return _open(source, Notes(), "the image", crop=crop)
-
-
-def _open(source: str | Path | np.ndarray | Tensor, notes: Notes, name: str, *, shrink: bool = False,
-          crop: Crop | None = None, most: int = LARGEST_PIXELS) -> Bands:
-    if isinstance(source, str | Path):
-        return open_picture(Path(source), notes, check_pixels, shrink=shrink, crop=crop, most=most)
-    return Bands.of_array(check_pixels(source, name), crop)

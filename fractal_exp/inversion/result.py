@@ -21,8 +21,9 @@ from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..images.checks import MIN_SIDE
 from ..images.levels import decided
+from ..images.pixels import read_colour, write_image
 from ..images.placement import Placement
-from ..images.reading import ReadImage, read_colour, read_target, write_image
+from ..images.reading import ReadImage, read_target
 from ..likeness import Likeness, default_camera, redrawn
 from ..methods.base import CurvePoint
 from ..methods.history import StageRecord

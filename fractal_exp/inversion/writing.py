@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..images.reading import write_image
+from ..images.pixels import write_image
 from ..rendering.still import REUSE
 from ..rendering.tone import usual_mode
 from ..viewer.page import MOST_MAPS

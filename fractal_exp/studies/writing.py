@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..images.reading import write_image
+from ..images.pixels import write_image
 from ..runtime.files import write_atomically
 from . import course, report, report_text
 from .report_figure import figure

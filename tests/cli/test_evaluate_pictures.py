@@ -12,7 +12,8 @@ from fractal_exp.cli import evaluate as app
 from fractal_exp.evaluation.inside import ssim_inside
 from fractal_exp.evaluation.pictures import compare_pictures
 from fractal_exp.ifs import attractor
-from fractal_exp.images.reading import read_grey, write_image
+from fractal_exp.images.pixels import write_image
+from fractal_exp.images.reading import read_grey
 
 FERN = attractor.normalize(codes.known("fern"))
 

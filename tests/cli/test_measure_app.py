@@ -7,7 +7,7 @@ import pytest
 from fractal_exp import IFS, codes, suite
 from fractal_exp.cli import measure
 from fractal_exp.ifs import formats
-from fractal_exp.images.reading import write_image
+from fractal_exp.images.pixels import write_image
 
 
 def test_a_code_of_several_and_a_picture_are_measured_beside_each_other(tmp_path, monkeypatch, capsys):

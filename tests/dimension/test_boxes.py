@@ -7,7 +7,8 @@ from PIL import Image, ImageDraw
 from fractal_exp import InputError, codes, render, suite
 from fractal_exp.dimension.samples import OFFSETS, count_boxes, lacunarity
 from fractal_exp.ifs import attractor
-from fractal_exp.images.reading import read_lit, write_image
+from fractal_exp.images.pixels import write_image
+from fractal_exp.images.reading import read_lit
 
 SIDE = 512
 VALUES = {"koch_curve": 1.26186, "sierpinski_carpet": 1.89279, "sierpinski_triangle": 1.58496, "cantor_dust": 1.26186,

@@ -12,7 +12,8 @@ from PIL import Image
 
 from fractal_exp import InputError
 from fractal_exp.images import bands as picture_bands
-from fractal_exp.images.reading import read_colour, read_small, read_target, write_image
+from fractal_exp.images.pixels import read_colour, read_small, write_image
+from fractal_exp.images.reading import read_target
 
 
 def leaf():

@@ -8,7 +8,8 @@ import torch
 from PIL import Image
 
 from fractal_exp import InputError, codes, suite
-from fractal_exp.images.reading import read_target, write_image
+from fractal_exp.images.pixels import write_image
+from fractal_exp.images.reading import read_target
 
 
 def rectangle(height, width, x0, y0, x1, y1):

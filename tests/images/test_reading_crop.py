@@ -11,7 +11,8 @@ from PIL import Image
 from fractal_exp import InputError, codes, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.images import bands
-from fractal_exp.images.reading import read_colour, read_target
+from fractal_exp.images.pixels import read_colour
+from fractal_exp.images.reading import read_target
 from fractal_exp.inversion import Inversion
 from fractal_exp.likeness import Likeness, camera_for
 from fractal_exp.verdict import Verdict

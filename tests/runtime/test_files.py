@@ -11,7 +11,7 @@ import torch
 
 from fractal_exp import IFS, InputError
 from fractal_exp.cli.folders import FitFolder
-from fractal_exp.images.reading import write_image
+from fractal_exp.images.pixels import write_image
 from fractal_exp.runtime import files
 from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
 from fractal_exp.runtime.files import alone_in, read_json, replacing, write_atomically

@@ -85,10 +85,18 @@ def sheet(fits: Sequence[tuple[str, dict[str, Any]]], side: int = SIDE) -> np.nd
     shown = [_shown(kind, line) for kind, line in fits]
     captions = []
     for _, line in fits:
-        score = next(key for key in MAIN_SCORES if line.get(key) is not None)
-        captions.append(f"{line['picture']}, {line['maps']} maps, {score} {line[score]:.3g}")
+        captions.append(f"{line['picture']}, {line['maps']} maps, {_score(line)}")
     inputs, results = (torch.stack(images) for images in zip(*shown, strict=True))
     return comparison_strip(results, inputs, captions, side=side)
+
+
+def _score(line: dict[str, Any]) -> str:
+    """What stands beside a picture. In a cloud F1 tells little, so a density stands beside what chance gives the
+    truth."""
+    if "density_sse" in line:
+        return f"density SSE {line['density_sse'] / line['floor_sse']:.3g} times the truth's"
+    score = next(key for key in MAIN_SCORES if line.get(key) is not None)
+    return f"{score} {line[score]:.3g}"
 
 
 def _shown(kind: str, line: dict[str, Any]) -> tuple[torch.Tensor, torch.Tensor]:

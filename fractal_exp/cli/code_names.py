@@ -82,6 +82,7 @@ def load_code(path: Path, name: str | None = None, order: str | None = None) -> 
 
 
 def is_picture(path: Path) -> bool:
+    """Whether a file is there that begins like a picture."""
     try:
         with Image.open(path, formats=FORMATS):
             return True

@@ -14,6 +14,7 @@ from fractal_exp import IFS, InputError, View, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.ifs.colours import Colours
 from fractal_exp.rendering import still as rendering
+from fractal_exp.rendering import weighing
 from fractal_exp.rendering.still import points_per_view, render, render_tiles, render_with_info
 from fractal_exp.rendering.tone import tone_map
 from fractal_exp.runtime import threads
@@ -192,8 +193,8 @@ def test_a_view_beside_the_attractor_is_black_at_once_and_says_so(caplog):
 
 
 def test_maps_that_overlap_heavily_end_with_fewer_points_and_say_so(monkeypatch, caplog):
-    monkeypatch.setattr(rendering, "WORK", 10_000_000)
-    monkeypatch.setattr(rendering, "WORK_PER_POINT", 0)
+    monkeypatch.setattr(weighing, "WORK", 10_000_000)
+    monkeypatch.setattr(weighing, "WORK_PER_POINT", 0)
     turn = torch.tensor([[math.cos(1), -math.sin(1)], [math.sin(1), math.cos(1)]])
     linear = torch.stack([0.8 * turn, 0.8 * turn.T, 0.8 * torch.eye(2)])
     code = IFS(linear, torch.tensor([[0.2, 0], [-0.2, 0], [0, 0.1]]))

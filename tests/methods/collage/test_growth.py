@@ -25,6 +25,7 @@ from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.stages.base import SearchProblem
+from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.growing import Grower
 from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch
 from fractal_exp.methods.collage.stages.plan import plan_of
@@ -240,6 +241,14 @@ def test_a_photograph_ends_the_search_and_a_density_of_others_does_not(fern_dots
         state.state = replace(state.state, best=found)
         state._stage(promise)
         assert state.state.is_outgrown is ends
+
+
+def test_where_maps_are_grown_first_no_construction_is_looked_for():
+    for image, grown in (clouds(), True), (BRANCH, False):
+        problem = stage(image).problem
+        assert Construction.may_help(problem) and Sketch.may_help(problem) is grown
+        stages = {type(each) for each in plan_of(problem).stages}
+        assert (Sketch in stages, Construction in stages) == (grown, not grown)
 
 
 def test_what_a_sketch_has_grown_is_not_grown_again():

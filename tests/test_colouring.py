@@ -8,9 +8,9 @@ import torch
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, Colours, InputError, codes, invert, render
-from fractal_exp.colouring import colour_error, fitted, in_colours
+from fractal_exp.colouring import colour_error, fitted, fitting, in_colours
 from fractal_exp.colouring.fitting import _sampled
-from fractal_exp.ifs import attractor
+from fractal_exp.ifs import affine, attractor
 from fractal_exp.images import read_target
 from fractal_exp.images.painted import Painted
 from fractal_exp.inversion import Inversion, write
@@ -51,6 +51,17 @@ def test_the_true_colours_are_found(drawn):
     assert (code.colours.blends - TRUE.blends).abs().max() < 0.05
     wrong = replace(FERN, colours=Colours(TRUE.rgb[[1, 2, 3, 0]], TRUE.blends))
     assert colour_error(wrong, seen) > 10
+
+
+def test_sixteen_maps_have_the_colours_of_four(drawn):
+    """A code of all words of two letters: no colours of such maps are quite those of the letters."""
+    words = replace(affine.to_code(affine.compositions(affine.from_code(FERN), affine.from_code(FERN))),
+                    probabilities=torch.outer(FERN.probabilities, FERN.probabilities).flatten(), meta={})
+    seen = painted(drawn)
+    sample = _sampled(words, seen, 0)
+    alike = min(fitting._alike(sample, blend).cost for blend in fitting.ALIKE)
+    assert fitting._improved(sample, fitting._alike(sample, 0.55).x).cost < alike / 10
+    assert colour_error(fitted(words, seen), seen) < 2
 
 
 def test_the_derivatives_are_those_of_differences(drawn):

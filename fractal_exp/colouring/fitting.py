@@ -4,8 +4,8 @@ The mean colour of the points of the chaos game in a pixel p is Σ_i A_pi(b) c_i
 maps' colours c_i, and A is the mean over the points of (1-b)-weighted counts of the maps that led to them. The picture
 shows α_p Σ_i A_pi(b) c_i + (1-α_p) g, with the cover α_p and the ground g of `Painted`. So colours for given blends are
 a bounded linear least-squares problem (scipy's `lsq_linear`). It is solved for a few blends that are alike in all
-maps. From the best of these, unless there are many maps, colours and blends together are improved within their bounds
-(scipy's `least_squares`, trust region reflective), with exact derivatives of the same sampled points.
+maps. From the best of these, colours and blends together are improved within their bounds (scipy's `least_squares`,
+trust region reflective), with exact derivatives of the same sampled points.
 """
 
 from __future__ import annotations
@@ -30,10 +30,8 @@ MOST_PIXELS = 6000            # of the picture that are compared, chosen by lot
 FEWEST_PIXELS = 16            # that the shape and the code must share
 LEAST_BLEND = 0.01            # of a map that is fitted; below, colours take hundreds of steps to change
 ALIKE = (0.12, 0.3, 0.55, 0.85)  # blends that all maps have at the start
-STARTS = 2                    # the best of these that are improved
-MOST_IMPROVED = 12            # maps: with more, an improvement takes minutes and gains a hundredth
 EVALUATIONS = 40              # at most, of an improvement
-ENOUGH = 1e-5                 # relative change of the error or of the parameters at which it ends
+ENOUGH = 1e-3                 # relative change of the error or of the parameters at which it ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +64,8 @@ def fitted(code: IFS, painted: Painted, seed: int = 0) -> IFS | None:
     sample = _sampled(code, painted, seed)
     if sample is None:
         return None
-    starts = sorted((_alike(sample, blend) for blend in ALIKE), key=lambda start: start.cost)[:STARTS]
-    if len(code) <= MOST_IMPROVED:
-        starts = [_improved(sample, start.x) for start in starts]
-    best = min(starts, key=lambda found: found.cost)
+    start = min((_alike(sample, blend) for blend in ALIKE), key=lambda start: start.cost)
+    best = _improved(sample, start.x)
     rgb, blends = _parts(best.x)
     ground = "#" + bytes(np.rint(255 * painted.ground.clip(0, 1)).astype(np.uint8)).hex()
     return replace(code, meta={**code.meta, "ground": ground},

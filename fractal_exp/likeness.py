@@ -16,6 +16,7 @@ from .cameras.params import CameraParams
 from .evaluation import metrics
 from .evaluation.inside import f1_dark, ssim_inside
 from .ifs.code import IFS
+from .images.known import Known
 from .images.levels import TargetImage
 from .runtime.seeds import derive
 
@@ -34,7 +35,8 @@ TILED_MAPS = 2       # except for a code of at most so many maps, which do not d
 @dataclass(frozen=True)
 class Likeness:
     """The likeness of a code's rendering to the input, both (R,R). The code is rendered as the input was drawn: its
-    grey levels are a density of points, a coverage of pixels, or black and white.
+    grey levels are a density of points, a coverage of pixels, or black and white. Where the input shows a part of the
+    canvas (`TargetImage.known`), only that part is compared.
 
     f1, iou: of the masks I > 0 on the whole canvas, in [0,1]; for a picture that others drew, I > 1/4, or I > 1/20
     in a density that is grey inside. f1_1px: F1 within a pixel, with each mask compared to the other's dilation by 3×3
@@ -67,18 +69,20 @@ class Likeness:
         """The likeness of a contractive code to a target. camera: that drew it, or None to estimate it if necessary,
         see `camera_for`; params: what the user knows of it."""
         image, camera = target.image, camera or camera_for(code, target, params=params, seed=seed)
-        levels = with_camera(levels_of(image, target.levels, params or CameraParams()), camera)
+        levels = with_camera(_levels_of(target, params), camera)
         comparison = Comparison(image, levels, derive(seed, "likeness"))
-        rendering = comparison.render(code)
+        rendering, known = comparison.render(code), target.known and target.known.mask(len(image))
         least = 0.0 if levels.is_exact else levels.lit_above
         masks = [(each > least).float()[None] for each in (rendering, image)]
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
-        again = levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering)
+        again = comparison.shown(levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering))
         return cls(f1, iou, comparison.error(rendering) / comparison.noise(code, rendering), f1_1px,
-                   ssim=ssim_inside(rendering, image, least), ssim_chance=ssim_inside(again, rendering, least),
-                   f1_dark=f1_dark(rendering, image, least), ssim_share=share_inside(rendering, image, again, least))
+                   ssim=ssim_inside(rendering, image, least, known),
+                   ssim_chance=ssim_inside(again, rendering, least, known),
+                   f1_dark=f1_dark(rendering, image, least),
+                   ssim_share=share_inside(rendering, image, again, least, target.known))
 
     @property
     def is_outline(self) -> bool:
@@ -93,30 +97,37 @@ class Likeness:
                 f"error {self.noise_ratio:.3g} × noise{colour}")
 
 
-def share_inside(drawn: Tensor, image: Tensor, again: Tensor, above: float) -> float:
+def share_inside(drawn: Tensor, image: Tensor, again: Tensor, above: float, shown: Known | None = None) -> float:
     """SSIM inside the shape of an image (R,R) in a drawing, over that of another drawing of the same code in it; both
-    with pixels twice as large. above: the grey level above which a pixel belongs to the shape."""
+    with pixels twice as large. above: the grey level above which a pixel belongs to the shape; shown: the part of the
+    canvas that counts, None: all."""
     small, wanted, other = (mean_of(each, len(image) // 2) for each in (drawn, image, again))
-    return ssim_inside(small, wanted, above) / max(ssim_inside(other, small, above), LEAST_CHANCE)
+    known = shown and shown.mask(len(small))
+    return ssim_inside(small, wanted, above, known) / max(ssim_inside(other, small, above, known), LEAST_CHANCE)
 
 
 def camera_for(code: IFS, target: TargetImage, *, params: CameraParams | None = None, seed: int = 0) -> Camera:
     """The camera that suits a code and a target best: of the kind that the target's levels say, with its values
     estimated if others drew the picture."""
-    levels = levels_of(target.image, target.levels, params or CameraParams())
+    levels = _levels_of(target, params)
     return estimated(target.image, levels, code, derive(seed, "likeness")) or levels.camera
 
 
 def default_camera(target: TargetImage, params: CameraParams | None = None) -> Camera:
     """The camera of a target as far as its levels and the user say."""
-    return levels_of(target.image, target.levels, params or CameraParams()).camera
+    return _levels_of(target, params).camera
 
 
 def redrawn(code: IFS, target: TargetImage, camera: Camera, *, params: CameraParams | None = None, seed: int = 0
             ) -> Tensor:
-    """The code (R,R) drawn as the target was, with this camera."""
-    levels = with_camera(levels_of(target.image, target.levels, params or CameraParams()), camera)
+    """The code (R,R) drawn as the target was, with this camera, on the whole canvas: a part that the picture does not
+    show is drawn as the code continues it."""
+    levels = with_camera(_levels_of(target, params), camera)
     return levels.render(code, target.image.shape[-1], seed)
+
+
+def _levels_of(target: TargetImage, params: CameraParams | None) -> Levels:
+    return levels_of(target.image, target.levels, params or CameraParams(), target.known)
 
 
 def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
@@ -133,6 +144,8 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
 
     side = len(image)
     attractor = levels.occupied(code, side, 1, levels.points(side), 0, False).numpy() > 0
+    if levels.known is not None:
+        attractor &= levels.known.mask(side).numpy()
     shape = (image > levels.lit_above).cpu().numpy()
     if not attractor.any() or not shape.any():
         return 0.0

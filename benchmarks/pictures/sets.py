@@ -15,7 +15,7 @@ from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage
 
-from . import binary, density_maps, fractaldb, judging, tables, textbook, tone_curves, trees
+from . import binary, density_maps, fractaldb, judging, tables, textbook, tone_curves, trees, windows
 from .figures import Truth
 from .paving import paving
 from .shapes import shapes
@@ -122,6 +122,8 @@ SETS: dict[str, PictureSet] = {
     "tone_curves": PictureSet(lambda: {name: role for name, (_, _, role) in tone_curves.problems().items()},
                               tone_curves.picture, lambda name, code, read: tone_curves.score(name, code),
                               tables.tone_curves, {"frame": "keep"}),
+    "windows": PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(windows.kinds())},
+                          lambda name: windows.part(name).pixels, windows.score, tables.windows, truth=windows.truth),
     "trees": _trees(trees.trees),
     "random_trees": _trees(trees.random_trees),
     "fractaldb_grey": _fractaldb(fractaldb.grey, fractaldb.grey_truth, fractaldb.grey_shown, {"frame": "keep"}),

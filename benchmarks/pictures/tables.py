@@ -62,6 +62,18 @@ def _files(fits: pd.DataFrame) -> pd.DataFrame:
                          for jpeg, rows in both.groupby("jpeg")])
 
 
+def windows(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """By what is shown of the shape: cuts, and zooms by their factor."""
+    return {"By part": _grouped(fits, "kind", _window_row)}
+
+
+def _window_row(rows: pd.DataFrame) -> dict[str, object]:
+    return {"n": len(rows), "read as a part": _mean(rows["told"]), "recovered": _mean(rows["recovered"]),
+            "exact": _mean(rows["exact"]), "F1 in what is shown": _mean(rows["f1_known"]),
+            "F1 of the whole attractor": _mean(rows["f1_truth"]), "maps": _mean(rows["maps"], 1),
+            "true maps": _mean(rows["true_maps"], 1), "core s": _core(rows)}
+
+
 def density(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Beside the published rows and the floor, which is the truth against itself."""
     rows: list[dict[str, object]] = [{"method": f"published: {name}", "n": 256, **{

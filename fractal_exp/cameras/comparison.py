@@ -29,11 +29,12 @@ class Comparison:
     variance 1/4n for every I (Anscombe 1948), so faint tips count for what they are worth. The error is the mean over
     grids of sum 2n (arcsin sqrt I - arcsin sqrt J)² / (lit cells of the target), with the n of the finest grid
     throughout. It is about 0.1 for two renderings of one code, and 0.3 for pixels that only share their brightness. The
-    mean of several renderings has less noise.
+    mean of several renderings has less noise. Only pixels that the picture shows are compared (`Levels.known`).
     """
 
     def __init__(self, image: Tensor, levels: Levels, seed: int = 0, renderings: int = 1):
         self.image, self.levels = image, levels
+        self.mask = None if levels.known is None else levels.known.mask(len(image)).to(image)
         self.seed, self.renderings = derive(seed, "picture"), renderings
         self.side = min(image.shape[0], FINEST)
         self.subpixels = levels.subpixels(image.shape[0], self.side)
@@ -53,12 +54,17 @@ class Comparison:
         return other
 
     def grids(self, image: Tensor) -> list[Tensor]:
-        """The image (R,R) on grids with `side` and fewer cells per side."""
+        """The image (R,R), as far as it is known, on grids with `side` and fewer cells per side."""
+        image = self.shown(image)
         image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
         grids = [image]
         while len(grids) < GRIDS and grids[-1].shape[0] >= HALVED_FROM:
             grids.append(avg_pool2d(grids[-1][None], 2, ceil_mode=True)[0])
         return grids
+
+    def shown(self, image: Tensor) -> Tensor:
+        """The image (R,R) with nothing in the pixels that the picture does not show."""
+        return image if self.mask is None else image * self.mask
 
     def stabilized(self, image: Tensor) -> list[Tensor]:
         """The grids of an image, transformed to variance 1 / 4n everywhere."""
@@ -69,13 +75,14 @@ class Comparison:
         return [a - b for a, b in zip(self.stable, self.stabilized(rendering), strict=True)]
 
     def render(self, code: IFS, *path: int | str) -> Tensor:
-        """The code rendered as the target was, (R,R). The same path of a random stream gives the same points."""
+        """The code rendered as the target was, (R,R), as far as that is known. The same path of a random stream gives
+        the same points."""
         check_time()
         resolution = self.image.shape[0]
         once = {"independent": True} if self.renderings > 1 else {}  # a percent of the error matters then
         images = [self.levels.render(code, resolution, derive(self.seed, *path, *([n] if n else [])), **once)
                   for n in range(self.renderings)]
-        return torch.stack(images).mean(0).to(self.image)
+        return self.shown(torch.stack(images).mean(0).to(self.image))
 
     def error(self, rendering: Tensor) -> float:
         """The error of a rendering (R,R); lower is better."""

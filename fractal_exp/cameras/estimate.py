@@ -33,7 +33,7 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
     angles, below = dict[str, float](), 1.0 if levels.is_curved else DOTTED
     likely: Tried | None = None
     for name in levels.kinds:
-        kind = kind_of(name)(levels.params, image, kinds=levels.kinds)
+        kind = kind_of(name)(levels.params, image, kinds=levels.kinds).within(levels.known)
         if levels.is_curved or kind.is_worth_trying(angles):
             found = _likely(kind, nearest(image, kind, code, seed))
             angles[name] = found[0] if found else math.inf
@@ -92,5 +92,6 @@ def _likely(levels: Levels, tried: list[Tried]) -> Tried | None:
 
 def angle_as_density(image: Tensor, levels: Levels, code: IFS, seed: int) -> float:
     """The least angle of error between the image (R,R) and the density of a code, with or without a tone curve."""
-    kinds = [kind_of(name)(levels.params, image) for name in of_others() if kind_of(name).is_density]
+    kinds = [kind_of(name)(levels.params, image).within(levels.known) for name in of_others()
+             if kind_of(name).is_density]
     return min((angle for kind in kinds for angle, _ in nearest(image, kind, code, seed)[:1]), default=math.inf)

@@ -8,6 +8,7 @@ from importlib import import_module
 from torch import Tensor
 
 from ..errors import InputError
+from ..images.known import Known
 from ..images.levels import DRAWN
 from .camera import KNOWN, Camera
 from .levels import Levels
@@ -36,15 +37,15 @@ def beside(name: str) -> list[str]:
     return [other for other in KINDS if kind_of(other).beside == name]
 
 
-def levels_of(image: Tensor, meaning: str, params: CameraParams) -> Levels:
-    """The levels of an image (R,R) whose grey levels have a meaning (see `images.levels`). Raises `InputError` if
-    no camera that it may have has a value that the user knows."""
+def levels_of(image: Tensor, meaning: str, params: CameraParams, shown: Known | None = None) -> Levels:
+    """The levels of an image (R,R) whose grey levels have a meaning (see `images.levels`), and that shows a part of the
+    canvas, None: all of it. Raises `InputError` if no camera that it may have has a value that the user knows."""
     known = params.all_known
     for name, value in known.items():
         if not any(name in kind_of(kind).values for kind in _possible(meaning)):
             raise InputError(f"camera.{KNOWN[name]} must be null if levels is {meaning}, got {value}")
     if meaning != DRAWN:
-        return kind_of(meaning)(params, image)
+        return kind_of(meaning)(params, image).within(shown)
     if params.blur_px is not None and not params.estimate:
         raise InputError("camera.blur_px must be null if camera.estimate is false and levels is not linear, got "
                          f"{params.blur_px}")
@@ -53,7 +54,7 @@ def levels_of(image: Tensor, meaning: str, params: CameraParams) -> Levels:
         told = " and ".join(f"camera.{KNOWN[name]}" for name in known)
         raise InputError(f"{told} must not be given together, because no kind of camera has all of them; got "
                          + ", ".join(map(str, known.values())))
-    return kind_of("coverage")(params, image, kinds=kinds)
+    return kind_of("coverage")(params, image, kinds=kinds).within(shown)
 
 
 def _possible(meaning: str) -> Iterable[str]:
@@ -62,4 +63,6 @@ def _possible(meaning: str) -> Iterable[str]:
 
 def with_camera(levels: Levels, camera: Camera | None) -> Levels:
     """The levels of the same image with a camera; as they are without one."""
-    return levels if camera is None else kind_of(camera.kind)(levels.params, levels.image, camera, levels.kinds)
+    if camera is None:
+        return levels
+    return kind_of(camera.kind)(levels.params, levels.image, camera, levels.kinds).within(levels.known)

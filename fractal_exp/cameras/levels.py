@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -11,6 +12,7 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
 from ..ifs.code import IFS
+from ..images.known import Known
 from ..ops import cuda_launch
 from .camera import KNOWN, LENGTHS, Camera
 from .params import CameraParams
@@ -34,7 +36,8 @@ class Levels(ABC):
     those that a camera of this kind has, first those without a unit. kinds: of the cameras that the picture may have,
     where nobody said which; params: what the user knows of it. beside: the kind beside which this one is tried, as
     strokes beside coverage, if it is not tried for its own sake. is_curved: whether grey levels pass a tone curve. A
-    search reads masses through such a curve from its start, or not at all."""
+    search reads masses through such a curve from its start, or not at all. known: the part of the canvas that the
+    picture shows, see `images.levels.TargetImage`."""
 
     kind: ClassVar[str]
 
@@ -44,6 +47,7 @@ class Levels(ABC):
     is_exact = True
     is_whole = True
     is_curved = False
+    known: Known | None = None
     beside: ClassVar[str | None] = None
     values: ClassVar[tuple[str, ...]] = ()
     supersample: int
@@ -52,6 +56,12 @@ class Levels(ABC):
                  kinds: tuple[str, ...] = ()):
         self.params, self.image, self.camera = params, image, camera or Camera(self.kind)
         self.kinds, self.supersample = kinds or (self.kind,), params.supersample
+
+    def within(self, known: Known | None) -> Self:
+        """The same levels of a picture that shows this part of the canvas."""
+        other = copy.copy(self)
+        other.known = known
+        return other
 
     @abstractmethod
     def measure(self, image: Tensor) -> Tensor:
@@ -100,7 +110,7 @@ class Levels(ABC):
         for name, step in steps.items():
             value = getattr(self.camera, name)
             moved[name] = max(0.0, value + step) if name in LENGTHS else value * math.exp(step)
-        return type(self)(self.params, self.image, self.camera.moved(moved), self.kinds)
+        return type(self)(self.params, self.image, self.camera.moved(moved), self.kinds).within(self.known)
 
     @property
     def shows_attractor(self) -> bool:

@@ -177,9 +177,10 @@ class ToneMapped(Dots):
         """The camera whose rendering (R,R) has the histogram most like the image's, with this rendering. A map
         that is a little off hardly changes the histogram, but it moves light from pixel to pixel."""
         wanted, gammas = self._levels_of(self.picture.cpu()), given(self.params.gamma, GAMMAS)
+        shown = 1.0 if self.known is None else self.known.mask(resolution).float()
         found, least = [], math.inf
         for camera, grey in super().candidates(code, resolution, seed):
-            levels = self._levels_of(grey)
+            levels = self._levels_of(grey * shown)
             for gamma in gammas:
                 off = float((curved(levels, gamma).sqrt().asin() - wanted.sqrt().asin()).square().sum())
                 if off < least:

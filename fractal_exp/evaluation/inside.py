@@ -15,13 +15,13 @@ CLOSED = 16         # gaps of up to a sixteenth of the side belong to the outlin
 LEAST_DARK = 0.005  # share of the outline below which there is no dark inside: the teeth of a drawn disc
 
 
-def ssim_inside(drawn: Tensor, image: Tensor, above: float = LIT) -> float:
+def ssim_inside(drawn: Tensor, image: Tensor, above: float = LIT, known: Tensor | None = None) -> float:
     """The mean of the SSIM map of two images (R,R) in [0,1] over the pixels within 4 px of the second one's shape; in
     [-1,1].
 
     The map has a Gaussian window of sigma 1.5 and data range 1, as in `skimage.metrics.structural_similarity`. above:
     the grey level above which a pixel belongs to the shape; an image without any is compared on the whole canvas.
-    Raises `InputError` if the shapes differ.
+    known (R,R): pixels that count, bool; None: all. Raises `InputError` if the shapes differ.
     """
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
@@ -35,6 +35,7 @@ def ssim_inside(drawn: Tensor, image: Tensor, above: float = LIT) -> float:
     alike = (2 * mean_a * mean_b + C1) * (2 * covariance + C2) / ((mean_a**2 + mean_b**2 + C1) * (variances + C2))
     shape = b > above
     inside = np.asarray(distance_transform_edt(~shape)) <= AROUND_PX if shape.any() else np.ones_like(shape)
+    inside = inside if known is None else inside & known.cpu().numpy()
     return float(alike[inside].mean())
 
 

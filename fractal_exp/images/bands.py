@@ -135,6 +135,15 @@ class Profile:
         return self.rows[0].min()
 
     @property
+    def sides(self) -> dict[str, np.ndarray]:
+        """The levels along each side of the picture; its corners belong to two."""
+        height, width = self.rows.shape[1], self.columns.shape[1]
+        top, bottom, left, right = np.split(self.border, np.cumsum([width, width, height - 2]))
+        return {"left": np.concatenate([top[:1], left, bottom[:1]]), "right": np.concatenate([top[-1:], right,
+                                                                                             bottom[-1:]]),
+                "top": top, "bottom": bottom}
+
+    @property
     def high(self) -> np.float32:
         return self.rows[1].max()
 

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 from torch import Tensor
 
 from ..errors import InputError, did_you_mean
+from .known import Known
 
 Levels = Literal["auto", "density", "linear", "dots", "tonemapped", "coverage", "binary"]
 
@@ -22,11 +23,13 @@ class TargetImage:
     """A target and the meaning of its grey levels.
 
     image: (R,R) float32 in [0,1], white shape on black. levels: one of `MEANINGS` other than "auto", which
-    docs/cameras.md explains, or "drawn" for a picture that others drew, whose meaning a search finds out.
+    docs/cameras.md explains, or "drawn" for a picture that others drew, whose meaning a search finds out. known: the
+    part of the canvas that the picture shows, None: all of it. The image is 0 beyond.
     """
 
     image: Tensor
     levels: str = field(kw_only=True)
+    known: Known | None = field(kw_only=True, default=None)
 
     @classmethod
     def of(cls, target: Tensor | TargetImage, levels: str = "auto") -> TargetImage:
@@ -35,7 +38,7 @@ class TargetImage:
         image = target.image if isinstance(target, TargetImage) else target
         if levels == "auto" and isinstance(target, TargetImage):
             return target
-        return TargetImage(image, levels=decided(levels, image))
+        return TargetImage(image, levels=decided(levels, image), known=getattr(target, "known", None))
 
 
 def decided(levels: str, image: Tensor) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from . import tone
 from .bands import LARGEST_PIXELS, Bands, Crop, Overview, Profile
 from .checks import MIN_SIDE, Notes, check_crop, check_options, check_resolution
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
+from .known import Known
 from .levels import Levels, TargetImage, decided
 from .parts import beside_the_shape
 from .pixels import open_pixels
@@ -125,14 +126,14 @@ def read_target(
         shape = shape.binary(threshold, name)
         notes.append(f"binary at the threshold {threshold:g}")
     scale, (left, top) = pixels.scale, shape.grey.origin
-    x, y, side = _square(shape, frame, resolution, padding, notes)
+    x, y, side, cut = _square(shape, frame, resolution, padding, notes, part is not None)
     _warn(notes, resolution / side / scale, shape.level)
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
     crop_box = (left + scale * x, top + scale * y, left + scale * (x + side), top + scale * (y + side))
     return ReadImage(image, shape.inverted, pixels.full, crop_box, resolution / side / scale,
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
                      Path(source).absolute() if isinstance(source, str | Path) else source, part,
-                     levels=decided(levels, image))
+                     levels=decided(levels, image), known=_known(shape.grey, x, y, side, resolution, cut))
 
 
 def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal["auto"] = "auto",
@@ -178,16 +179,30 @@ def _check_sides(width: int, height: int, frame: str, name: str) -> None:
         raise InputError(f'frame="keep" needs a square picture, {name} is {width}×{height}; use frame="fit" or crop it')
 
 
-def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: Notes) -> tuple[float, float, float]:
-    """The square (x, y, side) of the picture that fills the canvas: all of it, or the shape's."""
-    whole = 0.0, 0.0, float(shape.grey.width)
+def _square(shape: _Shape, frame: str, resolution: int, padding: float, notes: Notes, is_part: bool
+            ) -> tuple[float, float, float, Collection[str]]:
+    """The square (x, y, side) of the picture that fills the canvas, all of it or the shape's; and the sides on which
+    the picture cuts the shape off."""
+    whole = 0.0, 0.0, float(shape.grey.width), ()
     if frame == "keep":
         return whole
     as_large = shape.grey.width == shape.grey.height == resolution
     if as_large and padding == PADDING and is_target(shape.grey, shape.profile, padding):
         notes.append("a target of this package in its frame: it stays as it is")
         return whole
-    return window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings)
+    return window(shape.grey, shape.profile, shape.level, padding, notes, rings=shape.rings, is_part=is_part)
+
+
+def _known(grey: Bands, x: float, y: float, side: float, resolution: int, cut: Collection[str]) -> Known | None:
+    """The part of the canvas that a picture shows which cuts its shape off on some sides; None if it does on none. An
+    enlarged picture fades out over half a pixel of its own."""
+    if not cut:
+        return None
+    fading = 0.5 if side < resolution else 0.0
+    edges = {"left": fading - x, "right": grey.width - fading - x, "bottom": side - (grey.height - fading - y),
+             "top": side - (fading - y)}
+    return Known(**{name: float(np.clip(2 * edges[name] / side - 1, -1, 1)) if name in cut else end
+                    for name, end in (("left", -1.0), ("bottom", -1.0), ("right", 1.0), ("top", 1.0))})
 
 
 def _warn(notes: Notes, enlarged: float, level: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,14 +16,17 @@ if TYPE_CHECKING:
 
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 SHAPE_LEVEL_IF_RINGING = 0.25            # the same in a coloured drawing as JPEG, which rings beside edges
+CUT, MOST_CUT = 0.03, 0.95               # shares of a shape's span between which one side at least is lit in a picture
+#                                        that cuts it off: tips touch with less, and flat edges of the shape with more
 FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint
 CENTRED = 0.1                            # limit of the distance of the box's centre from the canvas', in the same unit
 
 
 def window(grey: Bands, profile: Profile, level: float, padding: float, notes: list[str], *,
-           rings: bool = False) -> tuple[float, float, float]:
+           rings: bool = False, is_part: bool = False) -> tuple[float, float, float, Collection[str]]:
     """The square (x, y, side) of a grey picture with this profile that fills the canvas: the shape's box, centred, with
-    its padding. level: of the background; rings: whether it is a coloured drawing in a lossy file."""
+    its padding; and the sides of the picture that cut the shape off. level: of the background; rings: whether it is a
+    coloured drawing in a lossy file; is_part: whether it is known to be a part of a picture."""
     scale, origin = grey.scale, grey.origin
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level) / contrast
@@ -39,13 +43,18 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
     width, height = (round(scale * len(each[1])) for each in (profile.columns, profile.rows))
     notes.append(f"the shape spans {scale * (x1 - x0):.1f}×{scale * (y1 - y0):.1f} px of {width}×{height}, "
                  f"centred at ({origin[0] + scale * (x0 + x1) / 2:.1f}, {origin[1] + scale * (y0 + y1) / 2:.1f})")
-    outermost = {"left": profile.columns[1, 0], "right": profile.columns[1, -1], "top": profile.rows[1, 0],
-                 "bottom": profile.rows[1, -1]}
-    edges = [name for name, highest in outermost.items() if (highest - level) / contrast > lowest]
-    if edges:
-        notes.append(f"the shape reaches the edge of what is read ({', '.join(edges)}): if it is cut off there, the "
-                     "code will be wrong; give a picture or a crop that holds all of the shape")
-    return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side
+    spans = {"left": y1 - y0, "right": y1 - y0, "top": x1 - x0, "bottom": x1 - x0}
+    lit = {name: float(((levels - level) / contrast > lowest).sum()) for name, levels in profile.sides.items()}
+    touched = [name for name, count in lit.items() if count]
+    is_cut = is_part and touched or any(CUT * spans[name] < lit[name] <= MOST_CUT * spans[name] for name in touched)
+    cut = touched if is_cut else []
+    if cut:
+        notes.append(f"the picture cuts the shape off ({', '.join(cut)}): what lies beyond is unknown, and the code "
+                     "says how the shape goes on there")
+    elif touched:
+        notes.append(f"the shape reaches the edge of what is read ({', '.join(touched)}): it is taken to end there; if "
+                     "it is cut off, name the part of the picture that shows it as a crop")
+    return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side, cut
 
 
 def is_target(grey: Bands, profile: Profile, padding: float) -> bool:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, field_validator
 from ..cameras.kinds import KINDS
 from ..cameras.params import CameraParams
 from ..errors import InputError
+from ..images.known import Known
 from ..images.placement import Placement
 from ..likeness import Likeness
 from ..methods.history import StageRecord
@@ -40,6 +41,7 @@ class Facts(BaseModel, frozen=True):
     resolution: int
     inverted: bool
     placement: Placement
+    known: Known | None = None
     scale: Annotated[float, Field(gt=0, le=LARGEST)]
     likeness: Likeness
     verdict: Verdict
@@ -65,6 +67,13 @@ class Facts(BaseModel, frozen=True):
         if not (min(sides) >= 1 and x1 - x0 > 0 and y1 - y0 > 0 and max(map(abs, (*sides, x0, y0, x1, y1))) <= LARGEST):
             raise ValueError(f"the picture and the box that was taken of it must have sides up to {LARGEST:g} pixels")
         return placement
+
+    @field_validator("known")
+    @classmethod
+    def _is_on_the_canvas(cls, known: Known | None) -> Known | None:
+        if known and not (-1 <= known.left < known.right <= 1 and -1 <= known.bottom < known.top <= 1):
+            raise ValueError("the part of the canvas that the picture shows must be a box within [-1, 1]²")
+        return known
 
     @field_validator("camera")
     @classmethod

@@ -167,7 +167,8 @@ class Inversion:
 
     def facts(self) -> dict[str, Any]:
         """All but the code, as JSON data: version, method, options, source (a path or null), resolution, inverted,
-        placement {size, crop_box}, scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
+        placement {size, crop_box}, known (the box {left, bottom, right, top} of the canvas that the picture shows, or
+        null for all of it), scale (target pixels per picture pixel), levels, likeness {f1, iou, noise_ratio,
         f1_1px, colour, ssim, ssim_chance, f1_dark, ssim_share}, verdict {kind, words, remedy, change}, camera, stopped,
         seconds, stages [{name, seconds, score, error, maps}], notes, warnings, curve [{maps, likeness, bytes, code}],
         dimension {code, picture}, each {kind, value, low, high, standing, condition}.
@@ -177,6 +178,7 @@ class Inversion:
             "source": str(self.source) if isinstance(self.source, Path) else None,
             "resolution": self.target.image.shape[-1], "inverted": self.target.inverted,
             "placement": {name: list(value) for name, value in asdict(self.placement).items()},
+            "known": self.target.known and asdict(self.target.known),
             "scale": self.target.scale, "likeness": asdict(self.likeness), "verdict": asdict(self.verdict),
             "levels": self.target.levels, "camera": self.camera.facts(self.target.image.shape[-1]),
             "stopped": self.stopped, "seconds": self.seconds, "stages": [asdict(stage) for stage in self.history],
@@ -237,7 +239,7 @@ class Inversion:
         source = Path(facts.source) if facts.source else image
         read = ReadImage(image, facts.inverted, facts.placement.size, facts.placement.crop_box, facts.scale,
                          facts.notes, facts.warnings, source=source,
-                         levels=decided(facts.meaning, image))
+                         levels=decided(facts.meaning, image), known=facts.known)
         camera = parse_camera(facts.camera, side) if facts.camera else default_camera(read)
         curve = tuple(CurvePoint(each.maps, each.likeness, each.bytes, IFS.from_json(each.code))
                       for each in facts.curve if each.code is not None)

@@ -67,7 +67,7 @@ def kernels():
     yield "pushforward", cuda_collage._pushforward, (*measure, t.int64, t.int64, array(t.int64, 2))
     flat = array(t.float32, 1)
     target = named(cuda_collage.Target(samples=floats[2], roots=flat, mean=flat, covariance=floats[2], size=t.int64,
-                                       grids=t.int64, floor=t.float64))
+                                       grids=t.int64, floor=t.float64, known=flat))
     settings = named(cuda_collage.Settings(**{name: typeof(value) for name, value in vars(Descent(steps=1)).items()}))
     work = named(cuda_collage.Workspace(moments=floats[4], masses=array(t.int64, 2), bins=floats[2], slopes=floats[2],
                                         gradients=floats[3]))

@@ -45,8 +45,8 @@ def binned(masses: Tensor, size: int, grids: int = BinnedMeasure.grids) -> Binne
                       for values in (masses, masses * x, -masses * x.T))
     lit = weight > 0
     samples = torch.stack([wx[lit] / weight[lit], wy[lit] / weight[lit], weight[lit]], 1)
-    hats = _hats(resolution, size).to(masses.device)
-    return BinnedMeasure(samples, hats.T @ masses @ hats, grids)
+    shares = hats(resolution, size).to(masses.device)
+    return BinnedMeasure(samples, shares.T @ masses @ shares, grids)
 
 
 def lit_pixels(image: Tensor) -> Tensor:
@@ -54,7 +54,7 @@ def lit_pixels(image: Tensor) -> Tensor:
     return image > LIT * image.max()
 
 
-def _hats(resolution: int, size: int) -> Tensor:
+def hats(resolution: int, size: int) -> Tensor:
     """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass in the middles of equal parts
     of the pixel."""
     shares = torch.zeros(resolution, size)
@@ -111,6 +111,8 @@ def correction(masses: Tensor, code: IFS, levels: Levels, params: SaturationPara
     row, column = canvas_to_pixel(points[inside], resolution).long().clamp(0, resolution - 1).unbind(1)
     bins.view(-1).scatter_add_(0, row * resolution + column, torch.full_like(column, 1 / len(points), dtype=bins.dtype))
     estimate = levels.measure(levels.render(code, resolution, seed).to(masses))
+    if levels.known is not None:  # what lies off the canvas is not in the estimate
+        bins = bins / bins.sum().clamp_min(1e-9)
     if not bool(estimate.any()):  # too thin for a binary image
         return torch.ones_like(masses)
     usual = 1 / estimate.sum()

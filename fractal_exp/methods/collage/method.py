@@ -56,7 +56,8 @@ class Collage(Method):
 
     def _levels(self, target: AnyTarget) -> Levels:
         """The levels of a target. Raises `InputError` if they have no camera with what the user knows of it."""
-        return levels_of(check_target(target).to(self.device), TargetImage.of(target).levels, self.camera)
+        given = TargetImage.of(target)
+        return levels_of(check_target(target).to(self.device), given.levels, self.camera, given.known)
 
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:

@@ -32,14 +32,17 @@ class BinnedMeasure:
 
     samples (K,3): x, y, mass; bins (G,G): the same masses, shared bilinearly on a grid of G cells per side, row 0 at
     the top; grids: how many grids with sides G, G/2, G/4 … are compared; floor: added to a bin's mass under the square
-    root of the collage error, so that fainter masses hardly count. float32, on one device. Raises `InputError` on other
-    shapes, tensors that differ in dtype or device, a side that cannot be halved often enough, or a floor below 1e-12.
+    root of the collage error, so that fainter masses hardly count; known (G,G): 1 in the cells that count,
+    0 in others, whose bins must be 0; None: all count. The mass is 1 in what is known; samples beyond come on top.
+    float32, on one device. Raises `InputError` on other shapes, tensors that differ in dtype or device, a side that
+    cannot be halved often enough, or a floor below 1e-12.
     """
 
     samples: Tensor
     bins: Tensor
     grids: int = 3
     floor: float = reference.FLOOR
+    known: Tensor | None = None
     mean: Tensor = field(init=False)        # (2,)
     covariance: Tensor = field(init=False)  # (2,2)
     roots: Tensor = field(init=False)       # of all grids, one after another
@@ -58,6 +61,13 @@ class BinnedMeasure:
         _check_size(size)
         points, mass = self.samples[:, :2], self.samples[:, 2:]
         mean = (points * mass).sum(0)
+        if self.known is not None:
+            check_alike("known", self.known, "bins", self.bins)
+            if self.known.shape != self.bins.shape:
+                raise InputError(f"known must have the shape of the bins, {tuple(self.bins.shape)}, got "
+                                 f"{tuple(self.known.shape)}")
+            mass = mass / mass.sum()
+            mean = (points * mass).sum(0)
         off = points - mean
         object.__setattr__(self, "mean", mean)
         object.__setattr__(self, "covariance", (off * mass).T @ off)
@@ -135,6 +145,7 @@ def collage_error(bins: Tensor, measure: BinnedMeasure) -> Tensor:
     if bins.ndim != 3 or bins.shape[1:] != measure.bins.shape:
         raise InputError(f"bins must have shape (B, {measure.size}, {measure.size}), got {tuple(bins.shape)}")
     check_alike("bins", bins, "measure.bins", measure.bins)
+    bins = bins if measure.known is None else bins * measure.known
     return reference.collage_error(bins, measure.roots, measure.grids, measure.floor)
 
 
@@ -164,7 +175,8 @@ def descend(maps: Tensor, weights: Tensor, measure: BinnedMeasure, how: Descent,
                          f"got {tuple(backgrounds.shape)} and {tuple(chosen.shape)}")
     _check_chosen(chosen, len(backgrounds), maps)
     target = Target(measure.samples, measure.roots, measure.mean, measure.covariance, measure.size,
-                    int(measure.grids), float(measure.floor))
+                    int(measure.grids), float(measure.floor),
+                    measure.samples.new_empty(0) if measure.known is None else measure.known.flatten())
     return _backend(backend, maps).descend(maps, weights, target, backgrounds.flatten(1), chosen, how)
 
 

@@ -51,8 +51,9 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
     """See `reference.descend`."""
     moved, masses = (given.detach().clone(memory_format=torch.contiguous_format) for given in (maps, weights))
     errors = torch.empty(len(maps))
-    samples, roots, mean, covariance = _arrays(target.samples.T, target.roots, target.mean, target.covariance)
-    target = target._replace(samples=samples, roots=roots, mean=mean, covariance=covariance)
+    samples, roots, mean, covariance, known = _arrays(target.samples.T, target.roots, target.mean, target.covariance,
+                                                      target.known)
+    target = target._replace(samples=samples, roots=roots, mean=mean, covariance=covariance, known=known)
     _descend(*_arrays(moved, masses), target, *_arrays(backgrounds, chosen), Settings(**vars(how)), errors.numpy())
     return moved, masses, errors
 
@@ -207,8 +208,15 @@ def _grid(flat, size, level):
     return flat[start:start + side * side].reshape(side, side)
 
 
+@vectorized
+def _leave_out(known, bins):
+    """Nothing in the cells that do not count."""
+    for i in range(known.shape[0]):
+        bins[i] *= known[i]
+
+
 @njit
-def _tile(maps, weights, samples, background, size, grids, bins, corner, right, down):
+def _tile(maps, weights, samples, background, size, grids, known, bins, corner, right, down):
     """The measure that the maps make up on all grids; corner, right and down are (N,K), see `_locate`."""
     for i in range(size * size):  # a slice takes two seconds longer to compile, for the message of an error
         bins[i] = background[i]
@@ -216,12 +224,13 @@ def _tile(maps, weights, samples, background, size, grids, bins, corner, right, 
         if weights[n] > 0:
             _locate(maps[n], samples, size, corner[n], right[n], down[n])
             _add(weights[n], samples[2], corner[n], right[n], down[n], size, bins)
+    _leave_out(known, bins)
     for level in range(1, grids):
         _halve(_grid(bins, size, level - 1), _grid(bins, size, level))
 
 
 @vectorized
-def _slopes(bins, roots, size, grids, floor, slope):
+def _slopes(bins, roots, size, grids, floor, known, slope):
     """The derivative of the collage error by each finest bin, in slope[:size²]."""
     share = float32(1 / grids)
     for i in range(roots.shape[0]):
@@ -229,6 +238,7 @@ def _slopes(bins, roots, size, grids, floor, slope):
         slope[i] = share * (root - roots[i]) / root
     for level in range(grids - 1, 0, -1):
         _hand_down(_grid(slope, size, level), _grid(slope, size, level - 1))
+    _leave_out(known, slope)
 
 
 @vectorized
@@ -264,7 +274,7 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
     """The target's samples are (3,K) here, `how` is `Settings`."""
     count = maps.shape[1]
     samples, roots, size, grids = target.samples, target.roots, target.size, target.grids
-    floor = float32(target.floor)
+    floor, known = float32(target.floor), target.known
     for b in prange(maps.shape[0]):
         m, w, background = maps[b], weights[b], backgrounds[chosen[b]]
         bins, slope = np.empty_like(roots), np.empty_like(roots)
@@ -277,8 +287,8 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
             if how.tied:
                 _tie(m, w, total)
             volume = _total_volume(m, w)
-            _tile(m, w, samples, background, size, grids, bins, corner, right, down)
-            _slopes(bins, roots, size, grids, floor, slope)
+            _tile(m, w, samples, background, size, grids, known, bins, corner, right, down)
+            _slopes(bins, roots, size, grids, floor, known, slope)
             pull = 0.0
             for n in range(count):
                 if w[n] > 0:
@@ -304,5 +314,5 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
                 contract(m[n], how.largest, how.smaller)
         if how.tied:
             _tie(m, w, total)
-        _tile(m, w, samples, background, size, grids, bins, corner, right, down)
+        _tile(m, w, samples, background, size, grids, known, bins, corner, right, down)
         errors[b] = _error(bins, roots, grids, floor)

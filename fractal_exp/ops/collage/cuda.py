@@ -111,7 +111,7 @@ def _pushforward(maps, weights, samples, size, shares, masses):
 
 
 @inlined
-def _tile(maps, weights, b, samples, backgrounds, behind, size, grids, masses, bins):
+def _tile(maps, weights, b, samples, backgrounds, behind, size, grids, known, masses, bins):
     """The measure that the maps make up on all grids, by all threads of the block."""
     thread, count = cuda.threadIdx.x, samples.shape[0]
     for i in range(thread, size * size, THREADS):
@@ -124,6 +124,8 @@ def _tile(maps, weights, b, samples, backgrounds, behind, size, grids, masses, b
     cuda.syncthreads()
     for i in range(thread, size * size, THREADS):
         bins[b, i] = backgrounds[behind, i] + float32(masses[b, i] / UNITS)
+        if known.shape[0] > 0:
+            bins[b, i] *= known[i]
     fine, side = 0, size
     for _ in range(1, grids):
         cuda.syncthreads()
@@ -138,7 +140,7 @@ def _tile(maps, weights, b, samples, backgrounds, behind, size, grids, masses, b
 
 
 @inlined
-def _slope(bins, b, roots, size, grids, floor, slopes):
+def _slope(bins, b, roots, size, grids, floor, known, slopes):
     """The derivative of the collage error by each finest bin, by all threads of the block."""
     share = float32(1 / grids)
     for i in range(cuda.threadIdx.x, size * size, THREADS):
@@ -150,7 +152,7 @@ def _slope(bins, b, roots, size, grids, floor, slopes):
             root = math.sqrt(bins[b, cell] + floor)
             total += share * (root - roots[cell]) / root
             start, side, row, column = start + side * side, side // 2, row // 2, column // 2
-        slopes[b, i] = total
+        slopes[b, i] = total * known[i] if known.shape[0] > 0 else total
     cuda.syncthreads()
 
 
@@ -249,7 +251,7 @@ def _advance(maps, weights, b, n, k, by_weight, by_volume, target, how, work):
 @cuda.jit
 def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
     samples, roots, size, grids = target.samples, target.roots, target.size, target.grids
-    floor = float32(target.floor)
+    floor, known = float32(target.floor), target.known
     masses, bins, slopes, gradients = work.masses, work.bins, work.slopes, work.gradients
     b, thread, count = cuda.blockIdx.x, cuda.threadIdx.x, maps.shape[1]
     lanes = cuda.shared.array((THREADS, SUMS), float32)
@@ -260,8 +262,8 @@ def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
     for k in range(1, how.steps + 1):
         if how.tied:
             _tie(maps, weights, b, total)
-        _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, masses, bins)
-        _slope(bins, b, roots, size, grids, floor, slopes)
+        _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, known, masses, bins)
+        _slope(bins, b, roots, size, grids, floor, known, slopes)
         for n in range(0, count, WARPS):
             _pull(maps, weights, b, n, samples, slopes, size, lanes, gradients)
         volume, pull = _total_volume(maps, weights, b), 0.0
@@ -278,7 +280,7 @@ def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
         cuda.syncthreads()
     if how.tied:
         _tie(maps, weights, b, total)
-    _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, masses, bins)
+    _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, known, masses, bins)
     error = float32(0)
     for i in range(thread, roots.shape[0], THREADS):
         difference = math.sqrt(bins[b, i] + floor) - roots[i]

@@ -68,7 +68,8 @@ Settings = namedtuple("Settings", [field.name for field in fields(Descent)])  # 
 
 class Target(NamedTuple):
     """The measure that a descent aims at: samples (K,3) of x, y, mass; the square roots of its bins plus `floor`, all
-    `grids` grids in a row, the finest of `size` cells a side; its mean (2,) and covariance (2,2)."""
+    `grids` grids in a row, the finest of `size` cells a side; its mean (2,) and covariance (2,2); known (G²,): 1 in the
+    finest cells that count, 0 in the others, or empty if all count."""
 
     samples: Tensor
     roots: Tensor
@@ -77,6 +78,7 @@ class Target(NamedTuple):
     size: int
     grids: int
     floor: float
+    known: Tensor
 
 
 def pushforward(maps: Tensor, weights: Tensor, samples: Tensor, size: int) -> Tensor:
@@ -117,6 +119,8 @@ def descend(maps: Tensor, weights: Tensor, target: Target, backgrounds: Tensor, 
 
     def errors(m: Tensor, w: Tensor) -> Tensor:
         bins = background + pushforward(m, w, target.samples, target.size)
+        if len(target.known):
+            bins = bins * target.known.view(target.size, -1)
         return collage_error(bins, target.roots, target.grids, target.floor)
 
     for k in range(1, how.steps + 1):

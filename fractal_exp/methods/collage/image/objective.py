@@ -135,7 +135,7 @@ class Frame:
     """Targets are placed on the canvas by a box: it is centred, and its longer side spans [-0.75, 0.75]. For the random
     suite and the classics this is the attractor's `visible_box`. For a picture file it is the box of the lit pixels,
     which misses faint tips such as a fern's stem by some pixels. Lit pixels may exceed the frame, because the visible
-    box leaves out the rarest tips.
+    box leaves out the rarest tips. A picture that shows a part of its shape has no frame.
 
     side: pixels per side of the image; sigma_px: misfit that counts as much as the counting error of one pixel.
     """
@@ -146,12 +146,14 @@ class Frame:
     @classmethod
     def of(cls, image: Tensor, levels: Levels, params: FrameParams) -> Frame | None:
         """The frame that an image (R,R) fills, or None. Linear images and pictures that others drew have no frame."""
-        return None if levels.is_linear or not levels.is_exact else cls._of(image, params, SHORTEST)
+        has_none = levels.is_linear or not levels.is_exact or levels.known is not None
+        return None if has_none else cls._of(image, params, SHORTEST)
 
     @classmethod
     def firm_of(cls, image: Tensor, levels: Levels, params: FrameParams) -> Frame | None:
         """The frame of a binary image (R,R), of which its lit pixels may fall far short; None for all other images."""
-        return None if levels.is_graded or not params.firm else cls._of(image, params, BINARY_SHORTEST)
+        has_none = levels.is_graded or not params.firm or levels.known is not None
+        return None if has_none else cls._of(image, params, BINARY_SHORTEST)
 
     @classmethod
     def _of(cls, image: Tensor, params: FrameParams, shortest: float) -> Frame | None:

@@ -32,6 +32,7 @@ ON_COARSE = Descent(40, rate=0.04, largest=0.98, prior=0.0)   # of all candidate
 ON_FINE = Descent(15, rate=0.01, largest=0.98, prior=0.0)     # of the kept candidates on the fine grid
 LEAST_WIDTH = 1e-3   # canvas units, whose square is added to the covariance of the image of a map to reorient
 LARGEST = 0.97       # upper limit of the singular values of a reoriented map
+LEAST_PART = 0.3   # share of a measure that lies in a part of it at least
 REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
 
 
@@ -181,7 +182,26 @@ def _blobs(lacking: Tensor, place: Tensor, measure: BinnedMeasure, sizes: Interv
     off = points - mean[:, None]
     least = torch.eye(2, dtype=torch.float64) * (BLOB_LEAST_WIDTH * cell) ** 2
     covariance = (off * window[..., None]).transpose(1, 2) @ off + least
-    source = torch.linalg.cholesky(measure.covariance.cpu().double() + REGULAR * torch.eye(2, dtype=torch.float64))
+    center, spread = _parts(measure, count, generator) if measure.known is not None else (
+        measure.mean.cpu().double(), measure.covariance.cpu().double())
+    source = torch.linalg.cholesky(spread + REGULAR * torch.eye(2, dtype=torch.float64))
     turn = affine.rotations(count, generator, reflections=params.reflections).double()
     matrices = torch.linalg.cholesky(covariance) @ turn @ torch.linalg.inv(source)
-    return affine.sending(matrices, measure.mean.cpu().double(), mean).float()
+    return affine.sending(matrices, center, mean).float()
+
+
+def _parts(measure: BinnedMeasure, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+    """Mean (n,2) and covariance (n,2,2) of parts of a measure: of what lies on one side of a random line. Where the
+    edge of a picture cuts a copy off, what is seen of it is the image of such a part. Every other part is all."""
+    points, mass = measure.samples[:, :2].cpu().double(), measure.samples[:, 2].cpu().double()
+    angle = 2 * torch.pi * torch.rand(count, 1, generator=generator, dtype=torch.float64)
+    share = LEAST_PART + (1 - LEAST_PART) * torch.rand(count, 1, generator=generator, dtype=torch.float64)
+    share[::2] = 1.0
+    along = angle.cos() * points[:, 0] + angle.sin() * points[:, 1]
+    order = along.argsort(1)
+    below = mass[order].cumsum(1) <= share * mass.sum()
+    weight = torch.zeros_like(along).scatter_(1, order, below.double()) * mass
+    weight = weight / weight.sum(1, keepdim=True).clamp_min(1e-12)
+    mean = weight @ points
+    off = points - mean[:, None]
+    return mean, (off * weight[..., None]).transpose(1, 2) @ off

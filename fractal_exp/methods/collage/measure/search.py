@@ -106,8 +106,11 @@ class MeasureSearch:
                  smaller_limit: float = 1.0):
         size = grid_for(masses.shape[0], regime.grid)
         self.params, self.regime, self.seed, self.smaller_limit = params, regime, seed, smaller_limit
-        self.measure, self.coarse = (binned(masses, cells) for cells in (size, size // COARSER))
-        self.slack = params.search.slack * self.measure.bins
+        self._aim_at(*(binned(masses, cells) for cells in (size, size // COARSER)))
+
+    def _aim_at(self, measure: BinnedMeasure, coarse: BinnedMeasure) -> None:
+        self.measure, self.coarse = measure, coarse
+        self.slack = self.params.search.slack * measure.bins
 
     # -- judging ------------------------------------------------------------------------------------------------------
 
@@ -129,9 +132,12 @@ class MeasureSearch:
 
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         """The candidate with its score."""
-        bins = attractor_bins(maps, weights, self.measure.size, points=ATTRACTOR_POINTS, seed=derive(self.seed, "a"))
-        far = float(collage_error(bins[None], self.measure)[0])
+        far = float(collage_error(self._attractor(maps, weights)[None], self.measure)[0])
         return Candidate(maps, weights, error, self.cheap_score(maps, weights, error) + ATTRACTOR_WEIGHT * far)
+
+    def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
+        """The measure (G,G) of the attractor."""
+        return attractor_bins(maps, weights, self.measure.size, points=ATTRACTOR_POINTS, seed=derive(self.seed, "a"))
 
     def descend_batch(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
         """A batch of maps (B,N,6) and weights (B,N) after descent on the whole measure, and its errors (B,)."""
@@ -173,6 +179,7 @@ class MeasureSearch:
 
         columns = pushforward(pool[:, None].contiguous(), torch.ones_like(pool[:, :1]), grid.samples, grid.size)
         scale = (grid.bins + MIXTURE_FLOOR).rsqrt()
+        scale = scale if grid.known is None else scale * grid.known
         found, _ = nnls((columns * scale).flatten(1).T.cpu().double().numpy(),
                         (grid.bins * scale).flatten().cpu().double().numpy())
         best = np.argsort(-found)[:max(most, self.params.maps or 0)]
@@ -192,21 +199,21 @@ class MeasureSearch:
         """The better of `now` and the best of its neighbours."""
         g = generator(self.seed, "step", number)
         sets = self._with_births([self._ruined(now, g) for _ in range(self.params.search.proposals)], g)
-        batch = _padded([(each.maps, each.weights) for each in sets])
-        maps, weights, errors = self.descend_batch(*batch, NEIGHBOUR)
-        scores = []
-        for i, each in enumerate(sets):
-            n = len(each.maps)
-            scores.append(self.cheap_score(maps[i, :n], weights[i, :n], float(errors[i])))
-        best = int(np.argmin(scores))
-        count, error = len(sets[best].maps), float(errors[best])
+        tried = self._neighbours([(each.maps, each.weights) for each in sets])
+        maps, weights, error = min(tried, key=lambda each: self.cheap_score(*each))
         if error > ACCEPT_ERROR * now.error + PRICES * self.regime.price:
             return now
-        new = self.pruned(maps[best, :count], weights[best, :count], error)
+        new = self.pruned(maps, weights, error)
         if new.score > ACCEPT_SCORE * now.score:
             return now
         new = self.judged(*self.descend_one(new.maps, new.own_weights, ACCEPT))
         return self.merged(new) if new.score < now.score else now
+
+    def _neighbours(self, sets: list[tuple[Tensor, Tensor]]) -> list[tuple[Tensor, Tensor, float]]:
+        """Sets of maps (N,6) and weights (N,) after descent, with their errors."""
+        maps, weights, errors = self.descend_batch(*_padded(sets), NEIGHBOUR)
+        counts = [len(each) for each, _ in sets]
+        return [(maps[i, :n], weights[i, :n], float(errors[i])) for i, n in enumerate(counts)]
 
     def _ruined(self, now: Candidate, g: torch.Generator) -> _Ruined:
         """The set without some maps, which are close together or anywhere."""

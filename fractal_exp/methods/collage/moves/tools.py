@@ -16,6 +16,7 @@ from ....runtime.seeds import derive
 from ..bins import binned, correction, grid_for, saturation_corrected
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered, error_of
+from ..measure.windows import completed, seen
 from ..simplify.loop import Price, pruned
 from ..state import WeightedMaps
 
@@ -71,9 +72,10 @@ class CorrectedMeasure:
         params = objective.params
         factors = correction(masses, code.code, objective.levels, params.saturation, seed)
         corrected = masses * factors
-        size = grid_for(masses.shape[0], params.moves.grid)
-        return cls(binned(corrected, size), binned(corrected, size // 2), factors,
-                   corrected.sum())
+        size, known, resolution = grid_for(masses.shape[0], params.moves.grid), objective.levels.known, len(masses)
+        fine, coarse = (completed(seen(corrected, cells, known), code, resolution, known, seed)
+                        for cells in (size, size // 2))
+        return cls(fine, coarse, factors, corrected.sum())
 
     def explained(self, rendered: Rendered, volume: Tensor, objective: ImageObjective) -> Tensor:
         """The part (G,G) of the measure that maps of a code of this volume tile, or that their rendering shows. If a
@@ -82,10 +84,10 @@ class CorrectedMeasure:
         measure = self.fine
         shares = affine.volumes(rendered.maps) / volume if rendered.weights is None else rendered.weights
         tiled = pushforward(rendered.maps[None], shares[None], measure.samples, measure.size)[0]
-        seen = objective.levels.measure(rendered.image) * self.correction
-        if bool(seen.any()):
-            shown = binned(seen, measure.size)
-            tiled = torch.maximum(tiled, shown.bins * (seen.sum() / self.total))
+        drawn = objective.levels.measure(rendered.image) * self.correction
+        if bool(drawn.any()):
+            shown = binned(drawn, measure.size)
+            tiled = torch.maximum(tiled, shown.bins * (drawn.sum() / self.total))
         return torch.minimum(tiled, measure.bins)
 
 
@@ -98,7 +100,8 @@ class Tools:
                  deadline: Deadline = NO_DEADLINE):
         self.objective, self.params, self.masses, self.seed = objective, objective.params, masses, seed
         levels = objective.levels  # without greys, small maps gather around a wrong one and hardly raise the error
-        worth = 0.0 if levels.is_exact and levels.is_graded else self.params.moves.worth
+        is_sure = levels.is_exact and levels.is_graded and levels.known is None  # nor where most of a map is not seen
+        worth = 0.0 if is_sure else self.params.moves.worth
         self.price, self.deadline = Price(self.params.moves.price * noise, worth), deadline
         self.corrected_measure = Latest(
             lambda code: CorrectedMeasure.of(masses, code, objective, derive(seed, "correct")))
@@ -132,14 +135,15 @@ class Tools:
         Before each grid, the code so far corrects the image's masses for saturation, so that the collage error nearly
         vanishes for the true code. weights (N,) are free to move; None: they are tied to |det| + 0.01.
         """
-        refine, size, rate = self.params.refine, COARSEST, RATE
+        refine, size, rate, known = self.params.refine, COARSEST, RATE, self.objective.levels.known
         best = now = self.objective.judge(maps, weights)
         finest = grid_for(self.masses.shape[0], refine.finest)
         while refine.steps and size <= finest:
             how = Descent(refine.steps, rate=rate, largest=LARGEST, prior=0.0, tied=weights is None)
             corrected = saturation_corrected(self.masses, now.code, self.objective.levels, self.params.saturation,
                                              derive(self.seed, "refine", size))
-            moved, shares, _ = descend(now.maps[None], now.probabilities[None], binned(corrected, size, GRIDS), how)
+            measure = completed(seen(corrected, size, known, GRIDS), now, len(corrected), known, self.seed)
+            moved, shares, _ = descend(now.maps[None], now.probabilities[None], measure, how)
             now = self.objective.judge(moved[0], None if weights is None else shares[0] / shares[0].sum())
             best = min(best, now, key=error_of)
             size, rate = 2 * size, rate / 2

@@ -104,7 +104,8 @@ class SearchProblem:
     @property
     def is_crossed(self) -> bool:
         """Whether populations of sets replace stages 1 and 2."""
-        return self.levels.is_linear and 2 <= (self.params.maps or 0) <= self.params.population.most_maps
+        few = 2 <= (self.params.maps or 0) <= self.params.population.most_maps
+        return self.levels.is_linear and few and self.levels.known is None
 
     @cached_property
     def is_framed_firmly(self) -> bool:

@@ -55,7 +55,8 @@ class Grower:
             shown = objective.judge(found.maps, found.weights)
             return objective.likeness(shown.image) if objective.levels.is_exact else objective.likeness_of(shown)
         drawn, again = objective.render(found.code), objective.render(found.code, "again")
-        return max(0.0, min(1.0, share_inside(drawn, self.image, again, objective.levels.lit_above)))
+        return max(0.0, min(1.0, share_inside(drawn, self.image, again, objective.levels.lit_above,
+                                              objective.levels.known)))
 
     def _shown(self, maps: WeightedMaps, mass: float) -> Grown:
         """Maps with the camera that shows them, whose drawing has this mass."""
@@ -75,6 +76,6 @@ class Grower:
                        blur=2 * (BLUR_PX / side if known.blur_px is None else known.blur_px / len(self.image)))
         if self.is_grey:
             return found
-        dots = kind_of(Dots.kind)(levels.params, self.image, kinds=(Dots.kind,))
+        dots = kind_of(Dots.kind)(levels.params, self.image, kinds=(Dots.kind,)).within(levels.known)
         return showing(self.image, dots, maps.code, self.seed) or found
 

@@ -137,8 +137,9 @@ class Sketch(Growth):
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
-        """Whether the image, which others drew, is grey inside."""
-        return problem.params.growth.enabled and may_be_density(problem.image)
+        """Whether the image, which others drew, is grey inside and shows a whole shape."""
+        is_whole = problem.levels.known is None
+        return problem.params.growth.enabled and is_whole and may_be_density(problem.image)
 
     def _counts(self) -> list[int]:
         counts = super()._counts()

@@ -10,6 +10,7 @@ from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ..bins import saturation_corrected
 from ..measure.search import WRONG_NUMBER, MeasureSearch, Regime
+from ..measure.windows import search_on
 from ..state import Candidate, State
 from .base import Stage
 
@@ -31,7 +32,7 @@ class MeasureStage(Stage):
         if found is not None:
             levels = with_camera(self.problem.levels, state.measured_through)
             masses = saturation_corrected(masses, found.code, levels, self.params.saturation, seed)
-        return MeasureSearch(masses, regime, self.params, seed, self._smaller_limit(state))
+        return search_on(masses, self.problem.levels.known, regime, self.params, seed, self._smaller_limit(state))
 
     def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the

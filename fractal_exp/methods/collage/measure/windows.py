@@ -1,0 +1,125 @@
+"""The measure of a picture that shows a part of a shape, and the search on it.
+
+Copies of what the picture does not show may lie where it shows something. So the measure of a code goes on beyond the
+window as the code's own attractor does: what is seen and what is inferred are pushed through the maps together, and
+errors count where something is seen. The true code agrees with the measure that it completes itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from ....cameras.points import attractor_points
+from ....images.known import Known
+from ....ops.collage import BinnedMeasure, collage_error
+from ....runtime.seeds import derive
+from ..bins import binned, grid_for, hats
+from ..params import CollageParams
+from ..state import Candidate, WeightedMaps
+from .search import COARSER, NEIGHBOUR, MeasureSearch, Regime
+
+POINTS = 40_000     # of the attractor, that complete a measure
+MOST_UNSEEN = 4.0   # mass, relative to what is seen, that may be inferred
+FARTHEST = 20.0     # canvas units, from whose middle on no mass is inferred
+LEAST_SEEN = 1e-3   # mass of an attractor in the window, below which it is not scaled up to what is seen
+SLACK = 0.6         # share of what is seen that counts as explained: holes that unseen copies leave weigh less
+DEARER = 1.5        # factor on the price of a map: what is not seen leaves room for maps that only patch what is
+DESCENTS = 2        # of a neighbour, each on the measure that the set before it completes
+
+
+def seen(masses: Tensor, size: int, known: Known | None, grids: int = BinnedMeasure.grids) -> BinnedMeasure:
+    """`binned`, with the cells that count: those that only known pixels share."""
+    if known is None:
+        return binned(masses, size, grids)
+    shares, pixels = hats(len(masses), size).to(masses), known.mask(len(masses)).to(masses)
+    measure = binned(masses * pixels, size, grids)
+    unknown = shares.T @ (1 - pixels) @ shares
+    counts = (unknown <= 0).to(measure.bins)
+    return replace(measure, bins=measure.bins * counts, known=counts)
+
+
+def unseen(found: WeightedMaps, resolution: int, size: int, known: Known, seed: int) -> Tensor:
+    """The attractor of a code beyond what an image (R,R) shows, as samples (K,3) of x, y and mass, relative to the mass
+    in what it shows: the centroids of cells as large as those of a grid of this size."""
+    points = attractor_points(found.maps, found.probabilities, POINTS, seed)
+    inside = known.holds(points, resolution)
+    beyond = points[~inside & (points.abs() < FARTHEST).all(1)]
+    share = min(MOST_UNSEEN, len(beyond) / max(1, int(inside.sum())))
+    place = ((beyond + FARTHEST) * (size / 2)).floor().long()
+    _, cell, counts = (place[:, 0] * round(FARTHEST * size + 1) + place[:, 1]).unique(return_inverse=True,
+                                                                                      return_counts=True)
+    sums = torch.zeros(len(counts), 2).to(beyond).index_add_(0, cell, beyond)
+    return torch.cat([sums / counts[:, None], (share / max(1, len(beyond)) * counts)[:, None]], 1)
+
+
+def completed(measure: BinnedMeasure, found: WeightedMaps, resolution: int, known: Known | None, seed: int
+              ) -> BinnedMeasure:
+    """The measure of an image (R,R) that goes on beyond it as the attractor of a code does."""
+    if known is None:
+        return measure
+    more = unseen(found, resolution, measure.size, known, seed)
+    return replace(measure, samples=torch.cat([measure.samples, more]).contiguous())
+
+
+class WindowSearch(MeasureSearch):
+    """`MeasureSearch` on such a measure. Each set is judged on the measure that it completes itself."""
+
+    def __init__(self, masses: Tensor, known: Known, regime: Regime, params: CollageParams, seed: int = 0,
+                 smaller_limit: float = 1.0):
+        self.params = params.updated(search={"slack": max(SLACK, params.search.slack)})
+        self.regime, self.seed, self.smaller_limit = regime, seed, smaller_limit
+        self.known, self.resolution, size = known, len(masses), grid_for(len(masses), regime.grid)
+        self.seen = [seen(masses, cells, known) for cells in (size, size // COARSER)]
+        self._aim_at(*self.seen)
+
+    def _complete(self, found: WeightedMaps) -> None:
+        seed = derive(self.seed, "unseen")
+        self._aim_at(*(completed(each, found, self.resolution, self.known, seed) for each in self.seen))
+
+    def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
+        self._complete(WeightedMaps(maps, weights))
+        return super().judged(maps, weights, self._error(maps, weights))
+
+    def _error(self, maps: Tensor, weights: Tensor) -> float:
+        return float(collage_error(self._explained(maps, weights)[None], self.measure)[0])
+
+    def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
+        """The measure (G,G) of the attractor in the window, of the mass that is seen there."""
+        bins = super()._attractor(maps, weights) * self.measure.known
+        return bins * (self.measure.bins.sum() / bins.sum().clamp_min(LEAST_SEEN))
+
+    def resume(self, found: Candidate) -> Candidate:
+        self._complete(found)
+        return super().resume(found)
+
+    def step(self, now: Candidate, number: int) -> Candidate:
+        return super().step(self.judged(now.maps, now.own_weights, now.error), number)
+
+    def _price(self, count: int) -> float:
+        return super()._price(count) + (DEARER - 1) * self.regime.price * count
+
+    def pruned(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
+        self._complete(WeightedMaps(maps, weights))
+        return super().pruned(maps, weights, error)
+
+    def _neighbours(self, sets: list[tuple[Tensor, Tensor]]) -> list[tuple[Tensor, Tensor, float]]:
+        return [self._settled(*each) for each in sets]
+
+    def _settled(self, maps: Tensor, weights: Tensor) -> tuple[Tensor, Tensor, float]:
+        """A set after descents on what it completes, and its error there."""
+        for _ in range(DESCENTS):
+            self._complete(WeightedMaps(maps, weights))
+            maps, weights, _ = self.descend_one(maps, weights, NEIGHBOUR)
+        self._complete(WeightedMaps(maps, weights))
+        return maps, weights, self._error(maps, weights)
+
+
+def search_on(masses: Tensor, known: Known | None, regime: Regime, params: CollageParams, seed: int,
+              smaller_limit: float = 1.0) -> MeasureSearch:
+    """The search on the masses (R,R) of an image that shows a part of the canvas, None: all of it."""
+    if known is None:
+        return MeasureSearch(masses, regime, params, seed, smaller_limit)
+    return WindowSearch(masses, known, regime, params, seed, smaller_limit)

@@ -55,12 +55,13 @@ class Verdict:
         likeness: to the target; stopped: why the method ended; options: of the method, among them maps, at_most and
         seconds.
         """
+        part = "" if target.known is None else ", as far as the picture shows it"
         if likeness.noise_ratio < WITHIN_NOISE:
-            return cls("recovered", "recovered: the picture is explained to its noise")
+            return cls("recovered", f"recovered: the picture is explained to its noise{part}")
         unclear = target.unclear
         inside = _is_alike_inside(likeness, target)
         if likeness.f1_1px >= ALIKE and maps <= FEW_MAPS and inside and not unclear:
-            return cls("recovered", f"recovered: the shape is explained to within a pixel by {maps} maps")
+            return cls("recovered", f"recovered: the shape is explained to within a pixel by {maps} maps{part}")
         figures = f"F1 {_short(likeness.f1_1px)} within a pixel"
         if likeness.ssim is not None:
             figures += f", SSIM {_short(likeness.ssim)} inside"

@@ -102,8 +102,11 @@ def read_target(
     half the resolution. The background and its noise become 0; a shape of one flat colour becomes 1. Axes, frames,
     text, specks and all but the largest of several solid shapes are left out. A drawing of a code on black stays as it
     is. A lossy WebP and a TIFF with JPEG compression count as JPEG here.
-    crop: (left, top, right, bottom), the part of the upright picture that is read as if it were all, in pixels from the
-    upper left corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
+    crop: (left, top, right, bottom), the part of the upright picture that is read, in pixels from the upper left
+    corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
+    With "fit", a picture or a crop that cuts its shape off is read as a part: `known` is the box that it shows, and a
+    note says so. A picture does if a side of it is lit along more than 3% and at most 95% of the shape's span; a crop
+    does on each side that the shape reaches.
     levels: what the grey levels mean, see `TargetImage`; "auto" decides by their look.
     most_pixels: of a file, as many as are decoded: fewer than it has for a large JPEG without `crop`.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.pictures import binary, density_maps, judging, textbook, tone_curves
+from benchmarks.pictures import binary, density_maps, judging, textbook, tone_curves, windows
 from benchmarks.pictures.figures import FIGURES, Truth
 from benchmarks.pictures.growth import GROWTH
 from benchmarks.pictures.report import MAIN_SCORES
@@ -162,3 +162,15 @@ def test_a_redrawn_picture_shows_the_same_fractal_elsewhere(name):
         read = read_target(picture, 128)
         truth = textbook.pictures()[name].draw(0 if set_ is first else 1).truth_on(read.placement)
         assert set_.score(name, truth.code, read)["exact"]
+
+
+@pytest.mark.parametrize("name", ["cut-suite-002", "cut-gasket-8-blue", "zoom2-fern"])
+def test_the_truth_of_a_part_lies_on_what_is_shown_of_it_and_goes_on_beyond(name):
+    read = read_target(windows.part(name).pixels, 128)
+    true = windows.truth(name, read)
+    assert read.known is not None
+    scores = windows.score(name, true, read)
+    assert scores["f1_known"] == scores["f1_truth"] == 1 and scores["recovered"]
+    drawn, mask = judging.drawing(true, 128), read.known.mask(128).numpy()
+    assert judging.f1_within_a_pixel(judging.shape_of(read.image.numpy()) & mask, drawn & mask) > 0.9
+    assert (drawn & ~mask).sum() > 0.05 * drawn.sum()   # the canvas does not hold all that lies outside

@@ -216,15 +216,16 @@ def _leave_out(known, bins):
 
 
 @njit
-def _tile(maps, weights, samples, background, size, grids, known, bins, corner, right, down):
+def _tile(maps, weights, target, background, bins, corner, right, down):
     """The measure that the maps make up on all grids; corner, right and down are (N,K), see `_locate`."""
+    samples, size, grids = target.samples, target.size, target.grids
     for i in range(size * size):  # a slice takes two seconds longer to compile, for the message of an error
         bins[i] = background[i]
     for n in range(maps.shape[0]):
         if weights[n] > 0:
             _locate(maps[n], samples, size, corner[n], right[n], down[n])
             _add(weights[n], samples[2], corner[n], right[n], down[n], size, bins)
-    _leave_out(known, bins)
+    _leave_out(target.known, bins)
     for level in range(1, grids):
         _halve(_grid(bins, size, level - 1), _grid(bins, size, level))
 
@@ -287,7 +288,7 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
             if how.tied:
                 _tie(m, w, total)
             volume = _total_volume(m, w)
-            _tile(m, w, samples, background, size, grids, known, bins, corner, right, down)
+            _tile(m, w, target, background, bins, corner, right, down)
             _slopes(bins, roots, size, grids, floor, known, slope)
             pull = 0.0
             for n in range(count):
@@ -314,5 +315,5 @@ def _descend(maps, weights, target, backgrounds, chosen, how, errors):
                 contract(m[n], how.largest, how.smaller)
         if how.tied:
             _tie(m, w, total)
-        _tile(m, w, samples, background, size, grids, known, bins, corner, right, down)
+        _tile(m, w, target, background, bins, corner, right, down)
         errors[b] = _error(bins, roots, grids, floor)

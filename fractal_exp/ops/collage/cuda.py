@@ -111,8 +111,9 @@ def _pushforward(maps, weights, samples, size, shares, masses):
 
 
 @inlined
-def _tile(maps, weights, b, samples, backgrounds, behind, size, grids, known, masses, bins):
+def _tile(maps, weights, b, target, backgrounds, behind, masses, bins):
     """The measure that the maps make up on all grids, by all threads of the block."""
+    samples, size, grids, known = target.samples, target.size, target.grids, target.known
     thread, count = cuda.threadIdx.x, samples.shape[0]
     for i in range(thread, size * size, THREADS):
         masses[b, i] = 0
@@ -262,7 +263,7 @@ def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
     for k in range(1, how.steps + 1):
         if how.tied:
             _tie(maps, weights, b, total)
-        _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, known, masses, bins)
+        _tile(maps, weights, b, target, backgrounds, chosen[b], masses, bins)
         _slope(bins, b, roots, size, grids, floor, known, slopes)
         for n in range(0, count, WARPS):
             _pull(maps, weights, b, n, samples, slopes, size, lanes, gradients)
@@ -280,7 +281,7 @@ def _descend(maps, weights, target, backgrounds, chosen, how, work, errors):
         cuda.syncthreads()
     if how.tied:
         _tie(maps, weights, b, total)
-    _tile(maps, weights, b, samples, backgrounds, chosen[b], size, grids, known, masses, bins)
+    _tile(maps, weights, b, target, backgrounds, chosen[b], masses, bins)
     error = float32(0)
     for i in range(thread, roots.shape[0], THREADS):
         difference = math.sqrt(bins[b, i] + floor) - roots[i]

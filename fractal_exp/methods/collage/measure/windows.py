@@ -88,6 +88,7 @@ class WindowSearch(MeasureSearch):
 
     def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
         """The measure (G,G) of the attractor in the window, of the mass that is seen there."""
+        assert self.measure.known is not None
         bins = super()._attractor(maps, weights) * self.measure.known
         return bins * (self.measure.bins.sum() / bins.sum().clamp_min(LEAST_SEEN))
 

@@ -1,0 +1,91 @@
+"""A picture that cuts its shape off is read as a part: the box that it shows is known, and what lies beyond is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image, ImageDraw
+
+from fractal_exp import InputError, codes
+from fractal_exp.ifs import attractor
+from fractal_exp.images.known import Known
+from fractal_exp.images.levels import TargetImage
+from fractal_exp.images.reading import ReadImage, read_target
+from fractal_exp.inversion import Inversion
+from fractal_exp.likeness import Likeness, camera_for
+from fractal_exp.rendering.still import render
+from fractal_exp.verdict import Verdict
+
+FERN = attractor.normalize(codes.known("fern"))
+SIDE = 96
+
+
+@pytest.fixture(scope="module")
+def fern() -> np.ndarray:
+    """The fern on 400² pixels, whole."""
+    return (255 * render(FERN, resolution=400)).round().byte().numpy()
+
+
+def told(read: ReadImage) -> list[str]:
+    return [note for note in read.notes if "cuts the shape off" in note]
+
+
+def test_a_picture_that_cuts_a_shape_off_is_read_as_a_part(fern):
+    read = read_target(fern[:250, :215], SIDE)
+    known = read.known
+    assert known is not None and (known.left, known.top) == (-1.0, 1.0)
+    x, y = read.placement.to_canvas((215, 250))
+    assert known.right == pytest.approx(x, abs=0.02) and known.bottom == pytest.approx(y, abs=0.02)
+    assert len(told(read)) == 1 and "(right, bottom)" in told(read)[0]
+    assert (read.image[~known.mask(SIDE)] <= read.image.max() / 2).all()
+
+
+def test_a_whole_picture_knows_all(fern):
+    read = read_target(fern, SIDE)
+    assert read.known is None and not told(read)
+
+
+def test_a_crop_that_cuts_a_shape_off_is_a_part_too_and_one_that_holds_it_is_not(fern):
+    part = read_target(fern, SIDE, crop=(0, 0, 400, 250))
+    assert part.known == read_target(fern[:250], SIDE).known is not None
+    assert read_target(fern, SIDE, crop=(20, 20, 390, 390)).known is None
+
+
+def test_a_tip_or_a_straight_side_may_touch_the_edge():
+    diamond = Image.new("L", (261, 261))
+    ImageDraw.Draw(diamond).polygon([(0, 130), (130, 0), (260, 130), (130, 260)], fill=255)
+    assert read_target(np.asarray(diamond), SIDE).known is None
+    block = np.zeros((200, 200), np.uint8)
+    block[50:150, :100] = 255   # lit along all of its span
+    read = read_target(block, SIDE)
+    assert read.known is None and any("it is taken to end there" in note for note in read.notes)
+    assert read_target(np.pad(block, ((0, 0), (40, 0))), SIDE, crop=(40, 0, 240, 200)).known is not None
+
+
+def test_what_is_known_is_kept_with_other_levels():
+    known = Known(-1.0, -0.5, 1.0, 1.0)
+    target = TargetImage(torch.rand(SIDE, SIDE), levels="drawn", known=known)
+    assert TargetImage.of(target).known == known == TargetImage.of(target, "coverage").known
+    assert TargetImage.of(target.image).known is None
+
+
+def test_a_result_keeps_what_is_known_in_its_file(fern, tmp_path):
+    read = read_target(fern[:250], SIDE)
+    scale = 2 * 200 / read.placement.side
+    code = FERN.similar(scale, tuple(read.placement.to_canvas((200, 200)).tolist()))
+    camera = camera_for(code, read)
+    likeness = Likeness.of(code, read, camera)
+    found = Inversion(code, read, read.image, likeness, Verdict.of(likeness, 4, read), camera, (), "", 0.0, "collage")
+    words = "recovered: the shape is explained to within a pixel by 4 maps, as far as the picture shows it"
+    assert found.verdict.words == words
+    again = Inversion.load(found.save(tmp_path / "found"))
+    assert again.target.known == read.known is not None
+    whole = replace(found, target=replace(read, known=None))
+    assert Inversion.load(whole.save(tmp_path / "whole")).target.known is None
+    file = tmp_path / "found" / "inversion.json"
+    file.write_text(file.read_text().replace('"top": 1.0', '"top": 7.0'))
+    with pytest.raises(InputError, match="must be a box within"):
+        Inversion.load(tmp_path / "found")

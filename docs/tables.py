@@ -274,6 +274,16 @@ def tone_curves(folder: Path) -> tuple[list[str], Rows]:
     return ["", "pictures", "F1 with the true attractor", "recovered"], rows
 
 
+def windows(folder: Path) -> tuple[list[str], Rows]:
+    """Parts of shapes: cuts, of pictures that others drew and of the suite, and zooms."""
+    fits = frame(folder)
+    fits = fits.assign(suite=fits["picture"].str.contains("suite"))
+    rows = [[str(kind), "random suite" if of_suite else "textbook and classics", f"{len(each)}",
+             short(each["f1_known"].mean()), short(each["f1_truth"].mean()), f"{each['recovered'].sum()}"]
+            for (kind, of_suite), each in fits.groupby(["kind", "suite"])]
+    return ["", "", "pictures", "F1 in what is shown", "F1 of the whole attractor", "recovered"], rows
+
+
 def fractaldb(*folders: Path) -> tuple[list[str], Rows]:
     """Codes of FractalDB-1k for reporting, by kind of picture, number of maps and contraction."""
     from benchmarks.pictures.tables import contraction
@@ -352,5 +362,5 @@ def dimensions(path: Path) -> tuple[list[str], Rows]:
 
 MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {
     each.__name__: each for each in (suite, codes, parts, ablation, worked_example, textbook, trees, binary, shapes,
-                                     photographs, photographs_in_colour, equal_bytes, density, tone_curves, fractaldb,
-                                     classics, datasets, speed, dimensions)}
+                                     photographs, photographs_in_colour, equal_bytes, density, tone_curves, windows,
+                                     fractaldb, classics, datasets, speed, dimensions)}

@@ -1,5 +1,5 @@
-"""Pictures from elsewhere: textbook fractals, trees, density maps, shapes, the binary suite, tone curves, FractalDB-1k,
-and samples of long ago.
+"""Pictures from elsewhere: textbook fractals, trees, density maps, shapes, the binary suite, tone curves, windows,
+FractalDB-1k, and samples of long ago.
 
     python -m benchmarks.pictures textbook --seconds 30                    all pictures of the set, half a minute each
     python -m benchmarks.pictures textbook --tuning --names 'koch*' '*-jpeg'   some of those for tuning
@@ -8,6 +8,7 @@ and samples of long ago.
     python -m benchmarks.pictures fractaldb_dots --fractaldb FOLDER        codes of FractalDB-1k, as that set draws them
     python -m benchmarks.pictures binary --report                          only the tables and sheets of what is there
     python -m benchmarks.pictures tone_curves --set 'levels="tonemapped"'   densities seen through gamma and logarithm
+    python -m benchmarks.pictures windows --names 'cut-*'                  parts of shapes, cut off on one or two sides
     python -m benchmarks.pictures binary --from-truth                      what is lost apart from the search
     python -m benchmarks.pictures textbook --judge                         the codes that are there, scored again
     python -m benchmarks.pictures textbook --draw FOLDER                   only the pictures themselves

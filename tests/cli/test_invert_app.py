@@ -84,6 +84,7 @@ def test_a_picture_is_all_it_needs(folder, method, capsys):
     written = {path.name for path in (folder / "gasket-fractal").iterdir()}
     assert written == {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "overlay.png",
                        "code.html"}
+    assert "searched for" not in out, "the method has no limit"
     assert len(IFS.load(folder / "gasket-fractal" / "code.json")) == 3
     assert Image.open(folder / "gasket-fractal" / "rendering.png").size == (1024, 1024)
     width, height = Image.open(folder / "gasket-fractal" / "overlay.png").size

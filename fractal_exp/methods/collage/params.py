@@ -231,8 +231,8 @@ class GrowthParams(Params):
     enabled: bool = True
     """Whether maps are grown where the search finds no code."""
     counts: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (16, 64, 128, 256, 512)
-    """Numbers of maps on the curve, besides the number that is asked for. With a time limit, only that number is
-    grown."""
+    """Numbers of maps on the curve, besides the number that is asked for. Under a time limit of
+    less than a minute, only that number is grown."""
     usual: Annotated[int, Field(ge=2)] = 128
     """Maximum number of maps if nothing is asked for."""
     enough: Share = 0.95

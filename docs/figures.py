@@ -163,7 +163,6 @@ def elsewhere() -> None:
     """
     from benchmarks.pictures import fitting
     from benchmarks.pictures.sets import SETS
-
     from fractal_exp.images.samples import retina_vessels
 
     side, gap, left, top = 190, 8, 118, 26

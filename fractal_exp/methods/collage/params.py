@@ -192,8 +192,6 @@ class GaussNewtonParams(Params):
     """Multiples of a step that are tried while the error falls."""
     last_patience: Positive = 2
     """Steps without gain, in a row, after which the last polish of a stage ends."""
-    largest: SingularValue = 0.9995
-    """Largest singular value that a map may have, rounded or not."""
     points_per_cell: Factor = 6.0
     """Points of the chaos game per cell of the finest grid, in a Jacobian from points."""
 

@@ -304,7 +304,7 @@ def _backward(lists, shares, grid, blocks, transmittance, grad_image, factors, g
     steps = np.arange(-reach, reach + 1).astype(np.float32)
     for worker in prange(len(shares) - 1):
         # dL/dI · T in the tile and around it, as far as footprints whose centre is in the tile may reach.
-        buffer = np.empty((tile + 2 * reach, stride), np.float32)
+        buffer = np.empty((tile + 2 * reach + 1, stride), np.float32)
         flat = buffer.reshape(-1)
         batch = _batch(reach, len(blocks))
         own = np.empty(BATCH, np.int32)
@@ -329,13 +329,19 @@ def _backward(lists, shares, grid, blocks, transmittance, grad_image, factors, g
                         place = (first - top + reach) * stride + batch.column[i, b] - left + margin
                         gauss = load(batch.along_x, (i * len(blocks) + b) * LANES)
                         part = zeros()
-                        for r in range(first - row + reach, end - row + reach):
+                        # Two rows at a time, for one division. A last row of its own has a neighbour without weight.
+                        for r in range(first - row + reach, end - row + reach, 2):
                             alpha = gauss * repeat(batch.along_y, i * batch.rows + r)
-                            others = load(flat, place) * alpha / (1 - at_most(alpha, ALPHA_MAX))
-                            others = at_least(alpha, ALPHA_MIN, others)  # where there are no others, NaN is not seen
-                            part += others
-                            along_y += others * repeat(steps, r)
-                            place += stride
+                            beta = gauss * repeat(batch.along_y, i * batch.rows + r + 1)
+                            passed_a, passed_b = 1 - at_most(alpha, ALPHA_MAX), 1 - at_most(beta, ALPHA_MAX)
+                            inverse = 1 / (passed_a * passed_b)
+                            # NaN is not seen where a splat does not reach.
+                            others = at_least(alpha, ALPHA_MIN, load(flat, place) * alpha * (passed_b * inverse))
+                            below = at_least(beta, ALPHA_MIN, load(flat, place + stride) * beta * (passed_a * inverse))
+                            both = others + below
+                            part += both
+                            along_y += both * repeat(steps, r) + below
+                            place += 2 * stride
                         whole += part
                         along_x += part * count_up(float32(batch.column[i, b] - nearest[code, k, 0]))
                     gx = total(along_x - whole * offset[code, k, 0])

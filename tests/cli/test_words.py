@@ -126,11 +126,30 @@ def test_jobs_of_m_are_named_by_what_they_vary_and_end_in_a_table(tmp_path):
     assert set(frame["tags.mlflow.runName"]) == {f"fern, chaotic{variant}, model.maps={maps}"
                                                  for variant in ("", ", naive") for maps in (2, 3)}
     assert sorted(frame["tags.variant"]) == ["full", "full", "naive", "naive"]
-    assert printed.count("the paper's method, naive,") == 2
+    for maps in (2, 3):
+        assert f"fern (model=naive model.maps={maps}): the paper's method, naive," in printed
+        assert f"fern (model=svd model.maps={maps}): the paper's method, 32²" in printed
     table = printed.splitlines()[-5:]
     assert "f1" in table[0] and [line.split()[:2] for line in table[1:]] == [
         [f"model={model}", f"model.maps={maps}"] for model in ("naive", "svd") for maps in (2, 3)], printed
     assert len({path.name for path in (tmp_path / "fits").iterdir() if "-naive-" in path.name}) == 2
+
+
+def test_a_run_is_named_by_what_its_command_sets(tmp_path):
+    for rate in ("1e-3", "2e-3"):
+        status, printed = run_here(composed, f"optimizer.lr={rate}", "scale=smoke", "iterations=2",
+                                   "resolution=32", "threads=1", f"output={tmp_path}")
+        assert status == 0, printed
+    frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
+    assert set(frame["name"]) == {f"fern, chaotic, optimizer.lr={rate}, scale=smoke, iterations=2, "
+                                  "resolution=32" for rate in ("1e-3", "2e-3")}
+
+
+def test_a_loss_of_ones_own_names_the_variant(tmp_path):
+    (tmp_path / "loss").mkdir()
+    (tmp_path / "loss" / "edges.yaml").write_text("defaults: [full, _self_]\nweights: {mse: 2.0}\n")
+    status, printed = run_here(composed, "--config-dir", str(tmp_path), "loss=edges", *SHOWN, "--resolve")
+    assert status == 0 and "\nvariant: edges\n" in printed, printed
 
 
 def completed(*given: str) -> list[str]:

@@ -3,6 +3,7 @@
 import argparse
 import errno
 import json
+import os
 
 import numpy as np
 import pytest
@@ -85,6 +86,15 @@ def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(mo
     told = ["seed=1: this seed is out", "seed=3: ZeroDivisionError: of ours"]
     assert [f"  {line}" for line in told] == printed.splitlines()[-2:] and "2 failed" in printed
     assert "Traceback" in printed, "of the defect"
+
+
+@pytest.mark.parametrize(("failed", "followed"), [(None, [os.getppid()]), ([], [])], ids=["worker", "command"])
+def test_a_worker_of_a_launcher_ends_with_the_command_that_started_it(failed, followed, monkeypatch):
+    ends_with = []
+    monkeypatch.setattr(composed, "failed", failed)
+    monkeypatch.setattr(composed.parent, "follow", ends_with.append)
+    monkeypatch.setattr(composed, "done", lambda program, work, config: "done")
+    assert composed._fit(OmegaConf.create({"task": "os.getpid"})) == "done" and ends_with == followed
 
 
 @pytest.mark.parametrize("tracking", ["mlflow", "none"])

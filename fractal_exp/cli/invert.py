@@ -101,8 +101,13 @@ def invert_picture(options: argparse.Namespace) -> None:
                           levels=options.levels)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
-    found = invert(picture, method=options.method, colour=options.colour, seed=options.seed, seconds=options.seconds,
-                   progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
+    try:
+        found = invert(picture, method=options.method, colour=options.colour, seed=options.seed,
+                       seconds=options.seconds, progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True,
+                       **settings)
+    except KeyboardInterrupt:
+        print("\nfractal-invert: interrupted before there was a code that could be written", file=sys.stderr)
+        raise SystemExit(130) from None
     make_folder(folder)
     _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings
                 and (found.verdict.remedy or warning) not in warning)  # the verdict is told below

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from .errors import InputError, did_you_mean
 from .methods import METHODS, WITHOUT_CODE, check_options, load
 from .methods.base import Method, OnStep, Progress
+from .runtime.bars import progress_bar
 from .runtime.extras import need
 
 if TYPE_CHECKING:
@@ -140,9 +141,8 @@ class _Bar:
     """An `on_step` that shows a bar with the stage and the error, if `wanted`."""
 
     def __init__(self, wanted: bool):
-        from tqdm import tqdm
-
-        self.bar = tqdm(total=100, disable=not wanted, bar_format="{percentage:3.0f}%|{bar:20}| {elapsed}{postfix}")
+        self.bar = progress_bar(total=100, disable=not wanted,
+                                bar_format="{percentage:3.0f}%|{bar:20}| {elapsed}{postfix}")
 
     def __enter__(self) -> Self:
         return self

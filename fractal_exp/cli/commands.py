@@ -99,4 +99,9 @@ def complain(program: str, message: object) -> NoReturn:
 
 def tell(message: str) -> None:
     """Print a message beside the answer, as one line, whatever names are in it."""
-    print("".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in message), file=sys.stderr)
+    print(printable(message), file=sys.stderr)
+
+
+def printable(text: str) -> str:
+    """A text in one line, with line breaks and control characters as Python writes them: names may hold any."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)

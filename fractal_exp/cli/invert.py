@@ -105,8 +105,13 @@ def invert_picture(options: argparse.Namespace) -> None:
     limit = built(picture, options.method, seed=options.seed, seconds=options.seconds, **settings).deadline(picture)
     if options.seconds is None and limit.seconds:
         print(f"  searched for at most {limit.words}; --seconds gives another one")
-    found = invert(picture, method=options.method, colour=options.colour, seed=options.seed, seconds=options.seconds,
-                   progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
+    try:
+        found = invert(picture, method=options.method, colour=options.colour, seed=options.seed,
+                       seconds=options.seconds, progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True,
+                       **settings)
+    except KeyboardInterrupt:
+        print("\nfractal-invert: interrupted before there was a code that could be written", file=sys.stderr)
+        raise SystemExit(130) from None
     make_folder(folder)
     _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings
                 and (found.verdict.remedy or warning) not in warning)  # the verdict is told below

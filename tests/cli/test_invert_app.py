@@ -176,6 +176,16 @@ def test_an_interruption_writes_the_best_code_so_far_and_says_so(folder, method,
     assert (folder / "gasket-fractal" / "code.json").exists() and "interrupted" in printed.out
 
 
+def test_an_interruption_before_there_is_a_code_is_told_in_a_line(folder, method, capsys):
+    method(told=(), answer=None)
+    with pytest.raises(SystemExit) as left:
+        app.main(["gasket.png"])
+    error = capsys.readouterr().err
+    assert left.value.code == 130
+    assert error == "\nfractal-invert: interrupted before there was a code that could be written\n"
+    assert not (folder / "gasket-fractal").exists()
+
+
 def test_it_finds_a_code_itself(folder, capsys):
     leaf((0, 100, 0)).save("leaf.png")
     app.main(["leaf.png", "--resolution", "64", "--set", "rounds=1", "search.restarts=1", "search.moves=1",

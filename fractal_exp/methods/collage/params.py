@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...cameras.params import CameraParams, Factor
 from ...ops.collage.reference import MAX_STEPS
-from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, check_order
+from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, Some, check_order
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
 
@@ -29,7 +29,6 @@ def power_of_two(value: int) -> int:
 SingularValue = Annotated[float, Field(gt=0, lt=1)]
 Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(power_of_two)]
 Steps = Annotated[int, Field(ge=0, le=MAX_STEPS)]
-Some = Field(min_length=1)   # for a list that must not be empty
 
 
 class SearchParams(Params):

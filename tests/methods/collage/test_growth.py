@@ -296,6 +296,24 @@ def test_an_interrupted_growth_tells_what_it_has_grown():
     assert [each.stage for each in told] == 3 * ["sketch"] and len(told[2].code) == 6 and told[2].camera.is_known
 
 
+@pytest.mark.parametrize("image, asked", [(clouds(), {}), (BRANCH, {"maps": 24})], ids=["sketch", "growth"])
+def test_a_growth_that_is_interrupted_in_its_first_descent_tells_how_far_it_is(image, asked, monkeypatch):
+    told, note, seen = [], Grower._note, []
+
+    def interrupt(some, found):
+        note(some, found)
+        seen.append(found[0])
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Grower, "_note", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        Collage(likeness=None, growth=FEW, **asked).reconstruct(image, on_step=told.append)
+    paved, moved = seen
+    assert torch.equal(told[-1].code.offset, moved.code.offset) and not torch.equal(moved.maps, paved.maps)
+    assert told[-1].camera.is_known and told[-1].code.contraction
+
+
 def test_growth_goes_on_where_it_was_interrupted(tmp_path, monkeypatch):
     path, options = tmp_path / "growth.safetensors", {"maps": 24, "growth": {**FEW, "steps": 5}}
     whole = Collage(**options).reconstruct(BRANCH)

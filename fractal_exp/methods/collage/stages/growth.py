@@ -74,7 +74,9 @@ class Growth(Stage):
             bool(state.curve) and (self.problem.deadline.passed or state.curve[-1].likeness >= self._goal))
 
     def cut_short(self, state: State) -> State:
-        if not state.step:
+        if not state.result and (unfinished := self.grower.unfinished()):
+            state = replace(state, curve=(unfinished,))
+        elif not state.step:
             return state
         return self.close(state) if self._fitting(state.curve) else replace(state, current=None)
 

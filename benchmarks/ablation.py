@@ -33,6 +33,7 @@ from fractal_exp import codes, suite
 from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.evaluation.summary import bootstrap_interval, without_empty
+from fractal_exp.methods.base import AnyTarget
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.runtime import threads
 from fractal_exp.runtime.deadline import Deadline
@@ -105,7 +106,7 @@ SETS: dict[str, Grey | Drawn] = {
 class CoreTime(Collage):
     """Collage search whose limit counts the seconds that a core has worked."""
 
-    def deadline(self) -> Deadline:
+    def deadline(self, target: AnyTarget) -> Deadline:
         return Deadline(self.seconds, time.process_time)
 
 

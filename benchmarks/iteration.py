@@ -28,8 +28,10 @@ SCALES = {
 }
 
 
-def iteration_seconds(backend: str, scale: str, perceptual: PerceptualTerm | None, repeats: int) -> list[float]:
-    """Wall seconds of `repeats` iterations after one that warms up (and compiles)."""
+def iteration_seconds(backend: str, scale: str, perceptual: PerceptualTerm | None,
+                      repeats: int) -> tuple[list[float], list[float]]:
+    """Wall seconds and seconds of processor time, of all threads, of `repeats` iterations after one that warms up (and
+    compiles)."""
     model = ForwardModel(SVD(), maps=10, backend=backend, **SCALES[scale])
     terms = {"mse": MipMSE(), "ssim": DSSIM(), "perceptual": perceptual, "regularizer": Regularizer()}
     objective = WeightedSum({"mse": 10, "ssim": 1, "perceptual": 2, "regularizer": 0.01}, terms)
@@ -38,12 +40,13 @@ def iteration_seconds(backend: str, scale: str, perceptual: PerceptualTerm | Non
         target = ForwardModel(SVD(), maps=10, **SCALES[scale])(SVD().initial(10, torch.Generator().manual_seed(1)), 0)
     problem, optimizer = FitProblem(model, objective, target.image), Alternating()
     optimizer.start(raw, 0)
-    seconds = []
+    wall, busy = [], []
     for i in range(repeats + 1):
-        start = time.perf_counter()
+        start, worked = time.perf_counter(), time.process_time()
         optimizer.step(problem, i, 1.0)
-        seconds.append(time.perf_counter() - start)
-    return seconds[1:]
+        wall.append(time.perf_counter() - start)
+        busy.append(time.process_time() - worked)
+    return wall[1:], busy[1:]
 
 
 def main() -> None:
@@ -58,12 +61,13 @@ def main() -> None:
     count = threads.use()
     perceptual = None if args.perceptual == "none" else PerceptualTerm(args.perceptual, args.weights)
     result = {"scale": args.scale, "perceptual": args.perceptual, "threads": count}
-    result["auto_seconds"] = statistics.median(iteration_seconds("auto", args.scale, perceptual, args.repeats))
+    wall, busy = iteration_seconds("auto", args.scale, perceptual, args.repeats)
+    result |= {"auto_seconds": statistics.median(wall), "auto_busy_seconds": statistics.median(busy)}
     result["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(f"{args.scale}, perceptual={args.perceptual}: {result['auto_seconds'] * 1e3:.0f} ms an iteration, "
-          f"{result['peak_gb']:.1f} GB at most")
+          f"{result['auto_busy_seconds'] * 1e3:.0f} ms of processor time, {result['peak_gb']:.1f} GB at most")
     if not args.no_twin:
-        result["twin_seconds"] = min(iteration_seconds("torch", args.scale, perceptual, 1))
+        result["twin_seconds"] = min(iteration_seconds("torch", args.scale, perceptual, 1)[0])
         print(f"plain-torch operators: {result['twin_seconds'] * 1e3:.0f} ms, "
               f"{result['twin_seconds'] / result['auto_seconds']:.1f}× as long")
     if args.record:

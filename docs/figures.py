@@ -9,7 +9,7 @@
     python -m docs.figures elsewhere docs/images/elsewhere.png: pictures from elsewhere, and what was found in them
     python -m docs.figures failures  docs/images/failures.png: pictures that others drew, on which collage search fails
     python -m docs.figures comparisons  docs/images/comparisons*: all methods on six fractals, and quality over time
-    python -m docs.figures retina outputs/fits   docs/images/retina.png, from what `make run` left
+    python -m docs.figures retina outputs/fits   docs/images/retina.png and docs/codes/retina.json, from `make run`
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from benchmarks import record
 from fractal_exp import IFS, View, codes, render, suite
 from fractal_exp.ifs import attractor
 from fractal_exp.rendering.sheets import comparison_strip, difference
+from fractal_exp.rendering.tone import own_tone
 from fractal_exp.rendering.zoom import rich_point
 
 DOCS = Path(__file__).parent
@@ -62,6 +63,7 @@ ELSEWHERE = [("a drawing in colour", "pictures_textbook_120s", "textbook", "pent
              ("a tree", "pictures_trees", "trees", "two_9_jpeg"),
              ("a flame", "pictures_tone_curves", "tone_curves", "heighway_dragon-flame"),
              ("a root, 128 maps", "pictures_shapes_128", "shapes", "root")]
+RETINA = "a retina, 128 maps"
 ELSEWHERE_ZOOM = 20
 FAILED, MOST_FAILURES = 0.9, 8
 STAGES_SUITE, STAGES_INDEX = 101, 7
@@ -161,21 +163,23 @@ def elsewhere() -> None:
     """
     from benchmarks.pictures import fitting
     from benchmarks.pictures.sets import SETS
+    from fractal_exp.images.samples import retina_vessels
 
     side, gap, left, top = 190, 8, 118, 26
     notes = ("a picture", "the code\nfound in it", f"that code,\n{ELSEWHERE_ZOOM} times\ncloser")
-    sheet = Image.new("RGB", (left + len(ELSEWHERE) * (side + gap), top + len(notes) * (side + gap)))
+    sheet = Image.new("RGB", (left + (len(ELSEWHERE) + 1) * (side + gap), top + len(notes) * (side + gap)))
     pen, font, small = ImageDraw.Draw(sheet), ImageFont.load_default(size=20), ImageFont.load_default(size=16)
     for row, note in enumerate(notes):
         middle = top + row * (side + gap) + side // 2
         pen.multiline_text((12, middle), note, fill=(205, 205, 205), font=font, anchor="lm")
-    for column, (note, folder, kind, name) in enumerate(ELSEWHERE):
+    columns = [(RETINA, _bytes(retina_vessels(2 * side).numpy()), IFS.load(CODES / "retina.json"))]
+    for note, folder, kind, name in ELSEWHERE:
         [line] = [each for each in fitting.read(RESULTS / folder) if each["picture"] == name]
-        code, source = fitting.code_of(line), SETS[kind].picture(name)
+        columns.append((note, SETS[kind].picture(name), fitting.code_of(line)))
+    for column, (note, source, code) in enumerate(columns):
         drawn = Image.open(source) if isinstance(source, Path) else Image.fromarray(_bytes(source))
         closer = View(rich_point(code, end_zoom=ELSEWHERE_ZOOM), ELSEWHERE_ZOOM)
-        cells = [_square(drawn.convert("RGB")), *(_picture(render(code, view, resolution=2 * side))
-                                                  for view in (View(), closer))]
+        cells = [_square(drawn.convert("RGB")), *(_seen(code, view, 2 * side) for view in (View(), closer))]
         x = left + column * (side + gap)
         pen.text((x + side // 2, top - 6), note, fill=(205, 205, 205), font=small, anchor="ms")
         for row, cell in enumerate(cells):
@@ -253,11 +257,19 @@ def comparisons() -> None:
 
 
 def retina(folder: Path) -> None:
-    """Target, result and difference of the fit of the retina's vessels."""
+    """Target, result and difference of the fit of the retina's vessels; and its code."""
     fit = next(folder.glob("retina-collage-*-laptop-*"))
     image, truth = (torch.from_numpy(np.asarray(Image.open(fit / name).convert("L")) / np.float32(255))
                     for name in ("redrawn.png", "views/target.png"))
     _save(IMAGES / "retina.png", comparison_strip(image[None], truth[None], ["blood vessels of a retina"]), 64)
+    shutil.copy(fit / "code.json", CODES / "retina.json")
+
+
+def _seen(code: IFS, view: View, side: int) -> Image.Image:
+    """A code as `fractal-render` shows it: in its own tone, if it has one."""
+    if own_tone(code) is None:
+        return _picture(render(code, view, resolution=side))
+    return Image.fromarray(_bytes(render(code, view, resolution=side, mode="tone").numpy()))
 
 
 def _picture(image: Tensor) -> Image.Image:

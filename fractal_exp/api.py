@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from .errors import InputError, did_you_mean
 from .methods import METHODS, WITHOUT_CODE, check_options, load
 from .methods.base import Method, OnStep, Progress
+from .runtime.bars import progress_bar
 from .runtime.extras import need
 
 if TYPE_CHECKING:
@@ -44,7 +45,9 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     `images.levels.TargetImage`; with "linear", an array or tensor may hold counts or densities of any scale. colour:
     give each map of the code found a colour and a blend, so that the code is drawn in the picture's colours (see
     `ifs.Colours` and `colouring.fitted`). The search, and so the shape, is the same without. It needs scikit-image.
-    seconds: a time limit, after which the best code so far is returned. progress: show a bar. on_step: called with a
+    seconds: a time limit, after which the best code so far is returned. Without one, collage search looks for the code
+    of a picture from elsewhere for at most 60 seconds of a core, and for that of an image by `suite.target` as long as
+    is worth while. progress: show a bar. on_step: called with a
     `Progress` after every step. keep_interrupted: an interruption (Ctrl-C) returns the best code so far, if there is
     one, instead of raising KeyboardInterrupt. checkpoint: where the work is saved, also at an interruption, and where
     it goes on from if that says so; `seconds` count from now.
@@ -64,7 +67,8 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     from .images.reading import ReadImage, read_target
     from .inversion import coloured, run
 
-    build = _checked(method, options | {"seconds": seconds, "seed": seed}, progress, on_step, colour)
+    _check(progress, on_step, colour)
+    _known(method, options | {"seconds": seconds, "seed": seed})
     reading: dict[str, Any] = {"frame": frame, "invert": invert, "threshold": threshold, "clean": clean, "crop": crop}
     if isinstance(image, ReadImage):
         target, reading = image if levels == "auto" else replace(image, levels=decided(levels, image.image)), {}
@@ -73,15 +77,23 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
             image, reading["clean"] = _scaled(image), False  # its levels are numbers; there is no paper to clean
         target = read_target(image, resolution, levels=levels, **reading)
         reading["crop"] = target.crop  # plain numbers, whatever the sequence was
-    built = build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
+    works = built(target, method, seed=seed, seconds=seconds, **options)
     painted = Painted.of(target) if colour else None
     used = {"seed": seed, "seconds": seconds, **{key: value for key, value in reading.items() if value is not None},
             **({"levels": levels} if levels != "auto" else {}), **({"colour": True} if colour else {}), **options}
     with _Bar(progress) as bar:
         steps = [each for each in (on_step, bar) if each is not None]
-        shape = run(target, built, name=method, options=used, seed=seed, checkpoint=checkpoint,
+        shape = run(target, works, name=method, options=used, seed=seed, checkpoint=checkpoint,
                     keep_interrupted=keep_interrupted, on_step=partial(_tell, steps))
     return shape if painted is None else coloured(shape, painted, seed)
+
+
+def built(target: ReadImage, method: str = "collage", *, seed: int = 0, seconds: float | None = None, **options: Any
+          ) -> Method:
+    """The method that `invert` would use on a target, with the same arguments. Raises `InputError` as `invert` does,
+    before any work."""
+    build = _known(method, options | {"seconds": seconds, "seed": seed})
+    return build(resolution=target.image.shape[-1], seed=seed, seconds=seconds, **options)
 
 
 def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
@@ -95,16 +107,21 @@ def _scaled(counts: np.ndarray | Tensor) -> np.ndarray:
     return (grey / grey.max()).astype(np.float32)
 
 
-def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnStep | None, colour: bool
-             ) -> Callable[..., Method]:
-    """The function that builds the method. Raises `InputError` if the method is unknown, an argument has a wrong type,
-    or a library for colours is missing."""
+def _known(method: str, options: dict[str, Any]) -> Callable[..., Method]:
+    """The function that builds the method. Raises `InputError` if the method or an option is unknown."""
     if method in WITHOUT_CODE:
         raise InputError(f"the method {method!r} finds no code: it {WITHOUT_CODE[method]}; fractal-train "
                          f"method={method} does that, or choose one of {', '.join(METHODS)}")
     if method not in METHODS:
         raise InputError(f"there is no method {method!r}{did_you_mean(str(method), METHODS) or ';'} choose one of "
                          f"{', '.join(METHODS)}")
+    build = load(method)
+    check_options(build, method, options, OWN)
+    return build
+
+
+def _check(progress: bool, on_step: OnStep | None, colour: bool) -> None:
+    """Raise `InputError` if an argument of `invert` has a wrong type, or a library for colours is missing."""
     if not (on_step is None or callable(on_step)):
         raise InputError(f"on_step must be a function that takes a Progress, got {on_step!r}")
     if not isinstance(progress, bool):
@@ -113,9 +130,6 @@ def _checked(method: str, options: dict[str, Any], progress: bool, on_step: OnSt
         raise InputError(f"colour must be True or False, got {colour!r}")
     if colour:
         need("skimage")
-    build = load(method)
-    check_options(build, method, options, OWN)
-    return build
 
 
 def _tell(steps: Sequence[OnStep], progress: Progress) -> None:
@@ -127,9 +141,8 @@ class _Bar:
     """An `on_step` that shows a bar with the stage and the error, if `wanted`."""
 
     def __init__(self, wanted: bool):
-        from tqdm import tqdm
-
-        self.bar = tqdm(total=100, disable=not wanted, bar_format="{percentage:3.0f}%|{bar:20}| {elapsed}{postfix}")
+        self.bar = progress_bar(total=100, disable=not wanted,
+                                bar_format="{percentage:3.0f}%|{bar:20}| {elapsed}{postfix}")
 
     def __enter__(self) -> Self:
         return self

@@ -13,6 +13,7 @@ from .evaluation import metrics
 from .images.levels import DRAWN
 from .images.reading import ReadImage
 from .likeness import ALIKE, ALIKE_DARK, UNLIKE, WITHIN_NOISE, Likeness
+from .runtime.deadline import USUAL
 
 Kind = Literal["recovered", "approximation", "not recovered"]
 
@@ -128,8 +129,8 @@ def _remedies(likeness: Likeness, maps: int, target: ReadImage, stopped: str, op
         other = not target.inverted
         yield ("the other polarity", f"invert={str(other).lower()}, if the shape is what was taken for the background",
                {"invert": other})
-    if TIME_LIMIT in stopped and options.get("seconds"):
-        seconds = MORE_TIME * float(options["seconds"])
+    if TIME_LIMIT in stopped:
+        seconds = MORE_TIME * float(options.get("seconds") or USUAL)
         yield "more time", f"more time: seconds={seconds:g}", {"seconds": seconds}
     if target.scale > SMALL:
         yield "a larger picture", f"a larger picture: the shape was enlarged {target.scale:.2g} times", {}

@@ -46,6 +46,7 @@ def test_the_true_colours_are_found(drawn):
     seen = painted(drawn)
     code = fitted(replace(FERN, colours=None), seen)
     assert torch.equal(code.linear, FERN.linear) and torch.equal(code.probabilities, FERN.probabilities)
+    assert "name" in FERN.meta and code.meta == {**FERN.meta, "ground": "#000000"}
     assert colour_error(code, seen) < 0.5
     assert (code.colours.rgb - TRUE.rgb).abs().max() < 0.02
     assert (code.colours.blends - TRUE.blends).abs().max() < 0.05

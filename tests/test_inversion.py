@@ -279,3 +279,17 @@ def test_an_interruption_returns_the_best_code_so_far(monkeypatch):
     monkeypatch.setattr("fractal_exp.api.load", lambda name: build([]))
     with pytest.raises(KeyboardInterrupt):
         invert(triangle_picture(), keep_interrupted=True)
+
+
+def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(monkeypatch):
+    triangle = attractor.normalize(codes.known("sierpinski_triangle"))
+
+    def listen(progress):
+        raise KeyboardInterrupt  # as `interruption.check` does once a signal came
+
+    def method(*, resolution: int, seed: int, seconds: float | None = None):
+        return Interrupted([triangle])
+
+    monkeypatch.setattr("fractal_exp.api.load", lambda name: method)
+    found = invert(triangle_picture(), keep_interrupted=True, on_step=listen)
+    assert found.stopped == "interrupted" and found.code == triangle

@@ -12,6 +12,8 @@ from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import meaning_of
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.likeness import Likeness, redrawn
+from fractal_exp.methods.base import time_is_up
+from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.verdict import Verdict
 
 SHAPE = torch.zeros(64, 64)
@@ -85,6 +87,7 @@ def test_a_verdict_has_a_kind_words_and_a_remedy():
     ({"target": read(unclear="it looks like a page of text")}, "cut one shape out of the picture"),
     ({"target": read(doubtful=True)}, "invert=true, if the shape is what was taken for the background"),
     ({"stopped": "the time limit of 9 s was reached", "options": {"seconds": 9}}, "more time: seconds=36"),
+    ({"stopped": time_is_up(Deadline.usual())}, "more time: seconds=240"),
     ({"target": read(scale=5.0)}, "a larger picture: the shape was enlarged 5 times"),
     ({"options": {"maps": 8}}, "more maps: maps=16"), ({"options": {"at_most": 8}}, "more maps: at_most=16")])
 def test_the_remedy_is_what_is_most_likely_to_help(facts, expected):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
+import select
 import sys
 from collections.abc import Callable
 from typing import NoReturn
@@ -18,6 +20,7 @@ FRAMES = ("canvas", "own")
 ORDER_HELP = ("columns of a file's rows of numbers, such as abecdf, for x' = a x + b y + e, y' = c x + d y + f and the "
               "probability p (default: abcdefp, or what a first line names)")
 LARGEST = 16_384  # pixels a side of a drawing
+STDOUT = 1
 
 
 class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
@@ -59,10 +62,22 @@ def command(program: str, work: Callable[[argparse.Namespace], None], parser: ar
         print(f"\n{program}: interrupted", file=sys.stderr)
         raise SystemExit(130) from None
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and _nobody_reads():
+            raise SystemExit(141) from None
         line = told(error)
         if line is None:
             raise
         complain(program, line)
+
+
+def _nobody_reads() -> bool:
+    """Whether the output is a pipe that its reader has closed, as `head` does. What is left of it is dropped."""
+    pipe = select.poll()
+    pipe.register(STDOUT, select.POLLERR)
+    if not pipe.poll(0):
+        return False
+    os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)
+    return True
 
 
 def told(error: Exception) -> str | None:
@@ -84,4 +99,9 @@ def complain(program: str, message: object) -> NoReturn:
 
 def tell(message: str) -> None:
     """Print a message beside the answer, as one line, whatever names are in it."""
-    print("".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in message), file=sys.stderr)
+    print(printable(message), file=sys.stderr)
+
+
+def printable(text: str) -> str:
+    """A text in one line, with line breaks and control characters as Python writes them: names may hold any."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +16,7 @@ from hydra.utils import get_method
 from omegaconf import DictConfig
 
 from ..errors import InputError
+from ..runtime import parent
 from . import configuration, interruption, several, words
 from .commands import complain, told
 
@@ -31,6 +33,8 @@ def main() -> None:
 
 
 def _fit(config: DictConfig) -> Any:
+    if failed is None:
+        parent.follow(os.getppid())
     return done("fractal-train", get_method(config.task), config)
 
 

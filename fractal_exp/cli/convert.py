@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..runtime import threads
-from .commands import CODE_HELP, FRAMES, ORDER_HELP, command, command_parser
+from .commands import CODE_HELP, FRAMES, ORDER_HELP, command, command_parser, printable
 
 DESCRIPTION = """Write codes in another format, which the end of the file's name chooses:
 
@@ -57,4 +57,4 @@ def convert(options: argparse.Namespace) -> None:
     codes = ([code for text in options.codes for code in read_codes(text, options.frame, options.order)]
              if format.several else [read_code(options.codes[0], options.frame, options.order)])
     path = formats.save(codes, Path(options.out), options.to)
-    print(f"{path} ({format.key}, {', '.join(f'{len(code)} maps' for code in codes)})")
+    print(printable(f"{path} ({format.key}, {', '.join(f'{len(code)} maps' for code in codes)})"))

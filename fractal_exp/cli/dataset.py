@@ -55,16 +55,15 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write_dataset(options: argparse.Namespace) -> None:
     """Write what the command line asks for."""
-    from tqdm import tqdm
-
     from ..datasets import Fractals, write
+    from ..runtime.bars import progress_bar
 
     named = [each for text in options.codes for each in codes_named(text, options.order)]
     choices = {key: value for key, value in vars(options).items() if key not in ("codes", "folder", "shards", "order")}
     fractals = Fractals([code for _, code in named], **choices)
     count = f"{len(named)} code{'s' * (len(named) > 1)}"
     print(f"{fractals.pictures} pictures of {count} in {Path(options.folder).absolute()}")
-    with tqdm(total=fractals.pictures, unit="picture", delay=1) as bar:
+    with progress_bar(total=fractals.pictures, unit="picture", delay=1) as bar:
         there = write(fractals, [name for name, _ in named], options.folder, options.shards, bar.update)
     print(f"{fractals.pictures - there} were drawn" + (f", {there} were there" if there else ""))
 

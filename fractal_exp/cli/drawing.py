@@ -5,16 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 import re
-import shutil
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import torch
-from tqdm import tqdm
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
@@ -28,11 +25,11 @@ from ..rendering.tone import tone_map, usual_mode, white_level
 from ..rendering.toned import COLOUR, Toned
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
+from ..runtime.bars import progress_bar
 from ..runtime.checks import shown
 from .code_names import read_code
 from .commands import LARGEST
 
-Item = TypeVar("Item")
 STILLS = {"bits": 8, "transparent": False}
 OCCUPANCY = "occupancy"
 FILMS = {"seconds": None, "fps": None}
@@ -146,7 +143,7 @@ def _rows(code: IFS, view: View, size: tuple[int, int], options: argparse.Namesp
     band = np.empty((height, across * width, *CHANNELS.get(mode, ())), np.float32)
     tiles = render_tiles(code, view, resolution=size, points_in_view=options.points, supersample=options.supersample,
                          seed=options.seed, mode=mode)
-    for tile in _with_progress(tiles, down * across, "tile") if down * across > 1 else tiles:
+    for tile in progress_bar(tiles, desc="drawing", total=down * across, unit="tile", disable=down * across == 1):
         band[:, tile.column:tile.column + width] = tile.pixels
         if tile.column + width >= size[1]:
             yield torch.from_numpy(band[:size[0] - tile.row, :size[1]])
@@ -183,13 +180,7 @@ def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:
                       supersample=options.supersample, mode=options.mode, ground=options.ground)
 
     print(forecast(path, drawn, count, fps=fps), flush=True)
-    return write_film(path, _with_progress(drawn(slice(None)), count, "frame"), fps=fps)
-
-
-def _with_progress(items: Iterable[Item], count: int, unit: str) -> Iterable[Item]:
-    """Items, counted on the terminal; one that does not know its size is taken to have 80 columns and 24 lines."""
-    columns, lines = shutil.get_terminal_size()
-    return tqdm(items, "drawing", count, unit=unit, ncols=columns, nrows=lines)
+    return write_film(path, progress_bar(drawn(slice(None)), desc="drawing", total=count, unit="frame"), fps=fps)
 
 
 def _zoom(code: IFS, count: int, options: argparse.Namespace) -> tuple[Sequence[IFS], Sequence[View]]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..methods import METHODS, check_options
+from ..methods import METHODS
 from ..runtime import threads
 from ..runtime.files import make_folder
 from . import interruption
@@ -60,7 +60,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("picture", help="file of the picture")
     parser.add_argument("--output", metavar="FOLDER", help="to write to (default: NAME-fractal, here)")
     parser.add_argument("--force", action="store_true", help="write even if that folder holds something")
-    parser.add_argument("--seconds", type=float, help="limit of the search; the best code so far is taken")
+    parser.add_argument("--seconds", type=float, help="limit of the search; the best code so far is taken (default: "
+                                                      "60 s of a core for a picture from elsewhere)")
     parser.add_argument("--method", default="collage", metavar="NAME", help=f"one of {', '.join(METHODS)} (default: "
                                                                             "collage, collage search)")
     parser.add_argument("--maps", type=int, help="number of maps (default: found)")
@@ -84,7 +85,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def invert_picture(options: argparse.Namespace) -> None:
     """Do what the command line asks for."""
-    from ..api import invert
+    from ..api import built, invert
     from ..images.reading import read_target
     from ..inversion import write
     from ..inversion.road import INTERRUPTED
@@ -101,8 +102,16 @@ def invert_picture(options: argparse.Namespace) -> None:
                           levels=options.levels)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
-    found = invert(picture, method=options.method, colour=options.colour, seed=options.seed, seconds=options.seconds,
-                   progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True, **settings)
+    limit = built(picture, options.method, seed=options.seed, seconds=options.seconds, **settings).deadline(picture)
+    if options.seconds is None and limit.seconds:
+        print(f"  searched for at most {limit.words}; --seconds gives another one")
+    try:
+        found = invert(picture, method=options.method, colour=options.colour, seed=options.seed,
+                       seconds=options.seconds, progress=sys.stderr.isatty(), on_step=_tell, keep_interrupted=True,
+                       **settings)
+    except KeyboardInterrupt:
+        print("\nfractal-invert: interrupted before there was a code that could be written", file=sys.stderr)
+        raise SystemExit(130) from None
     make_folder(folder)
     _print_list(f"beware: {warning}" for warning in found.warnings if warning not in picture.warnings
                 and (found.verdict.remedy or warning) not in warning)  # the verdict is told below
@@ -146,12 +155,10 @@ def may_help(found: Inversion, options: argparse.Namespace, picture: ReadImage, 
 
 def _is_taken(options: argparse.Namespace, picture: ReadImage, settings: Mapping[str, Any]) -> bool:
     """Whether the method can work on the picture with these settings: trained weights know one number of maps."""
-    from ..api import OWN, load
+    from ..api import built
 
-    build, general = load(options.method), {"seed": options.seed, "seconds": options.seconds}
     try:
-        check_options(build, options.method, {**settings, **general}, OWN)
-        build(resolution=picture.image.shape[-1], **general, **settings).check(picture)
+        built(picture, options.method, seed=options.seed, seconds=options.seconds, **settings).check(picture)
     except InputError:
         return False
     return True

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import torch
-from tqdm import tqdm
 
 from .. import tracking
 from ..errors import InputError
@@ -24,6 +23,7 @@ from ..images.pixels import write_image
 from ..rendering.sheets import comparison_strip
 from ..rendering.still import check_resolution, render
 from ..runtime import threads
+from ..runtime.bars import progress_bar
 from ..runtime.checks import check_count
 from ..runtime.files import make_folder, write_atomically
 from ..studies.judging import against_input, f1_in_words
@@ -101,7 +101,7 @@ def _judge_all(candidates: list[Submission], options: argparse.Namespace, distan
     protocol = {"resolution": options.resolution, "points_in_view": options.points, "views": options.views,
                 "align": options.align, "cache": cache, "perceptual": distance,
                 "device": options.device}
-    for candidate in tqdm(candidates, "judging", unit="code", disable=len(candidates) == 1):
+    for candidate in progress_bar(candidates, desc="judging", unit="code", disable=len(candidates) == 1):
         truth = candidate.aim.truth
         scored = score(candidate.code, truth, **protocol)
         others = {CEILING: score(truth, truth, **protocol | {"align": "bbox"})}

@@ -7,10 +7,9 @@ import time
 from collections import deque
 from typing import Self
 
-from tqdm import tqdm
-
 from ..images.pixels import write_image
 from ..methods.base import Progress
+from ..runtime.bars import progress_bar
 from ..tracking import Tracker
 from . import interruption
 from .folders import FitFolder
@@ -31,8 +30,8 @@ class Reporter:
 
     def __enter__(self) -> Self:
         self.terminal = sys.stdout.isatty()
-        self.bar = tqdm(total=100, file=sys.stdout, leave=True, disable=not self.terminal, mininterval=0.5,
-                        dynamic_ncols=True, bar_format="  {percentage:3.0f}%|{bar:20}| {elapsed}{postfix}")
+        self.bar = progress_bar(total=100, file=sys.stdout, leave=True, disable=not self.terminal, mininterval=0.5,
+                                bar_format="  {percentage:3.0f}%|{bar:20}| {elapsed}{postfix}")
         self.began = self.printed = time.monotonic()
         return self
 

@@ -34,11 +34,14 @@ def report_sweep(options: argparse.Namespace) -> None:
     from ..studies import report
     from ..studies.writing import write
     from ..tracking.addresses import database_path, store_uri
+    from ..tracking.building import check
 
     uri = store_uri(options.output)
     database = database_path(uri)
     if database is not None and not database.exists():
         raise InputError(f"no runs are kept in {database.parent}; name the output folder with --output")
+    if database is not None:
+        check(database, uri)
     sweep = report.read_sweep(uri, options.study, options.sweep)
     folder = Path(options.out or Path(options.output) / options.study / sweep.name).absolute()
     write(uri, sweep, folder)

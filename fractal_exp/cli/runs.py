@@ -25,7 +25,8 @@ SWEEP, SEVERAL = "sweep", "several"  # the tag `kind` of a parent run
 GENERAL = ("target", "target_image", "fingerprint", "resolution", "scale", "variant", "perceptual",
            "perceptual_weights", "seed", "colour", "device", "backend")  # settings that every method has
 TOLD = (*VARIED, "ablation", "without", "seed", "method", "init", "picture", "target", "target.name", "target.path",
-        "target.index")  # settings that the other words of a run's name tell
+        "target.index", "output", "study", "name", "resume", "tracking", "threads", "checkpoint_every"
+        )  # settings that the other words of a run's name tell, or that make no other fit
 
 
 class NoRuns:
@@ -166,7 +167,8 @@ def _run_name(settings: Mapping[str, Any], tags: Mapping[str, str]) -> str:
         return settings["name"]
     variant = [] if tags["variant"] == "full" else [tags["variant"]]
     seed = [f"seed {settings['seed']}"] if settings.get("seed") else []
-    own = [word for word in own_words().split() if word.split("=")[0] not in TOLD]
+    words = own_words().split() or (words_of_a_fit() if HydraConfig.initialized() else [])
+    own = [word for word in words if word.split("=")[0].lstrip("+~") not in TOLD]
     return ", ".join([tags["target"], tags["method"], *variant, *seed, *own])
 
 

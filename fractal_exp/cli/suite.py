@@ -44,11 +44,11 @@ def main(arguments: list[str] | None = None) -> None:
 def write_suite(options: argparse.Namespace) -> None:
     """Write what the command line asks for."""
     from torch.nn.functional import adaptive_avg_pool2d
-    from tqdm import tqdm
 
     from ..ifs import attractor
     from ..images.pixels import write_image
     from ..rendering.sheets import contact_sheet
+    from ..runtime.bars import progress_bar
     from ..suite import TARGET_KINDS, random_suite, target
 
     suite = random_suite(options.count, options.seed)
@@ -59,7 +59,7 @@ def write_suite(options: argparse.Namespace) -> None:
     kind, bits = TARGET_KINDS[options.binary], options.bits or (8 if options.binary else 16)
     threads.use()
     small, names = [], [f"{index:03d}" for index in range(len(suite))]
-    for name, code in zip(tqdm(names, "drawing", unit="fractal"), suite, strict=True):
+    for name, code in zip(progress_bar(names, desc="drawing", unit="fractal"), suite, strict=True):
         attractor.normalize(code).save(codes / f"{name}.json")
         image = target(code, options.resolution, kind)
         write_image(targets / f"{name}.png", image, bits=bits)

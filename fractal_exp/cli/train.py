@@ -272,7 +272,8 @@ def _digest(data: bytes) -> str:
 def _announce(config: DictConfig, label: str, target: Target) -> None:
     method = METHOD_TITLES.get(configuration.method_name(config.method), configuration.method_name(config.method))
     variant = "" if config.variant == "full" else f", {config.variant}"
-    print(f"{label}: {method}{variant}, {config.resolution}² pixels, {config.scale} scale; "
+    job = f" ({own})" if (own := configuration.own_words()) else ""
+    print(f"{label}{job}: {method}{variant}, {config.resolution}² pixels, {config.scale} scale; "
           f"{'; '.join(target.read.notes)}")
     if config.perceptual == "none" and "perceptual" in config.method.get("objective", {}).get("terms", {}):
         print("  no perceptual term in this objective (perceptual=none); perceptual=fractal adds one")

@@ -105,8 +105,8 @@ def read_target(
     crop: (left, top, right, bottom), the part of the upright picture that is read, in pixels from the upper left
     corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
     With "fit", a picture or a crop that cuts its shape off is read as a part: `known` is the box that it shows, and a
-    note says so. A picture does if a side of it is lit along more than 3% and at most 95% of the shape's span; a crop
-    does on each side that the shape reaches.
+    note says so. A picture does if a side of it is lit along more than 17% and at most 95% of the shape's span, unless
+    the shape reaches all four sides, as in a picture that is trimmed to it. A crop does on each side that is reached.
     levels: what the grey levels mean, see `TargetImage`; "auto" decides by their look.
     most_pixels: of a file, as many as are decoded: fewer than it has for a large JPEG without `crop`.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.

@@ -56,7 +56,8 @@ def reconstruct(target: ReadImage, method: Method, *, seed: int = 0, on_step: On
     interruption (Ctrl-C) ends the work with the best code so far, if there is one, instead of raising
     KeyboardInterrupt. Raises `InputError`, before any work, if the method cannot use the target."""
     told: list[CodeReconstruction] = []
-    history = History([each for each in (on_step, partial(_note, told)) if each is not None])
+    # Codes are kept before they are told: what a method hands over after an interruption may interrupt `on_step` again.
+    history = History([each for each in (partial(_note, told), on_step) if each is not None])
     try:
         found, stopped = method.reconstruct(target, on_step=history, checkpoint=checkpoint), ""
     except KeyboardInterrupt:

@@ -17,6 +17,7 @@ from ..ifs.code import IFS, View
 from ..images.levels import TargetImage
 from ..runtime.checkpoint import Checkpoint
 from ..runtime.checks import into_unit
+from ..runtime.deadline import Deadline
 from ..runtime.params import Params
 
 SHOWN = {"loss": "↓", "error": "↓", "held_out": "↓", "mean_code": "", "bicubic": "", "other_pictures": "",
@@ -119,6 +120,10 @@ class Method(ABC):
         """Raise the `InputError` that `reconstruct` would raise on this image, without any work."""
         check_target(target)
 
+    def deadline(self, target: AnyTarget) -> Deadline:
+        """The time limit for a target, starting now."""
+        return Deadline(getattr(self, "seconds", None))
+
     def fingerprint(self) -> str | None:
         """What tells this method from another one with the same parameters: the digest of trained weights; None where
         there is nothing of the kind. Raises `InputError` if the weights cannot be read."""
@@ -139,12 +144,12 @@ def stop_reason(reconstruction: Reconstruction, limit: float | None, seconds: fl
     """Why a method stopped, in words: as it says itself, or by the time that it took against its limit in seconds."""
     if isinstance(reconstruction, CodeReconstruction) and reconstruction.stopped:
         return reconstruction.stopped
-    return time_is_up(limit) if limit is not None and seconds > NEARLY_ALL * limit else ALL_DONE
+    return time_is_up(Deadline(limit)) if limit is not None and seconds > NEARLY_ALL * limit else ALL_DONE
 
 
-def time_is_up(limit: float) -> str:
-    """The reason of a method that its time limit in seconds has ended."""
-    return f"the time limit of {limit:g} s was reached"
+def time_is_up(limit: Deadline) -> str:
+    """The reason of a method that its time limit has ended."""
+    return f"the time limit of {limit.words} was reached"
 
 
 def check_device(device: str) -> str:

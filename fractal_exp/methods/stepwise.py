@@ -127,7 +127,7 @@ class Stepwise(Method):
                 if checkpoint:
                     checkpoint.save(Snapshot(done, state))
                 raise
-        stopped = f"all {self.steps} {self.unit} done" if done >= self.steps else time_is_up(deadline.seconds or 0)
+        stopped = f"all {self.steps} {self.unit} done" if done >= self.steps else time_is_up(deadline)
         return CodeReconstruction(walk.code(state).to("cpu").check_contractive(), stopped,
                                   evaluations=walk.evaluations(done))
 

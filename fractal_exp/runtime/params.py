@@ -20,6 +20,7 @@ Amount = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Odds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Interval = tuple[Amount, Amount]
+Some = Field(min_length=1)   # for a list that must not be empty
 
 NAME = "\0"
 EXPECTED = {  # kinds of pydantic's errors -> what was expected, from what it says of the limit

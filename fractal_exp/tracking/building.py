@@ -38,10 +38,18 @@ def build(database: Path, uri: str) -> None:
             _remove_leftovers(database)
             if not database.exists() or not database.stat().st_size:
                 _make(database)
-            _check_writing(database)
-            _check_reading(database, uri)
+            check(database, uri)
     except (OSError, sqlite3.Error) as error:
         raise InputError(_cannot(database, error)) from error
+
+
+def check(database: Path, uri: str) -> None:
+    """Raise `InputError` unless the store in the file `database` can be used. Whoever reads it writes to it, too."""
+    try:
+        _check_writing(database)
+    except sqlite3.Error as error:
+        raise InputError(_cannot(database, error)) from error
+    _check_reading(database, uri)
 
 
 def artifacts(database: Path) -> Path:
@@ -107,6 +115,9 @@ def _sync(path: Path) -> None:
 
 def _check_writing(database: Path) -> None:
     """Fail here, not after an hour, where nothing can be written."""
+    if not os.access(database, os.W_OK):  # SQLite notices at the first change alone
+        raise InputError(f"{database} may not be written to, and reading runs writes to it too; copy its folder to "
+                         "where it may, or choose another output folder")
     with closing(sqlite3.connect(database, timeout=30, isolation_level=None)) as connection:
         mode = connection.execute("PRAGMA journal_mode=WAL").fetchone()[0]
         connection.execute("BEGIN IMMEDIATE")

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from ..errors import InputError
 from ..runtime.parent import following
 from .addresses import database_path, shown, store_uri
-from .building import artifacts, hide_default
+from .building import artifacts, check, hide_default
 from .client import ENVIRONMENT, connect
 from .store import no_study, pages
 
@@ -58,7 +58,7 @@ def runs_address(server: str, experiment_id: str) -> str:
 def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
     """The command that serves the runs kept under `folder` at http://127.0.0.1:`port`.
 
-    Raises `InputError` if there are none yet, if a server keeps them, or if the port is taken.
+    Raises `InputError` if there are none yet or they cannot be read, if a server keeps them, or if the port is taken.
     """
     uri = store_uri(folder)
     database = database_path(uri)
@@ -66,6 +66,7 @@ def dashboard_command(folder: str | Path, port: int = 5000) -> list[str]:
         raise InputError(f"the runs are kept by the server {shown(uri)}: open that address in the browser")
     if not database.exists():
         raise InputError(f"no runs under {database.parent} yet; fit something first, or name the output folder")
+    check(database, uri)
     with socket.socket() as probe:
         if probe.connect_ex(("127.0.0.1", port)) == 0:
             raise InputError(f"port {port} is taken, perhaps by an open dashboard; choose another port")

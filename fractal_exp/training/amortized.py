@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from ..methods.amortized.method import Amortized
-from ..runtime.params import Amount, Positive
+from ..runtime.params import Amount, Positive, Some
 from .codes import Maps
 from .epochs import EpochRecipe, EpochTraining
 from .loop import Batch
@@ -29,7 +29,7 @@ class AmortizedRecipe(EpochRecipe):
     """Codes to learn from; an epoch goes through all of them, with new pictures."""
     rate: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 5e-4
     """Learning rate of Adam at first."""
-    channels: tuple[Annotated[int, Field(ge=4, multiple_of=4)], ...] = (32, 64, 128, 256)
+    channels: Annotated[tuple[Annotated[int, Field(ge=4, multiple_of=4)], ...], Some] = (32, 64, 128, 256)
     """Channels of the residual blocks, each of which halves the side."""
     heads: Positive = 4
     """Heads of the attention that pools pixels into maps."""

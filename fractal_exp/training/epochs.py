@@ -11,7 +11,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from ..runtime.params import Amount, Positive, Share
+from ..runtime.params import Positive, Share
 from .codes import HELD_OUT, TRAINING, CodeTraining, Maps, draw
 from .drawing import MAX_MAPS
 from .loop import Batch, Recipe
@@ -32,7 +32,7 @@ class EpochRecipe(Recipe):
     """Factor on the learning rate after each epoch."""
     patience: Positive = 5
     """Epochs in a row without a lower held-out loss, after which the training ends."""
-    points: Amount = 0.7
+    points: Annotated[float, Field(ge=0, le=5)] = 0.7
     """The number of points of a picture is a target's, times a random factor whose logarithm is uniform in ± this."""
     symmetries: bool = True
     """Whether each picture of an epoch is turned by quarters and mirrored at random with its code, which leaves the

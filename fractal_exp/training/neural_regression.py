@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from ..methods.neural_regression.method import NeuralRegression
-from ..runtime.params import Amount, Positive
+from ..runtime.params import Amount, Positive, Some
 from .codes import Maps
 from .epochs import EpochRecipe, EpochTraining
 from .loop import Batch
@@ -32,7 +32,7 @@ class RegressionRecipe(EpochRecipe):
     """Learning rate of Adam at first (0.001 in the comparison)."""
     weight_decay: Amount = 1e-4
     """Weight decay of Adam (0.0001 in the comparison)."""
-    channels: tuple[Positive, ...] = (32, 64, 128)
+    channels: Annotated[tuple[Positive, ...], Some] = (32, 64, 128)
     """Channels of the blocks, each of which halves the side (32, 64 and 128 in the comparison)."""
     hidden: Positive = 256
     """Numbers between the two dense layers (256 in the comparison)."""

@@ -10,6 +10,7 @@ from PIL import Image
 
 from fractal_exp import IFS, InputError, codes
 from fractal_exp.cli import invert, render
+from fractal_exp.colouring import fitted
 from fractal_exp.images.painted import Painted
 from fractal_exp.images.reading import read_target
 from fractal_exp.runtime import files
@@ -64,16 +65,19 @@ def test_notes_about_colours_of_any_kind_do_not_hinder_a_drawing(tmp_path, capsy
         (tmp_path / "a.png").unlink(missing_ok=True)
 
 
-@pytest.mark.parametrize("alpha", ["none", "one pixel", "checks", "steps"])
+@pytest.mark.parametrize("alpha", ["none", "one pixel", "checks", "steps", "noise"])
 def test_transparency_of_any_kind_is_read_or_refused(alpha, tmp_path):
     rng = np.random.default_rng(1)
     pixels = rng.integers(0, 256, (32, 32, 4)).astype(np.uint8)
     pixels[..., 3] = {"none": 0, "one pixel": np.pad([[255]], (15, 16)), "steps": np.arange(32) * 8,
-                      "checks": 255 * (np.indices((32, 32)).sum(0) % 2)}[alpha]
+                      "noise": pixels[..., 3], "checks": 255 * (np.indices((32, 32)).sum(0) % 2)}[alpha]
     Image.fromarray(pixels).save(tmp_path / "picture.png")
     try:
         target = read_target(tmp_path / "picture.png", 32)
-        assert np.isfinite(Painted.of(target).seen).all() and bool(target.image.isfinite().all())
+        painted = Painted.of(target)
+        assert np.isfinite(painted.seen).all() and bool(target.image.isfinite().all())
+        found = fitted(IFS.load(tmp_path / "code.json"), painted)
+        assert found is None or 0 <= float(found.colours.rgb.min()) <= float(found.colours.rgb.max()) <= 1
     except InputError as error:
         assert str(error).isprintable()
 

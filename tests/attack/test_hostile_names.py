@@ -25,6 +25,14 @@ def test_an_error_is_one_printable_line(arguments, tmp_path, monkeypatch, capsys
     assert told.startswith("fractal-convert: error: ")
 
 
+def test_a_written_file_is_named_in_one_printable_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    convert.main(["fern", "a\n\x1b[31m.ifs"])
+    told = capsys.readouterr().out
+    assert told[:-1].isprintable() and told.endswith("a\\n\\x1b[31m.ifs (fractint, 4 maps)\n")
+    assert (tmp_path / "a\n\x1b[31m.ifs").exists()
+
+
 @pytest.mark.parametrize("key", ["name", *(
     pytest.param(key, marks=pytest.mark.slow) for key in ("title", "comment", "source", "camera", "inversion"))])
 def test_notes_of_any_kind_are_written_in_every_format(key, tmp_path):

@@ -5,6 +5,8 @@ import multiprocessing
 import os
 import resource
 import signal
+import subprocess
+import sys
 from contextlib import contextmanager
 
 import numpy as np
@@ -115,6 +117,19 @@ def test_a_full_disk_ends_a_command_in_one_line(main, arguments, size, names, tm
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert end.value.code == 2 and f"error: cannot write {tmp_path / names}: File too large" in last
     assert not (tmp_path / names).exists() and not list(tmp_path.rglob(".*partial*"))
+
+
+def test_a_reader_that_has_seen_enough_ends_a_command_without_a_word():
+    lines = "import sys; print('a' * 100_000); sys.stdout.flush(); print('b')"
+    program = ("from fractal_exp.cli import commands\n"
+               f"commands.command('fractal-test', lambda options: exec({lines!r}), "
+               "commands.command_parser('fractal-test', ''), [])")
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
 
 
 def test_what_the_system_refuses_a_command_is_one_line_but_a_closed_pipe_is_not_of_a_file(capsys):

@@ -84,6 +84,7 @@ def test_a_picture_is_all_it_needs(folder, method, capsys):
     written = {path.name for path in (folder / "gasket-fractal").iterdir()}
     assert written == {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "overlay.png",
                        "code.html"}
+    assert "searched for" not in out, "the method has no limit"
     assert len(IFS.load(folder / "gasket-fractal" / "code.json")) == 3
     assert Image.open(folder / "gasket-fractal" / "rendering.png").size == (1024, 1024)
     width, height = Image.open(folder / "gasket-fractal" / "overlay.png").size
@@ -173,6 +174,16 @@ def test_an_interruption_writes_the_best_code_so_far_and_says_so(folder, method,
     printed = capsys.readouterr()
     assert left.value.code == 130 and "interrupted; the best code so far was written" in printed.err
     assert (folder / "gasket-fractal" / "code.json").exists() and "interrupted" in printed.out
+
+
+def test_an_interruption_before_there_is_a_code_is_told_in_a_line(folder, method, capsys):
+    method(told=(), answer=None)
+    with pytest.raises(SystemExit) as left:
+        app.main(["gasket.png"])
+    error = capsys.readouterr().err
+    assert left.value.code == 130
+    assert error == "\nfractal-invert: interrupted before there was a code that could be written\n"
+    assert not (folder / "gasket-fractal").exists()
 
 
 def test_it_finds_a_code_itself(folder, capsys):

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -115,9 +116,12 @@ def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path
     assert list(frame["status"]) == ["FINISHED"], "one run, gone on with"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupt_is_answered_at_once_and_raised_again_if_it_got_lost(number, capfd):
-    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    before = {each: signal.getsignal(each) for each in SIGNALS}
     try:
         interruption.listen("stopping; work is being kept")
         interruption.check()
@@ -134,6 +138,35 @@ def test_an_interrupt_is_answered_at_once_and_raised_again_if_it_got_lost(number
             signal.signal(each, handler)
 
 
+CLOSED = """
+import sys, time
+from fractal_exp.cli import interruption
+
+interruption.listen("stopping")
+print("ready", flush=True)
+try:
+    time.sleep(600)
+except KeyboardInterrupt:
+    time.sleep(1)
+    print("to nobody", flush=True)
+    with open(sys.argv[1], "w") as kept:
+        kept.write("kept")
+"""
+
+
+def test_what_was_found_is_kept_where_the_terminal_is_closed(tmp_path):
+    ours, theirs = os.openpty()
+    process = subprocess.Popen([sys.executable, "-c", CLOSED, tmp_path / "kept"], stdin=theirs, stdout=theirs,
+                               stderr=theirs, start_new_session=True)
+    os.close(theirs)
+    assert os.read(ours, 100).strip() == b"ready"
+    os.close(ours)
+    for _ in range(2):  # by the system and by the shell
+        process.send_signal(signal.SIGHUP)
+        time.sleep(0.2)
+    assert process.wait(60) == 0 and (tmp_path / "kept").read_text() == "kept"
+
+
 def test_an_interrupt_while_libraries_load_is_one_line(monkeypatch, capsys):
     def loading(program, module):
         with contextlib.suppress(KeyboardInterrupt):
@@ -141,7 +174,7 @@ def test_an_interrupt_while_libraries_load_is_one_line(monkeypatch, capsys):
         raise ImportError("half a library")  # what an interrupted import may end in
 
     monkeypatch.setattr("fractal_exp.runtime.extras.start", loading)
-    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    before = {each: signal.getsignal(each) for each in SIGNALS}
     try:
         with pytest.raises(SystemExit) as left:
             start.train()

@@ -3,6 +3,7 @@
 import argparse
 import errno
 import json
+import os
 
 import numpy as np
 import pytest
@@ -87,6 +88,15 @@ def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(mo
     assert "Traceback" in printed, "of the defect"
 
 
+@pytest.mark.parametrize(("failed", "followed"), [(None, [os.getppid()]), ([], [])], ids=["worker", "command"])
+def test_a_worker_of_a_launcher_ends_with_the_command_that_started_it(failed, followed, monkeypatch):
+    ends_with = []
+    monkeypatch.setattr(composed, "failed", failed)
+    monkeypatch.setattr(composed.parent, "follow", ends_with.append)
+    monkeypatch.setattr(composed, "done", lambda program, work, config: "done")
+    assert composed._fit(OmegaConf.create({"task": "os.getpid"})) == "done" and ends_with == followed
+
+
 @pytest.mark.parametrize("tracking", ["mlflow", "none"])
 def test_jobs_of_m_stand_below_one_run_with_their_table(tracking, tmp_path):
     command = ["-m", "seed=0,1", "scale=smoke", "iterations=2", "resolution=32", "threads=1", f"output={tmp_path}",
@@ -126,11 +136,30 @@ def test_jobs_of_m_are_named_by_what_they_vary_and_end_in_a_table(tmp_path):
     assert set(frame["tags.mlflow.runName"]) == {f"fern, chaotic{variant}, model.maps={maps}"
                                                  for variant in ("", ", naive") for maps in (2, 3)}
     assert sorted(frame["tags.variant"]) == ["full", "full", "naive", "naive"]
-    assert printed.count("the paper's method, naive,") == 2
+    for maps in (2, 3):
+        assert f"fern (model=naive model.maps={maps}): the paper's method, naive," in printed
+        assert f"fern (model=svd model.maps={maps}): the paper's method, 32²" in printed
     table = printed.splitlines()[-5:]
     assert "f1" in table[0] and [line.split()[:2] for line in table[1:]] == [
         [f"model={model}", f"model.maps={maps}"] for model in ("naive", "svd") for maps in (2, 3)], printed
     assert len({path.name for path in (tmp_path / "fits").iterdir() if "-naive-" in path.name}) == 2
+
+
+def test_a_run_is_named_by_what_its_command_sets(tmp_path):
+    for rate in ("1e-3", "2e-3"):
+        status, printed = run_here(composed, f"optimizer.lr={rate}", "scale=smoke", "iterations=2",
+                                   "resolution=32", "threads=1", f"output={tmp_path}")
+        assert status == 0, printed
+    frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
+    assert set(frame["name"]) == {f"fern, chaotic, optimizer.lr={rate}, scale=smoke, iterations=2, "
+                                  "resolution=32" for rate in ("1e-3", "2e-3")}
+
+
+def test_a_loss_of_ones_own_names_the_variant(tmp_path):
+    (tmp_path / "loss").mkdir()
+    (tmp_path / "loss" / "edges.yaml").write_text("defaults: [full, _self_]\nweights: {mse: 2.0}\n")
+    status, printed = run_here(composed, "--config-dir", str(tmp_path), "loss=edges", *SHOWN, "--resolve")
+    assert status == 0 and "\nvariant: edges\n" in printed, printed
 
 
 def completed(*given: str) -> list[str]:

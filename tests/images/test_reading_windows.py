@@ -48,6 +48,15 @@ def test_a_whole_picture_knows_all(fern):
     assert read.known is None and not told(read)
 
 
+def test_a_picture_that_is_trimmed_to_its_shape_is_whole_unless_it_is_a_crop(fern):
+    rows, columns = (np.flatnonzero((fern > 100).any(axis)) for axis in (1, 0))
+    trimmed = fern[rows[0] + 5:rows[-1] - 4, columns[0] + 5:columns[-1] - 4]  # so far that sides are lit along much
+    read = read_target(trimmed, SIDE)
+    assert read.known is None and any("it is taken to end there" in note for note in read.notes)
+    height, width = trimmed.shape
+    assert read_target(np.pad(trimmed, 9), SIDE, crop=(9, 9, width + 9, height + 9)).known is not None
+
+
 def test_a_crop_that_cuts_a_shape_off_is_a_part_too_and_one_that_holds_it_is_not(fern):
     part = read_target(fern, SIDE, crop=(0, 0, 400, 250))
     assert part.known == read_target(fern[:250], SIDE).known is not None

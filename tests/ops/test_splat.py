@@ -155,3 +155,17 @@ def test_points_with_nan_are_warned_of_and_infinite_ones_are_not():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         splat(torch.tensor([[math.inf, 0.0]]), 8)
+
+
+def test_a_cotangent_that_is_not_a_number_reaches_the_splats_that_cover_it_alone():
+    """On a grid of points whose footprints overlap, by the twin's own answer."""
+    steps = torch.linspace(-0.93, 0.96, 9)
+    points, answers = torch.cartesian_prod(steps, steps), []
+    for backend in BACKENDS:
+        p = points.clone().requires_grad_()
+        image = splat(p, 40, sigma_px=2.5, supersample=2, backend=backend)
+        cotangent = torch.ones_like(image)
+        cotangent[17, 23] = math.nan
+        answers.append(torch.autograd.grad(image, p, cotangent)[0].isnan().any(-1))
+    assert 0 < int(answers[0].sum()) < len(points) / 4
+    assert not (answers[0] & ~answers[1]).any()

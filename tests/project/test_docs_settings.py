@@ -150,8 +150,8 @@ def test_the_pages_quote_most_numbers_of_the_method():
 @pytest.mark.parametrize(("text", "wrong"), [
     ("The slack is `search.slack = 0.5`.", []),
     ("The slack is `search.slack = 0.4`.", ["search.slack = 0.4, but it is 0.5"]),
-    ("It descends by `search.start = (150, 0.03, 0.97)`, twice.", []),
-    ("It descends by `search.start = (150, 0.03)`.", ["search.start = (150, 0.03), but it is (150, 0.03, 0.97)"]),
+    ("It descends by `search.start = (150, 0.03, 1.75)`, twice.", []),
+    ("It descends by `search.start = (150, 0.03)`.", ["search.start = (150, 0.03), but it is (150, 0.03, 1.75)"]),
     ("`recent = 2 / 3`, `pruning = true`, `rounds = null`", []),
     ("`ORBITS = 15`, `orbits = 16`", []),                                # the first is no name of a setting
     ("`orbits = 15`", ["orbits = 15, but it is 16"]),                    # a constant of a module

@@ -36,7 +36,7 @@ FLOORS = {  # of each folder with sub-folders, from the ground up; what is named
     "methods": [{"base"}, {"history", "pretrained", "stepwise"},
                 {"chaotic", "collage", "learning_fractals", "population", "super_resolution"}, {"neural_regression"},
                 {"amortized"}],
-    "methods/collage": [{"params"}, {"bins"}, {"state"}, {"measure"}, {"image"},
+    "methods/collage": [{"params", "limits"}, {"bins"}, {"state"}, {"measure"}, {"image"},
                         {"simplify", "growth", "trees"}, {"moves"}, {"stages"}, {"pipeline"}, {"given"},
                         {"method"}],
 }

@@ -15,6 +15,7 @@ import pytest
 from tracking_helpers import Between, artifacts, get
 
 from fractal_exp import InputError, tracking
+from fractal_exp.cli import report
 from fractal_exp.tracking import __main__ as command
 from fractal_exp.tracking import outbox, store
 from fractal_exp.tracking.run import MlflowTracker
@@ -79,6 +80,24 @@ def test_a_file_that_is_no_database_is_an_input_error(tmp_path):
     (tmp_path / "mlflow.db").write_text("no database" * 1000)
     with pytest.raises(InputError, match="cannot keep runs in .*not a database"):
         tracking.prepare_store(tmp_path)
+
+
+@pytest.mark.parametrize("damage", ["read-only", "no database"])
+def test_a_store_that_cannot_be_used_is_one_line_for_whoever_reads_it(uri, damage, tmp_path, monkeypatch, capsys):
+    if damage == "read-only":
+        with sqlite3.connect(store.database_path(uri)) as source, sqlite3.connect(tmp_path / "mlflow.db") as copy:
+            source.backup(copy)
+        monkeypatch.setattr("fractal_exp.tracking.building.os.access", lambda *_: False)  # root may write anywhere
+    else:
+        (tmp_path / "mlflow.db").write_text("no database" * 1000)
+    told = r"mlflow.db may not be written to" if damage == "read-only" else "mlflow.db: file is not a database"
+    with pytest.raises(InputError, match=told):
+        tracking.prepare_store(tmp_path)
+    assert command.main(["dashboard", str(tmp_path), "--port", "1"]) == 2 and told in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        report.main(["study", "--output", str(tmp_path)])
+    error = capsys.readouterr().err
+    assert told in error and error.count("\n") == 1
 
 
 def test_a_store_of_another_mlflow_version_names_the_command(uri, tmp_path):

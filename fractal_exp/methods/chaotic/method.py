@@ -16,6 +16,7 @@ from torch import Tensor
 from ...errors import InputError
 from ...runtime.checkpoint import Checkpoint, Snapshot, moments
 from ...runtime.checks import check_seconds
+from ...runtime.deadline import Deadline
 from ...runtime.precision import full_precision
 from ...runtime.seeds import derive, generator
 from ..base import (
@@ -153,7 +154,8 @@ class Chaotic(Method):
         self._some(best.states)
         raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
                           self.rescoring_draws)
-        stopped = time_is_up(self.seconds) if self.seconds and iteration < total else f"all {total} iterations done"
+        is_cut = self.seconds and iteration < total
+        stopped = time_is_up(Deadline(self.seconds)) if is_cut else f"all {total} iterations done"
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive(), stopped)
 
     def _radius(self, iteration: float) -> float:

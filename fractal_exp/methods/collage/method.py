@@ -26,10 +26,12 @@ ENDED = "the picture shows a few steps of a construction; the attractor of the c
 class Collage(Method):
     """Recover a code by the collage theorem (Barnsley 1985): find maps that tile the image with copies of it.
 
-    docs/method.md explains the stages. seconds: a time limit, after which the rest of each stage is skipped; a run
-    with a limit cannot be repeated bit for bit. seed: for all random numbers. previews: how many preview images are
-    reported. device: where tensors live. options: the parameters of `CollageParams`; a component takes a mapping, as in
-    `Collage(maps=4, moves={"root": 0})`. A checkpoint is saved after every stage and at an interruption.
+    docs/method.md explains the stages. seconds: a time limit, after which the rest of each stage is skipped; a run that
+    a limit ends cannot be repeated bit for bit. Without one, a search for the code of a picture from elsewhere ends
+    after `runtime.deadline.USUAL` seconds of a core, and every other search when it is done. seed: for all random
+    numbers. previews: how many preview images are reported. device: where tensors live. options: the parameters of
+    `CollageParams`; a component takes a mapping, as in `Collage(maps=4, moves={"root": 0})`. A checkpoint is saved
+    after every stage and at an interruption.
 
     Raises `InputError` if a value is out of range.
     """
@@ -63,7 +65,7 @@ class Collage(Method):
                     ) -> CodeReconstruction:
         self.check(target)
         levels = self._levels(target)
-        problem = SearchProblem(levels.picture, levels, self.params, self.seed, self.deadline())
+        problem = SearchProblem(levels.picture, levels, self.params, self.seed, self.deadline(target))
         plan, size = plan_of(problem), len(problem.image)
         snapshot = checkpoint.load() if checkpoint else None
         teller = Teller(on_step, plan, self.previews, lambda code: levels.render(code, size, self.seed))
@@ -88,9 +90,9 @@ class Collage(Method):
                                   notes=() if seen.shows_attractor else (ENDED,),
                                   camera=seen.camera)
 
-    def deadline(self) -> Deadline:
-        """The time limit, starting now."""
-        return Deadline(self.seconds)
+    def deadline(self, target: AnyTarget) -> Deadline:
+        is_open_ended = not self._levels(target).is_exact and not self.params.grows_at_once
+        return Deadline.usual() if self.seconds is None and is_open_ended else Deadline(self.seconds)
 
 
 def laptop(*, resolution: int = 256, seed: int = 0, seconds: float | None = None, previews: int = 0, **options: Any

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...cameras.params import CameraParams, Factor
 from ...ops.collage.reference import MAX_STEPS
-from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, check_order
+from ...runtime.params import NAME, Amount, Count, Odds, ParamError, Params, Positive, Share, Some, check_order
 
 BYTES_OF_A_MAP = 12   # six numbers of 16 bits
 
@@ -29,7 +29,6 @@ def power_of_two(value: int) -> int:
 SingularValue = Annotated[float, Field(gt=0, lt=1)]
 Grid = Annotated[int, Field(ge=16, le=1024), AfterValidator(power_of_two)]
 Steps = Annotated[int, Field(ge=0, le=MAX_STEPS)]
-Some = Field(min_length=1)   # for a list that must not be empty
 
 
 class SearchParams(Params):
@@ -192,8 +191,6 @@ class GaussNewtonParams(Params):
     """Multiples of a step that are tried while the error falls."""
     last_patience: Positive = 2
     """Steps without gain, in a row, after which the last polish of a stage ends."""
-    largest: SingularValue = 0.9995
-    """Largest singular value that a map may have, rounded or not."""
     points_per_cell: Factor = 6.0
     """Points of the chaos game per cell of the finest grid, in a Jacobian from points."""
 
@@ -231,8 +228,8 @@ class GrowthParams(Params):
     enabled: bool = True
     """Whether maps are grown where the search finds no code."""
     counts: Annotated[tuple[Annotated[int, Field(ge=2)], ...], Some] = (16, 64, 128, 256, 512)
-    """Numbers of maps on the curve, besides the number that is asked for. With a time limit, only that number is
-    grown."""
+    """Numbers of maps on the curve, besides the number that is asked for. Under a time limit of
+    less than a minute, only that number is grown."""
     usual: Annotated[int, Field(ge=2)] = 128
     """Maximum number of maps if nothing is asked for."""
     enough: Share = 0.95

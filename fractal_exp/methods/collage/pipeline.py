@@ -65,8 +65,7 @@ class Pipeline:
             self.on_stage(self.at_work, state)
 
     def _skip(self, stage: Stage, state: State) -> None:
-        limit = self.plan.problem.deadline.seconds or 0
-        self.state = replace(state.closed(stage.key), stopped=time_is_up(limit))
+        self.state = replace(state.closed(stage.key), stopped=time_is_up(self.plan.problem.deadline))
 
     def _run(self, stage: Stage, state: State) -> None:
         state, deadline = stage.open(state), stage.deadline

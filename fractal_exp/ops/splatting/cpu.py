@@ -18,22 +18,21 @@ def splat(points: Tensor, resolution: int, *, sigma_px: float, supersample: int)
 
 
 class Splat(torch.autograd.Function):
-    """Keeps the supersampled transmittance prod (1 - alpha) and the lists of points by tile."""
+    """Keeps the supersampled transmittance prod (1 - alpha) and the points sorted by tile."""
 
     @staticmethod
     def forward(ctx: Any, points: Tensor, resolution: int, sigma_px: float, supersample: int,
                 differentiable: bool) -> Tensor:
         grid = kernels.grid_of(resolution, supersample, sigma_px)
-        points = points.contiguous()
-        image, *kept = kernels.forward(points.numpy(), grid, differentiable)
+        image, *kept = kernels.forward(points.contiguous().numpy(), grid, differentiable)
         if differentiable:
             ctx.grid = grid
-            ctx.save_for_backward(points, *(torch.from_numpy(array) for array in kept))
+            ctx.save_for_backward(*(torch.from_numpy(array) for array in kept))
         return torch.from_numpy(image)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, grad_image: Tensor) -> tuple[Tensor | None, ...]:
-        points, *kept = (tensor.numpy() for tensor in ctx.saved_tensors)
-        grad = kernels.backward(points, *kept, grad_image.contiguous().numpy(), ctx.grid)
+        kept = (tensor.numpy() for tensor in ctx.saved_tensors)
+        grad = kernels.backward(*kept, grad_image.contiguous().numpy(), ctx.grid)
         return torch.from_numpy(grad), None, None, None, None

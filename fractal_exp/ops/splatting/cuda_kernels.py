@@ -16,7 +16,7 @@ from numba import cuda, float32, float64, int32, int64
 from torch import Tensor
 
 from ..cuda_launch import blocks_of, launch
-from .cpu_kernels import pixel
+from .cpu_tiles import pixel
 from .reference import ALPHA_MAX, ALPHA_MIN, cutoff_radius
 
 TILE = 16                 # pixels a side

@@ -252,7 +252,7 @@ def test_where_maps_are_grown_first_no_construction_is_looked_for():
 
 
 def test_what_a_sketch_has_grown_is_not_grown_again():
-    some = stage(clouds(48), seconds=1e6, growth={"usual": 70, "steps": 1})
+    some = stage(clouds(48), seconds=50, growth={"usual": 70, "steps": 1})
     few, many = (replace(some.grower.plain(count), likeness=0.5) for count in (64, 70))
     assert Sketch(some.problem).counts == [64, 70] and some.counts == [70]
     assert some.is_settled(State(curve=(few, many))) and not some.is_settled(State(curve=(few,)))
@@ -294,6 +294,24 @@ def test_an_interrupted_growth_tells_what_it_has_grown():
     with pytest.raises(KeyboardInterrupt):
         Collage(maps=12, likeness=None, growth={**FEW, "steps": 5}).reconstruct(clouds(), on_step=interrupt)
     assert [each.stage for each in told] == 3 * ["sketch"] and len(told[2].code) == 6 and told[2].camera.is_known
+
+
+@pytest.mark.parametrize("image, asked", [(clouds(), {}), (BRANCH, {"maps": 24})], ids=["sketch", "growth"])
+def test_a_growth_that_is_interrupted_in_its_first_descent_tells_how_far_it_is(image, asked, monkeypatch):
+    told, note, seen = [], Grower._note, []
+
+    def interrupt(some, found):
+        note(some, found)
+        seen.append(found[0])
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Grower, "_note", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        Collage(likeness=None, growth=FEW, **asked).reconstruct(image, on_step=told.append)
+    paved, moved = seen
+    assert torch.equal(told[-1].code.offset, moved.code.offset) and not torch.equal(moved.maps, paved.maps)
+    assert told[-1].camera.is_known and told[-1].code.contraction
 
 
 def test_growth_goes_on_where_it_was_interrupted(tmp_path, monkeypatch):

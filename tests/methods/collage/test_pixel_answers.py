@@ -58,7 +58,7 @@ def test_a_matrix_turns_about_the_mean_of_the_attractor():
 
 
 def spread(pixel=2 / 256):
-    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel, RENDERED, 0.9995)
+    return Spread(torch.tensor([0.2, -0.1]).double(), 0.16 * torch.eye(2).double(), pixel, RENDERED)
 
 
 @pytest.mark.parametrize(("pixels", "near"), [(0.8 * RENDERED.near_px, True), (0.04, True), (0.1, False)])

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from collage_helpers import PARAMS
 from drawn_helpers import PIXEL, SIDE, drawing, objective, tree
 
-from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.cameras.strokes import parts_of
 from fractal_exp.ifs import affine
-from fractal_exp.images.levels import DRAWN
-from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.trees import registration
 from fractal_exp.methods.collage.trees.registration import Registration, _drawn, _Tree
 from fractal_exp.runtime.deadline import Deadline
 
@@ -102,11 +99,10 @@ def test_nothing_is_registered_after_the_deadline():
     assert Registration(seen, Deadline(0.0)).fits(seen.judge(knocked(0.02))) == []
 
 
-def test_no_copy_has_a_larger_singular_value_than_told():
+def test_no_copy_has_a_larger_singular_value_than_told(monkeypatch):
     """The true ones are 0.6."""
-    params = PARAMS.updated(gauss_newton={"largest": 0.55})
-    image = drawing(DEPTH)
-    seen = ImageObjective(image, levels_of(image, DRAWN, params.camera), params)
+    monkeypatch.setattr(registration, "SMALLER", 0.55)
+    seen = objective(drawing(DEPTH))
     best = Registration(seen).fits(seen.judge(affine.from_code(tree(0.5))))[0]
     assert affine.largest_singular(best.maps[:2]).tolist() == pytest.approx([0.55, 0.55], abs=1e-5)
 

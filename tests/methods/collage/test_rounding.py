@@ -128,7 +128,7 @@ def test_lines_are_none_of_maps_with_wide_images(triangle):
 
 def test_no_line_or_rounding_is_proposed_that_does_not_contract():
     spread = torch.diag(torch.tensor([1e-4, 0.1], dtype=torch.float64))
-    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, RENDERED, 0.9995)
+    tall = Spread(torch.zeros(2, dtype=torch.float64), spread, 2 / 256, RENDERED)
     lines = list(tall.lines(torch.tensor([0, 0.001, 0, 0.9, 0, 0])))
     assert lines and all(float(line.one[:4].abs().max()) < 1 for line in lines)
     assert all(line.scale == 3 for line in lines)  # the width is too little to be stretched that far

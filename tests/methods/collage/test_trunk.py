@@ -13,6 +13,7 @@ from fractal_exp.cameras.strokes import flat_maps, parts_of
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage.image.objective import ImageObjective
+from fractal_exp.methods.collage.limits import SMALLER
 from fractal_exp.methods.collage.stages.construction import COARSE_SIDE
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.methods.collage.trees.trunk import BESIDE_PX, _segments, flat_maps_onto, with_trunk
@@ -121,8 +122,8 @@ def test_a_trunk_longer_than_the_shape_is_contractive_too():
     branches = affine.from_code(tree())[1:].double()
     ends = torch.tensor([-0.9, -0.9]).double(), torch.tensor([0.9, 0.9]).double()
     points = torch.rand(50, 2, generator=torch.Generator().manual_seed(0)).double() * 0.2
-    maps = flat_maps_onto([ends], branches, points, 0.98)
-    assert float(torch.linalg.matrix_norm(maps[:, :4].view(-1, 2, 2), 2)) <= 0.98 + 1e-6
+    maps = flat_maps_onto([ends], branches, points)
+    assert float(torch.linalg.matrix_norm(maps[:, :4].view(-1, 2, 2), 2)) <= SMALLER + 1e-6
 
 
 def test_the_pen_outlines_segments():

@@ -146,7 +146,7 @@ def test_a_tone_curve_makes_no_difference_to_the_correction_for_saturation():
 @pytest.mark.parametrize("kind", [Approach, DrawnMoves])
 def test_the_camera_is_estimated_for_the_measure_of_the_search(kind, monkeypatch):
     measures = []
-    monkeypatch.setattr(SearchProblem, "camera", lambda self, code, seed, measure=None:
+    monkeypatch.setattr(SearchProblem, "camera", lambda self, code, measure=None:
                         measures.append(measure) or Camera("coverage"))
     for measure in (None, CURVE):
         best = Candidate(affine.from_code(FERN), None, 0.1, 1.0)

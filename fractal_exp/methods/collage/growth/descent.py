@@ -7,6 +7,8 @@ maps move points of their own invariant measure instead of the picture's, which 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -33,12 +35,16 @@ OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps
 SIMILARITY = 0.1        # weight of SSIM inside the shape beside the squared error, each summed over pixels
 BLUR, BLUR_PX = (0.25, 0.5, 0.25), 0.7   # of the drawing along both axes, and the Gaussian that is like it
 LEAST_WEIGHT = 1e-6     # of a map
+TOLD = 10               # steps from one set that is told to the next
+
+Found = tuple[WeightedMaps, float]  # maps and weights, and the mass of their drawing
 
 
-def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadline: Deadline = NO_DEADLINE
-              ) -> tuple[WeightedMaps, float]:
+def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadline: Deadline = NO_DEADLINE,
+              tell: Callable[[Found], object] = lambda found: None) -> Found:
     """The maps and weights after `steps` of Adam (Kingma and Ba 2015), and the mass of their drawing. The loss is the
-    squared error of the collage, lightly blurred, less `SIMILARITY` times its SSIM inside the shape."""
+    squared error of the collage, lightly blurred, less `SIMILARITY` times its SSIM inside the shape. tell: is called
+    with those on the way, from the start on."""
     g, side = generator(seed, "descent"), target.side
     mean = target.points(SAMPLES, g).mean(0)
     linear, logs = start.maps[:, :4].clone().requires_grad_(), start.probabilities.log().requires_grad_()
@@ -53,6 +59,8 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
         done = max((k + 1) / steps, deadline.used)
         if deadline.passed:
             break
+        if k % TOLD == 0:
+            tell(_found(linear, centre, logs, mean, target.mass, mass))
         if done <= OWN_FROM:
             points = target.points(SAMPLES, g)
         else:
@@ -77,8 +85,13 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
         adam.step()
         with torch.no_grad():
             linear.copy_(contract(torch.cat([linear, centre], 1), LARGEST)[:, :4])
+    return _found(linear, centre, logs, mean, target.mass, mass)
+
+
+def _found(linear: Tensor, centre: Tensor, logs: Tensor, mean: Tensor, known: float | None, mass: float) -> Found:
+    """The set of these parameters. known: the mass of the whole, if it is given; mass: what weights are shares of."""
     weights = logs.detach().exp().clamp_min(LEAST_WEIGHT)
-    total = mass if target.mass else mass * float(weights.sum())
+    total = mass if known else mass * float(weights.sum())
     return WeightedMaps(_maps(linear, centre, mean), weights / weights.sum()), total
 
 

@@ -19,10 +19,10 @@ from ....cameras.levels import Levels
 from ....cameras.points import attractor_points, trajectories
 from ....ifs import affine
 from ....ops.collage import orbit_bins
-from ....ops.collage.reference import contract
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..bins import point_bins
+from ..limits import limited
 from .objective import FIRM_ABOVE, Frame, ImageObjective, Rendered
 
 DAMPING = 1e-2           # of the first step, relative to the diagonal of the normal equations
@@ -259,7 +259,7 @@ class Jacobian(ABC):
             maps[i][j] += value * unit
             if j < 4:
                 maps[i][4 + j // 2] -= value * unit * self.mean[j % 2]
-        return contract(self.maps.new_tensor(maps), self.params.largest)
+        return limited(self.maps.new_tensor(maps), self.weights)
 
     def nudged(self, parameter: int, step: float) -> Tensor:
         """The maps (N,6) after a step of one parameter."""

@@ -14,7 +14,9 @@ from ....cameras.levels import Levels, stabilize
 from ....ifs import affine, attractor
 from ....ifs.attractor import FRAME_SIDE, visible_tips
 from ....ifs.code import IFS
+from ....ifs.contraction import AVERAGE
 from ....runtime.seeds import derive
+from ..limits import limited
 from ..params import CollageParams, FrameParams
 from ..state import WeightedMaps
 
@@ -65,7 +67,8 @@ class ImageObjective(Comparison):
         return Frame.firm_of(self.image, self.levels, self.params.frame)
 
     def judge(self, maps: Tensor, weights: Tensor | None = None) -> Rendered:
-        """The code of these maps, rendered and compared."""
+        """The code of these maps, rendered and compared. Maps that no code may have are limited first."""
+        maps = limited(maps, weights)
         image = self.render(affine.to_code(maps, weights))
         rendered = Rendered(maps, weights, image, self.error(image), self.levels)
         if self.frame is None:
@@ -176,8 +179,8 @@ class Frame:
     def misfit(self, maps: Tensor, probabilities: Tensor) -> Tensor:
         """Misfit (3,) float64, pixels, of the attractor's visible box in the frame, for maps (N,6) and probabilities
         (N,): of its lower and upper end along its longer side, and of its centre along the other side."""
-        low, high = _box([tip for tip, _ in visible_tips(affine.to_code(maps, probabilities))])
-        return self._misfit(low, high)
+        box = torch.from_numpy(attractor.visible_box(affine.to_code(maps, probabilities)))
+        return self._misfit(box[:2], box[2:])
 
     def enlargement(self, maps: Tensor, probabilities: Tensor) -> float:
         """The factor on all offsets that makes the longer side of the attractor's box as long as the frame."""
@@ -186,8 +189,11 @@ class Frame:
 
     def jacobian(self, maps: Tensor, probabilities: Tensor) -> Tensor:
         """The derivatives (3,N,6) of `misfit` by the maps: those of the words that reach farthest, for fixed
-        probabilities."""
-        words = [torch.from_numpy(word).long() for _, word in visible_tips(affine.to_code(maps, probabilities))]
+        probabilities. 0 for a code that contracts on average only, in which no word does."""
+        code = affine.to_code(maps, probabilities)
+        if code.contraction.kind == AVERAGE:
+            return torch.zeros(3, *maps.shape, dtype=torch.float64)
+        words = [torch.from_numpy(word).long() for _, word in visible_tips(code)]
         with torch.enable_grad():
             moving, weights = maps.detach().cpu().double().requires_grad_(), probabilities.detach().cpu().double()
             linear, offset = moving[:, :4].unflatten(1, (2, 2)), moving[:, 4:]

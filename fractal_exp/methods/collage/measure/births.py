@@ -12,6 +12,7 @@ from ....ifs.canvas import pixel_to_canvas
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ....runtime.params import Interval
 from ..bins import halve
+from ..limits import LARGEST
 from ..params import BirthParams
 
 KEPT = 4                       # candidates that also descend on the fine grid; one of them is taken
@@ -28,10 +29,10 @@ BLOB_LEAST_RADIUS = 1.0        # its minimum, cells
 BLOB_GRID = 64                 # cells per side of the grid on which blobs are measured
 BLOB_LEAST_WIDTH = 0.15        # standard deviation, cells, whose square is added to a blob's covariance
 BLOB_STEPS = 3                 # of mean shift (Fukunaga and Hostetler 1975), which finds the centre of a blob
-ON_COARSE = Descent(40, rate=0.04, largest=0.98, prior=0.0)   # of all candidates on the coarse grid
-ON_FINE = Descent(15, rate=0.01, largest=0.98, prior=0.0)     # of the kept candidates on the fine grid
+ON_COARSE = Descent(40, rate=0.04, largest=LARGEST, prior=0.0)   # of all candidates on the coarse grid
+ON_FINE = Descent(15, rate=0.01, largest=LARGEST, prior=0.0)     # of the kept candidates on the fine grid
 LEAST_WIDTH = 1e-3   # canvas units, whose square is added to the covariance of the image of a map to reorient
-LARGEST = 0.97       # upper limit of the singular values of a reoriented map
+TURNED = 0.97        # upper limit of the singular values of a reoriented map
 LEAST_PART = 0.3   # share of a measure that lies in a part of it at least
 REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without it, a shape on a line has no inverse
 
@@ -115,7 +116,7 @@ def reoriented(old: Tensor, measure: BinnedMeasure, count: int, generator: torch
     source = torch.linalg.cholesky(covariance + REGULAR * torch.eye(2))
     turn = affine.rotations(count, generator, reflections=reflections).double()
     matrices = torch.linalg.cholesky(image) @ turn @ torch.linalg.inv(source)
-    matrices = matrices * (LARGEST / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
+    matrices = matrices * (TURNED / torch.linalg.matrix_norm(matrices, 2)[:, None, None]).clamp_max(1)
     return affine.sending(matrices, center, mean.expand(count, 2)).to(old)
 
 

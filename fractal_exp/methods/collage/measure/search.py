@@ -17,6 +17,7 @@ from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
 from ..bins import attractor_bins, binned, grid_for
+from ..limits import LARGEST, SMALLER, limited
 from ..params import CollageParams
 from ..state import Candidate
 from .births import LARGE, LEAST_RATIO, MEDIUM, SMALL, Birthplace
@@ -50,7 +51,7 @@ PRUNE_TRIED = 3              # maps whose removal is tried at a time: those whos
 PRUNE_SHARE = 0.3            # share by which a removal may raise the error to be tried, if it is more than these prices
 SAME_AFFINITY = 0.9          # Bhattacharyya affinity of the images of two maps above which merging them is tried
 # Descents.
-START = Descent(150, rate=0.03, largest=0.97)   # of the random sets of a restart
+START = Descent(150, rate=0.03, largest=LARGEST)   # of the random sets of a restart
 MIX = Descent(150, rate=0.015)                  # of a mixture
 RESUME = Descent(100, rate=0.004)               # of a set from an earlier stage
 NEIGHBOUR = Descent(50, rate=0.01)              # of the neighbours in a move
@@ -103,7 +104,7 @@ class MeasureSearch:
     """
 
     def __init__(self, masses: Tensor, regime: Regime, params: CollageParams, seed: int = 0,
-                 smaller_limit: float = 1.0):
+                 smaller_limit: float = SMALLER):
         size = grid_for(masses.shape[0], regime.grid)
         self.params, self.regime, self.seed, self.smaller_limit = params, regime, seed, smaller_limit
         self._aim_at(*(binned(masses, cells) for cells in (size, size // COARSER)))
@@ -132,6 +133,9 @@ class MeasureSearch:
 
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         """The candidate with its score."""
+        drawable = limited(maps, weights)
+        if drawable is not maps and not torch.equal(drawable, maps):
+            maps, error = drawable, float(collage_error(self._explained(drawable, weights)[None], self.measure)[0])
         far = float(collage_error(self._attractor(maps, weights)[None], self.measure)[0])
         return Candidate(maps, weights, error, self.cheap_score(maps, weights, error) + ATTRACTOR_WEIGHT * far)
 
@@ -149,7 +153,7 @@ class MeasureSearch:
         return m[0], w[0], float(e[0])
 
     def _descent(self, how: Descent) -> Descent:
-        return replace(how, prior=self.regime.prior, smaller=self.smaller_limit)
+        return replace(how, prior=self.regime.prior, largest=LARGEST, smaller=self.smaller_limit)
 
     # -- starting -----------------------------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from ....images.known import Known
 from ....ops.collage import BinnedMeasure, collage_error
 from ....runtime.seeds import derive
 from ..bins import binned, grid_for, hats
+from ..limits import SMALLER
 from ..params import CollageParams
 from ..state import Candidate, WeightedMaps
 from .search import COARSER, NEIGHBOUR, MeasureSearch, Regime
@@ -68,7 +69,7 @@ class WindowSearch(MeasureSearch):
     """`MeasureSearch` on such a measure. Each set is judged on the measure that it completes itself."""
 
     def __init__(self, masses: Tensor, known: Known, regime: Regime, params: CollageParams, seed: int = 0,
-                 smaller_limit: float = 1.0):
+                 smaller_limit: float = SMALLER):
         self.params = params.updated(search={"slack": max(SLACK, params.search.slack)})
         self.regime, self.seed, self.smaller_limit = regime, seed, smaller_limit
         self.known, self.resolution, size = known, len(masses), grid_for(len(masses), regime.grid)
@@ -119,7 +120,7 @@ class WindowSearch(MeasureSearch):
 
 
 def search_on(masses: Tensor, known: Known | None, regime: Regime, params: CollageParams, seed: int,
-              smaller_limit: float = 1.0) -> MeasureSearch:
+              smaller_limit: float = SMALLER) -> MeasureSearch:
     """The search on the masses (R,R) of an image that shows a part of the canvas, None: all of it."""
     if known is None:
         return MeasureSearch(masses, regime, params, seed, smaller_limit)

@@ -16,6 +16,7 @@ from ....runtime.seeds import derive
 from ..bins import binned, correction, grid_for, saturation_corrected
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered, error_of
+from ..limits import LARGEST, SMALLER
 from ..measure.windows import completed, seen
 from ..simplify.loop import Price, pruned
 from ..state import WeightedMaps
@@ -29,7 +30,6 @@ REST_STEPS = 4     # Gauss-Newton steps of all maps after a removal or a root, w
 COARSEST = 128     # cells per side of the first grid; each further grid has twice as many
 GRIDS = 4          # grids that each error compares, each half as fine as the one before
 RATE = 0.002       # learning rate on the first grid, canvas units, halved on each further grid: maps are nearly right
-LARGEST = 0.9995   # largest singular value that a map may have
 
 Value = TypeVar("Value")
 
@@ -139,7 +139,8 @@ class Tools:
         best = now = self.objective.judge(maps, weights)
         finest = grid_for(self.masses.shape[0], refine.finest)
         while refine.steps and size <= finest:
-            how = Descent(refine.steps, rate=rate, largest=LARGEST, prior=0.0, tied=weights is None)
+            how = Descent(refine.steps, rate=rate, largest=LARGEST, smaller=SMALLER, prior=0.0,
+                          tied=weights is None)
             corrected = saturation_corrected(self.masses, now.code, self.objective.levels, self.params.saturation,
                                              derive(self.seed, "refine", size))
             measure = completed(seen(corrected, size, known, GRIDS), now, len(corrected), known, self.seed)

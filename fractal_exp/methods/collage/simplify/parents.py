@@ -17,6 +17,7 @@ from ....ifs import affine
 from ....ifs.canvas import canvas_to_pixel
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective, Rendered
+from ..limits import SMALLER
 from .flat import flattened
 from .loop import Draft, fewest
 from .symmetry import symmetries
@@ -42,7 +43,7 @@ def parents(draft: Draft) -> Iterator[Draft]:
     objective, shown = draft.objective, draft.shown
     params, image, side = objective.params, objective.image.cpu(), len(objective.image)
     points, maps = _points(objective, shown), flattened(objective, shown).cpu()
-    found = _undone(maps, symmetries(image, params.rounding), params.gauss_newton.largest)
+    found = _undone(maps, symmetries(image, params.rounding))
     found = found[_inside(affine.images(found, points), image > 0) >= INSIDE]
     found = found[affine.volumes(found).argsort(descending=True, stable=True)][:TRIED]
     images = affine.images(maps, points)
@@ -84,13 +85,13 @@ def _points(objective: ImageObjective, shown: Rendered) -> Tensor:
                             derive(objective.seed, "parents")).cpu()
 
 
-def _undone(maps: Tensor, group: list[Tensor], largest: float) -> Tensor:
+def _undone(maps: Tensor, group: list[Tensor]) -> Tensor:
     """All contractive f∘s∘h⁻¹ (n,6), with f and h among the maps (N,6) and s in the group."""
     back = [each for each in map(affine.inverse, maps) if each is not None]
     found = [affine.composed(affine.composed(one, symmetry), each) for one in maps for symmetry in group
              for each in back]
     every = torch.stack(found) if found else maps[:0]
-    return every[affine.largest_singular(every) < largest]
+    return every[affine.largest_singular(every) < SMALLER]
 
 
 def _lit(points: Tensor, side: int) -> Tensor:

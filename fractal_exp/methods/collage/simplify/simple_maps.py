@@ -17,6 +17,7 @@ from ....cameras.points import attractor_points
 from ....ifs import affine
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective, Rendered
+from ..limits import SMALLER, within_limits
 from .loop import DRAWN_WORSE
 
 RATIOS = (((5**0.5 - 1) / 2) ** 2,)   # further simple ratios of a similarity: the squared inverse of the golden ratio
@@ -126,22 +127,19 @@ class Line:
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean (2,) and covariance (2,2) of an attractor, float64. pixel: a pixel's side; largest: the largest singular
-    value that a map may have. Rounded maps send the mean where it was sent before."""
+    """Mean (2,) and covariance (2,2) of an attractor, float64. pixel: a pixel's side. Rounded maps send the mean where
+    it was sent before."""
 
     mean: Tensor
     covariance: Tensor
     pixel: float
     precision: Precision
-    largest: float
 
     @classmethod
     def of(cls, found: Rendered, objective: ImageObjective) -> Spread:
         """The spread of a code's attractor, with the objective's pixels."""
-        params = objective.params
         points = attractor_points(found.maps, found.probabilities, POINTS, derive(objective.seed, "rounding")).double()
-        return cls(points.mean(0), points.T.cov(), 2 / objective.side, Precision.of(objective),
-                   params.gauss_newton.largest)
+        return cls(points.mean(0), points.T.cov(), 2 / objective.side, Precision.of(objective))
 
     def rounded(self, one: Tensor) -> Tensor | None:
         """The map (6,) with a simple matrix, or None if none is near."""
@@ -150,7 +148,7 @@ class Spread:
         moved = (((simple - old) @ self.covariance) * (simple - old)).sum((-2, -1)).sqrt()
         near = self._with(one, simple[moved.argmin()])
         small = float(moved.min()) <= self.precision.near_px * min(self.pixel, 2 / LEAST_SIDE)
-        return near if small and float(affine.largest_singular(near)) <= self.largest else None
+        return near if small and bool(within_limits(near)) else None
 
     def lines(self, one: Tensor) -> Iterator[Line]:
         """If the map's (6,) image is a line along an axis, lines that project either axis of the plane onto it, both
@@ -164,7 +162,7 @@ class Spread:
         for source, sign, factor in product((0, 1), (1, -1), LINE_FACTORS):
             matrix, scale = torch.zeros_like(linear), 2 * to + source
             matrix[to, source] = sign * factor * spread[to] / self.covariance[source, source].sqrt()
-            if not float(matrix[to, source].abs()) <= self.largest:  # also true of NaN, if the attractor has no width
+            if not float(matrix[to, source].abs()) <= SMALLER:  # also true of NaN, if the attractor has no width
                 continue
             line = Line(self._with(one, matrix), scale, frozenset(range(4)) - {scale})
             yield line

@@ -156,24 +156,25 @@ class SearchProblem:
         """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
         return levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
 
-    def camera(self, code: IFS, seed: int, measured_through: Camera | None = None) -> Camera:
-        """The camera of the image, estimated from a nearly right code; the one that is known if the levels are exact.
-        measured_through: the camera through which the search reads masses."""
+    def camera(self, code: IFS, measured_through: Camera | None = None) -> Camera:
+        """The camera of the image, estimated from a nearly right code, once for each code; the one that is known if the
+        levels are exact. measured_through: the camera through which the search reads masses."""
         if self.levels.is_exact:
             return self.levels.camera
         from ....cameras.estimate import estimated  # for other pictures alone
 
         numbers = [each for each in (code.linear, code.offset, code.probabilities) if each is not None]
-        key = seed, measured_through, *(each.cpu().numpy().tobytes() for each in numbers)
+        key = measured_through, *(each.cpu().numpy().tobytes() for each in numbers)
         if key not in self._cameras:
             levels = with_camera(self.levels, measured_through)
+            seed = derive(self.seed, "camera")
             self._cameras[key] = estimated(self.image, levels, code, seed) or self.levels.camera
         return self._cameras[key]
 
     @cached_property
     def _cameras(self) -> dict[tuple[object, ...], Camera]:
-        """The cameras estimated so far, by all that they depend on. A stage that is asked whether it is wanted needs
-        the same one as when it is opened."""
+        """The cameras estimated so far, by all that they depend on. One takes a second or two, and several stages ask
+        for that of the same code."""
         return {}
 
     def objective(self, size: int, code: IFS, seed: int, renderings: int = 1,
@@ -189,7 +190,7 @@ class SearchProblem:
         """The search by renderings, at the size of the problem's image. `code` is the best so far; without a camera,
         the one that suits the code best is estimated."""
         seed = derive(self.seed, *path)
-        camera = self.camera(code, seed, measured_through) if camera is None else camera
+        camera = self.camera(code, measured_through) if camera is None else camera
         objective = self.objective(len(self.image), code, seed, camera=camera)
         seen = objective.levels
         masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses

@@ -95,7 +95,7 @@ class Construction(Stage):
 
     def _objective_for(self, best: Candidate) -> ImageObjective:
         problem, seed = self.problem, derive(self.problem.seed, "recursion")
-        return problem.objective(len(problem.image), best.code, seed, camera=problem.camera(best.code, seed))
+        return problem.objective(len(problem.image), best.code, seed, camera=problem.camera(best.code))
 
     def move(self, state: State) -> State:
         return state.moved(self._better(state.now, state.step))

@@ -13,7 +13,7 @@ from ....cameras.pens import Dots
 from ....likeness import share_inside
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
-from ..growth.descent import BLUR_PX, descended
+from ..growth.descent import BLUR_PX, Found, descended
 from ..growth.exposed import Exposed
 from ..growth.paving import paving
 from ..state import Grown, WeightedMaps
@@ -24,10 +24,12 @@ LEAST_STEPS = 0.4    # share of the steps that a few maps take
 
 
 class Grower:
-    """Sets of as many maps as asked for, that show the image of a search."""
+    """Sets of as many maps as asked for, that show the image of a search. on_the_way: the set that moves or moved
+    last, with the mass of its drawing."""
 
     def __init__(self, problem: SearchProblem, seed: int = 0):
         self.problem, self.seed, self.image = problem, seed, problem.image
+        self.on_the_way: Found | None = None
         self.target = Exposed.of(problem.image, problem.levels)
 
     def grown(self, count: int, deadline: Deadline = NO_DEADLINE) -> Grown:
@@ -35,7 +37,12 @@ class Grower:
         start = paving(self.target, count, derive(self.seed, "growth", count))
         share = min(1.0, max(LEAST_STEPS, count / MANY))
         steps = math.ceil(share * self.problem.params.growth.steps)
-        return self._shown(*descended(start, self.target, steps, derive(self.seed, "growth", count), deadline))
+        return self._shown(*descended(start, self.target, steps, derive(self.seed, "growth", count), deadline,
+                                      self._note))
+
+    def unfinished(self) -> Grown | None:
+        """The set whose growth was broken off, if there is one."""
+        return self.on_the_way and self._shown(*self.on_the_way)
 
     def plain(self, count: int) -> Grown:
         """A plain paving by `count` maps."""
@@ -57,6 +64,9 @@ class Grower:
         drawn, again = objective.render(found.code), objective.render(found.code, "again")
         return max(0.0, min(1.0, share_inside(drawn, self.image, again, objective.levels.lit_above,
                                               objective.levels.known)))
+
+    def _note(self, found: Found) -> None:
+        self.on_the_way = found
 
     def _shown(self, maps: WeightedMaps, mass: float) -> Grown:
         """Maps with the camera that shows them, whose drawing has this mass."""

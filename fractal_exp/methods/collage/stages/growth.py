@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....cameras.levels import may_be_density
-from ....runtime.deadline import NO_DEADLINE, Deadline
+from ....runtime.deadline import NO_DEADLINE, USUAL, Deadline
 from ....runtime.seeds import derive
 from ..state import Candidate, Grown, State
 from .base import SearchProblem, Stage
@@ -30,10 +30,10 @@ class Growth(Stage):
         self.grower = Grower(problem, derive(problem.seed, "growth"))
 
     def _counts(self) -> list[int]:
-        """The numbers of maps on the curve. With a time limit, it has one point alone."""
+        """The numbers of maps on the curve. Under a short time limit, it has one point alone."""
         params, growth = self.params, self.params.growth
         last = params.maps or params.most_maps or (max(growth.counts) if params.likeness else growth.usual)
-        hurried = self.problem.deadline.seconds is not None
+        hurried = (self.problem.deadline.seconds or USUAL) < USUAL
         return [*([] if hurried else [count for count in growth.counts if count < last]), last]
 
     @property
@@ -74,7 +74,9 @@ class Growth(Stage):
             bool(state.curve) and (self.problem.deadline.passed or state.curve[-1].likeness >= self._goal))
 
     def cut_short(self, state: State) -> State:
-        if not state.step:
+        if not state.result and (unfinished := self.grower.unfinished()):
+            state = replace(state, curve=(unfinished,))
+        elif not state.step:
             return state
         return self.close(state) if self._fitting(state.curve) else replace(state, current=None)
 
@@ -95,7 +97,7 @@ class Growth(Stage):
 
     def _likeness(self, found: Candidate) -> float:
         """The likeness of what the search found."""
-        return self.grower.likeness(found, found.camera or self.problem.camera(found.code, self.grower.seed))
+        return self.grower.likeness(found, found.camera or self.problem.camera(found.code))
 
     def _missing(self, state: State) -> list[int]:
         """The numbers of maps that are not on the curve yet."""
@@ -178,7 +180,7 @@ class Promise(Stage):
 
     def close(self, state: State) -> State:
         grower, found = Grower(self.problem, derive(self.problem.seed, "growth")), state.leader
-        likeness = grower.likeness(found, found.camera or self.problem.camera(found.code, grower.seed))
+        likeness = grower.likeness(found, found.camera or self.problem.camera(found.code))
         return replace(state, is_outgrown=likeness < max(each.likeness for each in _tiles(state)))
 
 

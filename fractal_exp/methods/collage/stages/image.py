@@ -147,7 +147,7 @@ class ImageMoves(Stage):
         """Why the moves ended."""
         if self.deadline.passed:
             is_last = self.round + 1 >= self.problem.full_rounds
-            return time_is_up(self.problem.deadline.seconds or 0) if is_last else "the time of its round was up"
+            return time_is_up(self.problem.deadline) if is_last else "the time of its round was up"
         if self.search.is_settled(state.now, state.step):
             return self.reached
         return "all moves were made" if state.step == self.most_moves else "no move helped any more"

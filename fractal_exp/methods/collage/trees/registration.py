@@ -20,6 +20,7 @@ from ....ops.collage.reference import contract
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ..image.gauss_newton import DAMPING, DAMPING_DOWN, DAMPING_UP, LEAST_DAMPING, TRIES
 from ..image.objective import ImageObjective, Rendered
+from ..limits import SMALLER
 from .trunk import flat_maps_onto, lit_shape, middle_of, positions
 
 FAR = 3.0        # times the median distance: a point farther away belongs to another line
@@ -121,7 +122,7 @@ class Registration:
             before, (square, gradient) = _cost(pairs, reach), _normal_equations(pairs, reach)
             for _ in range(TRIES):
                 step = np.linalg.solve(square + damping * np.diag(square.diagonal()), gradient)
-                moved = tree.moved(step, self.params.gauss_newton.largest)
+                moved = tree.moved(step, SMALLER)
                 others = self._pairs(moved, depth)
                 if _cost(others, reach) < before:
                     tree, pairs, damping = moved, others, max(damping / DAMPING_DOWN, LEAST_DAMPING)
@@ -144,8 +145,7 @@ class Registration:
 
     def _as_maps(self, tree: _Tree, misfit: float) -> Registered:
         copies, segments = (torch.from_numpy(each).float() for each in tree)
-        trunk = flat_maps_onto([(first, last) for first, last in segments.double()], copies, self.points,
-                               self.params.gauss_newton.largest)
+        trunk = flat_maps_onto([(first, last) for first, last in segments.double()], copies, self.points)
         return Registered(torch.cat([copies, trunk.to(copies)]), misfit)
 
 

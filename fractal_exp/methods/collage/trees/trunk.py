@@ -16,6 +16,7 @@ from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
 from ..bins import lit_pixels
 from ..image.objective import ImageObjective, Rendered
+from ..limits import SMALLER
 
 Segment = tuple[Tensor, Tensor]   # two ends (2,) on the canvas
 DIRECTIONS = 180   # in which the extent of a shape is measured
@@ -37,7 +38,7 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
     """
     params = objective.params
     flat = flat_maps(found.code)
-    copies = found.maps[~flat]
+    copies = contract(found.maps[~flat], SMALLER)
     shape = lit_shape(objective)
     if len(copies) < 2 or not bool(shape.any()):
         return None
@@ -46,7 +47,7 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
     segments = _segments(_left_over(shape, points, copies), shape, most, objective.seed)
     if not segments:
         return found if bool(flat.any()) else None
-    trunk = flat_maps_onto(segments, copies, points, params.gauss_newton.largest)
+    trunk = flat_maps_onto(segments, copies, points)
     return objective.judge(torch.cat([copies, trunk.to(copies)]))
 
 
@@ -144,7 +145,7 @@ def _on_canvas(pixel: np.ndarray, side: int) -> Tensor:
     return torch.tensor([2 * pixel[1] / side - 1, 1 - 2 * pixel[0] / side], dtype=torch.float64)
 
 
-def flat_maps_onto(segments: Sequence[Segment], copies: Tensor, points: Tensor, largest: float) -> Tensor:
+def flat_maps_onto(segments: Sequence[Segment], copies: Tensor, points: Tensor) -> Tensor:
     """Maps (S,6) that project the attractor onto the axis in which the points (n,2) extend farthest, and take this axis
     to the segments, in the direction that turns it less."""
     angles = torch.arange(DIRECTIONS).double() * (torch.pi / DIRECTIONS)
@@ -156,6 +157,6 @@ def flat_maps_onto(segments: Sequence[Segment], copies: Tensor, points: Tensor, 
     low, high = (points @ axis).aminmax()
     for _ in range(2):  # of the points, then of the attractor that has these strokes
         maps = torch.stack([onto_segment(axis, float(low), float(high), *ends) for ends in turned])
-        maps = contract(maps, largest)
+        maps = contract(maps, SMALLER)
         low, high = extent(attractor.support_function(affine.to_code(torch.cat([copies.double().cpu(), maps]))), axis)
     return maps

@@ -1,0 +1,27 @@
+"""How far a map of the search may stretch."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ...ifs.affine import largest_singular, smaller_singular, to_code
+from ...ifs.contraction import NEITHER
+from ...ops.collage.reference import contract
+
+LARGEST = 1.75      # of a larger singular value: maps of FractalDB-1k stretch by up to 1.71
+SMALLER = 0.9995    # of a smaller one, and of both where the code would not contract otherwise
+
+
+def within_limits(maps: Tensor) -> Tensor:
+    """Which maps (…,6) have singular values within the limits."""
+    return (largest_singular(maps) <= LARGEST) & (smaller_singular(maps) <= SMALLER)
+
+
+def limited(maps: Tensor, weights: Tensor | None = None) -> Tensor:
+    """The maps (N,6) with singular values at most `LARGEST` and `SMALLER`; at most `SMALLER` both if their code, with
+    probabilities in proportion to the weights (N,), would contract not even on average, so that nothing can draw it."""
+    maps = contract(maps, LARGEST, SMALLER)
+    if bool((largest_singular(maps) < 1).all()) or not bool(torch.isfinite(maps).all()):
+        return maps
+    return contract(maps, SMALLER) if to_code(maps, weights).contraction.kind == NEITHER else maps

@@ -1,0 +1,71 @@
+"""How far maps may stretch in a search: as far as the codes of the field, if the whole contracts."""
+
+import pytest
+import torch
+from collage_helpers import PARAMS
+
+from fractal_exp import IFS, invert, suite
+from fractal_exp.cameras.kinds import levels_of
+from fractal_exp.ifs import affine, attractor
+from fractal_exp.methods.collage.image.objective import Frame, ImageObjective
+from fractal_exp.methods.collage.limits import LARGEST, SMALLER, limited
+from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
+
+# The last map stretches by 1.14; in an ellipse, none does.
+STRETCHING = IFS([[[0.2, 0.1], [-0.2, 0.3]], [[-0.2, -0.7], [-0.7, 0.1]], [[0.8, -0.7], [0.8, -0.1]]],
+                 [[0.1, 0.0], [0.2, -0.2], [0.0, 0.0]])
+
+
+def maps_of(*matrices):
+    return torch.tensor([[*matrix, 0.1 * i, -0.1 * i] for i, matrix in enumerate(matrices)])
+
+
+def test_maps_that_contract_in_any_way_stay():
+    plain, stretching = maps_of((0.5, 0, 0, 0.5), (0.9, 0.1, 0, 0.3)), affine.from_code(STRETCHING)
+    on_average = maps_of((1.3, 0, 0, 1 / 1.4), (0, 0.4, 0.4, 0))
+    for maps, kind in ((plain, "norm"), (stretching, "norm"), (on_average, "average")):
+        weights = torch.ones(len(maps)) / len(maps)
+        assert affine.to_code(maps, weights).contraction.kind == kind
+        torch.testing.assert_close(limited(maps, weights), maps, rtol=0, atol=1e-6)
+
+
+def test_what_would_not_contract_at_all_is_brought_below_one_and_a_stretch_ends_somewhere():
+    away = maps_of((1.2, 0, 0, 0.9), (1.1, 0, 0, 0.95))
+    assert affine.to_code(away).contraction.kind == "neither"
+    held = limited(away)
+    assert float(affine.largest_singular(held).max()) == pytest.approx(SMALLER, abs=1e-6)
+    assert affine.to_code(held).contraction.kind == "norm"
+    far = limited(maps_of((3, 0, 0, 0.1), (0.1, 0, 0, 0.1)), torch.tensor([0.1, 0.9]))
+    assert float(affine.largest_singular(far).max()) == pytest.approx(LARGEST, abs=1e-5)
+
+
+def test_probabilities_decide_what_contracts_on_average():
+    maps = maps_of((1.5, 0, 0, 0.9), (0.2, 0, 0, 0.2))
+    torch.testing.assert_close(limited(maps, torch.tensor([0.1, 0.9])), maps, rtol=0, atol=1e-6)
+    assert float(affine.largest_singular(limited(maps, torch.tensor([0.99, 0.01]))).max()) < 1
+
+
+def test_what_a_search_judges_can_be_drawn():
+    image, away = suite.target(attractor.normalize(STRETCHING), 64), maps_of((1.2, 0, 0, 0.9), (1.1, 0, 0, 0.95))
+    objective = ImageObjective(image, levels_of(image, "density", PARAMS.camera), PARAMS)
+    search = MeasureSearch(image, Regime.whole(PARAMS), PARAMS)
+    weights = torch.tensor([0.5, 0.5])
+    for judged in (objective.judge(away, weights), search.judged(away, weights, 0.0)):
+        judged.code.check_contractive()
+        assert judged.error > 1e-3
+
+
+def test_the_frame_of_a_code_that_contracts_on_average_is_that_of_what_is_seen():
+    maps, weights = maps_of((1.3, 0, 0, 1 / 1.4), (0, 0.4, 0.4, 0)), torch.tensor([0.5, 0.5])
+    frame = Frame(64)
+    assert affine.to_code(maps, weights).contraction.kind == "average"
+    assert bool(torch.isfinite(frame.misfit(maps, weights)).all())
+    assert frame.jacobian(maps, weights).shape == (3, 2, 6)
+
+
+@pytest.mark.slow
+def test_a_code_with_maps_that_stretch_is_found_again():
+    code = attractor.normalize(STRETCHING)
+    assert float(affine.largest_singular(affine.from_code(code)).max()) > 1.1
+    found = invert(suite.target(code, 128), resolution=128)
+    assert found.verdict.kind == "recovered" and len(found.code) == 3

@@ -119,6 +119,15 @@ def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
+@pytest.fixture
+def heard():
+    """Where nohup started the tests, they ignore the end of a terminal, and so does all that they start."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupt_is_answered_at_once_and_raised_again_if_it_got_lost(number, capfd):
     before = {each: signal.getsignal(each) for each in SIGNALS}
@@ -154,6 +163,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.usefixtures("heard")
 def test_what_was_found_is_kept_where_the_terminal_is_closed(tmp_path):
     ours, theirs = os.openpty()
     process = subprocess.Popen([sys.executable, "-c", CLOSED, tmp_path / "kept"], stdin=theirs, stdout=theirs,

@@ -11,6 +11,14 @@ from ...ops.collage.reference import contract
 
 LARGEST = 1.75      # of a larger singular value: maps of FractalDB-1k stretch by up to 1.71
 SMALLER = 0.9995    # of a smaller one, and of both where the code would not contract otherwise
+THIN = 0.1          # a shape's width over its length, standard deviations, below which no map of it may stretch
+
+
+def largest_for(covariance: Tensor) -> float:
+    """The upper limit of the larger singular values of maps for a shape with this covariance (2,2). A shape on a line
+    says nothing of what maps do across it, so they may not stretch there."""
+    width, length = torch.linalg.eigvalsh(covariance.double()).clamp_min(0).sqrt().tolist()
+    return LARGEST if width >= THIN * length else SMALLER
 
 
 def within_limits(maps: Tensor) -> Tensor:
@@ -18,10 +26,10 @@ def within_limits(maps: Tensor) -> Tensor:
     return (largest_singular(maps) <= LARGEST) & (smaller_singular(maps) <= SMALLER)
 
 
-def limited(maps: Tensor, weights: Tensor | None = None) -> Tensor:
-    """The maps (N,6) with singular values at most `LARGEST` and `SMALLER`; at most `SMALLER` both if their code, with
+def limited(maps: Tensor, weights: Tensor | None = None, largest: float = LARGEST) -> Tensor:
+    """The maps (N,6) with singular values at most `largest` and `SMALLER`; at most `SMALLER` both if their code, with
     probabilities in proportion to the weights (N,), would contract not even on average, so that nothing can draw it."""
-    maps = contract(maps, LARGEST, SMALLER)
+    maps = contract(maps, largest, SMALLER)
     if bool((largest_singular(maps) < 1).all()) or not bool(torch.isfinite(maps).all()):
         return maps
     return contract(maps, SMALLER) if to_code(maps, weights).contraction.kind == NEITHER else maps

@@ -8,7 +8,7 @@ from fractal_exp import IFS, invert, suite
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.image.objective import Frame, ImageObjective
-from fractal_exp.methods.collage.limits import LARGEST, SMALLER, limited
+from fractal_exp.methods.collage.limits import LARGEST, SMALLER, largest_for, limited
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 
 # The last map stretches by 1.14; in an ellipse, none does.
@@ -69,3 +69,14 @@ def test_a_code_with_maps_that_stretch_is_found_again():
     assert float(affine.largest_singular(affine.from_code(code)).max()) > 1.1
     found = invert(suite.target(code, 128), resolution=128)
     assert found.verdict.kind == "recovered" and len(found.code) == 3
+
+
+def test_nothing_stretches_where_a_shape_lies_on_a_line():
+    wide, thin = torch.diag(torch.tensor([1.0, 0.02])), torch.diag(torch.tensor([1.0, 0.005]))
+    assert (largest_for(wide), largest_for(thin)) == (LARGEST, SMALLER)
+    bars = torch.zeros(64, 64)
+    bars[31:33, 4:60:4] = 1
+    turned = ImageObjective(bars.T, levels_of(bars, "coverage", PARAMS.camera), PARAMS)
+    assert turned.largest == SMALLER == MeasureSearch(bars, Regime.whole(PARAMS), PARAMS).largest
+    shear = maps_of((0.3, 1.2, 0, 0.3), (0.3, 0, 0, 0.3))
+    assert float(affine.largest_singular(turned.judge(shear).maps).max()) <= SMALLER + 1e-6

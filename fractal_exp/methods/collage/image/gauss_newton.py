@@ -172,7 +172,7 @@ class Jacobian(ABC):
 
     def __init__(self, objective: ImageObjective, rendered: Rendered, moving: Sequence[int], number: int,
                  fixed: Collection[tuple[int, int]] = (), camera: bool = False):
-        self.params = objective.params.gauss_newton
+        self.params, self.largest = objective.params.gauss_newton, objective.largest
         self.maps, self.side = rendered.maps, objective.side
         self.least_effect = 0.0 if objective.levels.is_whole else STROKE_EFFECT
         self.seed = derive(objective.seed, "jacobian", number)
@@ -259,7 +259,7 @@ class Jacobian(ABC):
             maps[i][j] += value * unit
             if j < 4:
                 maps[i][4 + j // 2] -= value * unit * self.mean[j % 2]
-        return limited(self.maps.new_tensor(maps), self.weights)
+        return limited(self.maps.new_tensor(maps), self.weights, self.largest)
 
     def nudged(self, parameter: int, step: float) -> Tensor:
         """The maps (N,6) after a step of one parameter."""

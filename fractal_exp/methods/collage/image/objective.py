@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -16,7 +17,7 @@ from ....ifs.attractor import FRAME_SIDE, visible_tips
 from ....ifs.code import IFS
 from ....ifs.contraction import AVERAGE
 from ....runtime.seeds import derive
-from ..limits import limited
+from ..limits import largest_for, limited
 from ..params import CollageParams, FrameParams
 from ..state import WeightedMaps
 
@@ -52,6 +53,12 @@ class ImageObjective(Comparison):
         super().__init__(image, levels, seed, renderings)
         self.params = params
 
+    @cached_property
+    def largest(self) -> float:
+        """The upper limit of the larger singular value of a map."""
+        lit = self.image > 0
+        return largest_for(torch.cov(lit.nonzero().T.double(), aweights=self.image[lit].double(), correction=0))
+
     def within(self, frame: Frame | None) -> ImageObjective:
         """The same objective with this frame."""
         other = copy.copy(self)
@@ -68,7 +75,7 @@ class ImageObjective(Comparison):
 
     def judge(self, maps: Tensor, weights: Tensor | None = None) -> Rendered:
         """The code of these maps, rendered and compared. Maps that no code may have are limited first."""
-        maps = limited(maps, weights)
+        maps = limited(maps, weights, self.largest)
         image = self.render(affine.to_code(maps, weights))
         rendered = Rendered(maps, weights, image, self.error(image), self.levels)
         if self.frame is None:

@@ -12,7 +12,7 @@ from ....ifs.canvas import pixel_to_canvas
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ....runtime.params import Interval
 from ..bins import halve
-from ..limits import LARGEST
+from ..limits import LARGEST, largest_for
 from ..params import BirthParams
 
 KEPT = 4                       # candidates that also descend on the fine grid; one of them is taken
@@ -58,7 +58,8 @@ class Birthplace:
         map descends alone on the coarse grid, and the best also on the fine one. total: sum of all maps' weights.
         """
         fine, coarse, count = self.measure, self.coarse, self.count
-        on_coarse, on_fine = (replace(how, smaller=self.smaller_limit) for how in (ON_COARSE, ON_FINE))
+        on_coarse, on_fine = (replace(how, largest=largest_for(fine.covariance), smaller=self.smaller_limit)
+                              for how in (ON_COARSE, ON_FINE))
         sets, device = len(backgrounds), backgrounds.device
         lacking = (fine.bins - backgrounds).clamp_min(0)
         wanted = [_wanted(each, fine) if self.params.residual else fine.bins for each in lacking]

@@ -17,7 +17,7 @@ from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
 from ..bins import attractor_bins, binned, grid_for
-from ..limits import LARGEST, SMALLER, limited
+from ..limits import LARGEST, SMALLER, largest_for, limited
 from ..params import CollageParams
 from ..state import Candidate
 from .births import LARGE, LEAST_RATIO, MEDIUM, SMALL, Birthplace
@@ -110,7 +110,7 @@ class MeasureSearch:
         self._aim_at(*(binned(masses, cells) for cells in (size, size // COARSER)))
 
     def _aim_at(self, measure: BinnedMeasure, coarse: BinnedMeasure) -> None:
-        self.measure, self.coarse = measure, coarse
+        self.measure, self.coarse, self.largest = measure, coarse, largest_for(measure.covariance)
         self.slack = self.params.search.slack * measure.bins
 
     # -- judging ------------------------------------------------------------------------------------------------------
@@ -133,7 +133,7 @@ class MeasureSearch:
 
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         """The candidate with its score."""
-        drawable = limited(maps, weights)
+        drawable = limited(maps, weights, self.largest)
         if drawable is not maps and not torch.equal(drawable, maps):
             maps, error = drawable, float(collage_error(self._explained(drawable, weights)[None], self.measure)[0])
         far = float(collage_error(self._attractor(maps, weights)[None], self.measure)[0])
@@ -153,7 +153,7 @@ class MeasureSearch:
         return m[0], w[0], float(e[0])
 
     def _descent(self, how: Descent) -> Descent:
-        return replace(how, prior=self.regime.prior, largest=LARGEST, smaller=self.smaller_limit)
+        return replace(how, prior=self.regime.prior, largest=self.largest, smaller=self.smaller_limit)
 
     # -- starting -----------------------------------------------------------------------------------------------------
 

@@ -6,6 +6,7 @@ A new map is the best of many candidates, judged first by the measure and finall
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -27,8 +28,8 @@ THIN = 0.1           # ratio of width to length below which a map's image is a l
 SIZES = 0.02, 0.95   # range of the larger singular value at birth
 WIDTHS = 1.0, 0.25, 0.03   # factors on the width of a new map's image that are rendered; the last, of a reoriented line
 VISIBLE_SHARES = 1.0, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006   # of a map's weight that are tried: a thin image shows little
-ROUGH = Descent(40, rate=0.02, largest=limits.LARGEST, smaller=limits.SMALLER, prior=0.0)    # of all candidates
-FINE = Descent(20, rate=0.005, largest=limits.LARGEST, smaller=limits.SMALLER, prior=0.0)    # of those kept
+ROUGH = Descent(40, rate=0.02, largest=limits.LARGEST, smaller=limits.SMALLER, prior=0.0)   # of all candidates
+FINE = Descent(20, rate=0.005, largest=limits.LARGEST, smaller=limits.SMALLER, prior=0.0)   # of those kept
 REMOVED = 3          # maps, at most, that one move removes: small maps that compensate for a wrong map hold it in place
 ORDERS = 2, 3        # of the roots that are tried: square and cube roots
 ROOT_HOPEFUL = 30.0  # a root alone is tried with its company up to this factor on the error before, or on `ROOT_LEAST`
@@ -112,9 +113,10 @@ def with_new_map(tools: Tools, rest: Rendered, shown: Rendered, old: Tensor | No
     lacking = (measure.bins - explained).clamp_min(0).sum()
     weights = (affine.volumes(born) / volume).clamp_max(lacking).clamp_min(1e-6)
     weights = visible_weights(born, weights, coarse, coarsely, VISIBLE_SHARES)
-    born, weights, errors = descend(born[:, None], weights[:, None], coarse, ROUGH, backgrounds=coarsely)
+    rough, fine = (replace(how, largest=objective.largest) for how in (ROUGH, FINE))
+    born, weights, errors = descend(born[:, None], weights[:, None], coarse, rough, backgrounds=coarsely)
     best = errors.argsort()[:KEPT]
-    born, weights, errors = descend(born[best], weights[best], measure, FINE, backgrounds=background)
+    born, weights, errors = descend(born[best], weights[best], measure, fine, backgrounds=background)
     best = errors.argsort()[:RENDERED]
     renderings += _rendered(tools, rest, measure, born[best, 0], weights[best, 0])
     likeliest = min(renderings, key=error_of).maps[-1]

@@ -16,7 +16,7 @@ from ....runtime.seeds import derive
 from ..bins import binned, correction, grid_for, saturation_corrected
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered, error_of
-from ..limits import LARGEST, SMALLER
+from ..limits import SMALLER
 from ..measure.windows import completed, seen
 from ..simplify.loop import Price, pruned
 from ..state import WeightedMaps
@@ -139,7 +139,7 @@ class Tools:
         best = now = self.objective.judge(maps, weights)
         finest = grid_for(self.masses.shape[0], refine.finest)
         while refine.steps and size <= finest:
-            how = Descent(refine.steps, rate=rate, largest=LARGEST, smaller=SMALLER, prior=0.0,
+            how = Descent(refine.steps, rate=rate, largest=self.objective.largest, smaller=SMALLER, prior=0.0,
                           tied=weights is None)
             corrected = saturation_corrected(self.masses, now.code, self.objective.levels, self.params.saturation,
                                              derive(self.seed, "refine", size))

@@ -32,7 +32,7 @@ class Deadline:
         """The limit, as it is told to people."""
         if self.seconds is None:
             return "no limit"
-        return f"{self.seconds:g} s" + " of a core, the usual limit" * (self._clock is time.process_time)
+        return f"{self.seconds:g} s" + " of a core" * (self._clock is time.process_time)
 
     @property
     def used(self) -> float:

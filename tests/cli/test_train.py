@@ -152,8 +152,8 @@ import sys, time
 from fractal_exp.cli import interruption
 
 interruption.listen("stopping")
-print("ready", flush=True)
 try:
+    print("ready", flush=True)
     time.sleep(600)
 except KeyboardInterrupt:
     time.sleep(1)

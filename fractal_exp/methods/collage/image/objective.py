@@ -17,7 +17,7 @@ from ....ifs.attractor import FRAME_SIDE, visible_tips
 from ....ifs.code import IFS
 from ....ifs.contraction import AVERAGE
 from ....runtime.seeds import derive
-from ..limits import largest_for, limited
+from ..limits import LARGEST, largest_for, limited
 from ..params import CollageParams, FrameParams
 from ..state import WeightedMaps
 
@@ -57,6 +57,8 @@ class ImageObjective(Comparison):
     def largest(self) -> float:
         """The upper limit of the larger singular value of a map."""
         lit = self.image > 0
+        if not bool(lit.any()):
+            return LARGEST
         return largest_for(torch.cov(lit.nonzero().T.double(), aweights=self.image[lit].double(), correction=0))
 
     def within(self, frame: Frame | None) -> ImageObjective:

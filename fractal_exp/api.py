@@ -66,6 +66,7 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
     from .images.painted import Painted
     from .images.reading import ReadImage, read_target
     from .inversion import coloured, run
+    from .inversion.road import INTERRUPTED
 
     _check(progress, on_step, colour)
     _known(method, options | {"seconds": seconds, "seed": seed})
@@ -85,7 +86,14 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
         steps = [each for each in (on_step, bar) if each is not None]
         shape = run(target, works, name=method, options=used, seed=seed, checkpoint=checkpoint,
                     keep_interrupted=keep_interrupted, on_step=partial(_tell, steps))
-    return shape if painted is None else coloured(shape, painted, seed)
+    if painted is None or shape.stopped == INTERRUPTED:
+        return shape
+    try:
+        return coloured(shape, painted, seed)
+    except KeyboardInterrupt:
+        if not keep_interrupted:
+            raise
+        return replace(shape, stopped=INTERRUPTED, notes=(*shape.notes, "no colours: their search was interrupted"))
 
 
 def built(target: ReadImage, method: str = "collage", *, seed: int = 0, seconds: float | None = None, **options: Any

@@ -72,6 +72,8 @@ def command(program: str, work: Callable[[argparse.Namespace], None], parser: ar
 
 def _nobody_reads() -> bool:
     """Whether the output is a pipe that its reader has closed, as `head` does. What is left of it is dropped."""
+    if not hasattr(select, "poll"):  # on Windows
+        return True
     pipe = select.poll()
     pipe.register(STDOUT, select.POLLERR)
     if not pipe.poll(0):

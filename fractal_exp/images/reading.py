@@ -106,7 +106,8 @@ def read_target(
     corner. The last column and row of the part are right - 1 and bottom - 1. None reads all of it.
     With "fit", a picture or a crop that cuts its shape off is read as a part: `known` is the box that it shows, and a
     note says so. A picture does if a side of it is lit along more than 17% and at most 95% of the shape's span, unless
-    the shape reaches all four sides, as in a picture that is trimmed to it. A crop does on each side that is reached.
+    the shape reaches all four sides, as in a picture that is trimmed to it; a crop does if any side is lit along more
+    than 17%. A strip that is narrower than an eighth of the canvas is read as whole.
     levels: what the grey levels mean, see `TargetImage`; "auto" decides by their look.
     most_pixels: of a file, as many as are decoded: fewer than it has for a large JPEG without `crop`.
     Resizing is exact area averaging, or linear interpolation if the picture is enlarged.
@@ -132,11 +133,14 @@ def read_target(
     x, y, side, cut = _square(shape, frame, resolution, padding, notes, part is not None)
     _warn(notes, resolution / side / scale, shape.level)
     image = torch.from_numpy(resample(shape.grey, x, y, side, resolution, shape.level))
+    known = _known(shape.grey, x, y, side, resolution, cut)
+    if known is not None:
+        image = image * known.mask(resolution)
     crop_box = (left + scale * x, top + scale * y, left + scale * (x + side), top + scale * (y + side))
     return ReadImage(image, shape.inverted, pixels.full, crop_box, resolution / side / scale,
                      tuple(notes), tuple(notes.warnings), notes.doubtful, notes.unclear,
                      Path(source).absolute() if isinstance(source, str | Path) else source, part,
-                     levels=decided(levels, image), known=_known(shape.grey, x, y, side, resolution, cut))
+                     levels=decided(levels, image), known=known)
 
 
 def read_lit(source: str | Path | np.ndarray | Tensor, *, invert: bool | Literal["auto"] = "auto",

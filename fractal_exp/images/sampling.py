@@ -20,6 +20,7 @@ SHAPE_LEVEL_IF_RINGING = 0.25            # the same in a coloured drawing as JPE
 # trimmed on some sides have less (at most .14 in 34 of them), pictures of the set `windows` more (at least .2), and
 # flat edges of a shape more still.
 CUT, MOST_CUT = 0.17, 0.95
+NARROWEST = 0.25                         # canvas units: four cells of the search's coarsest grid
 FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint
 CENTRED = 0.1                            # limit of the distance of the box's centre from the canvas', in the same unit
 
@@ -48,16 +49,17 @@ def window(grey: Bands, profile: Profile, level: float, padding: float, notes: l
     spans = {"left": y1 - y0, "right": y1 - y0, "top": x1 - x0, "bottom": x1 - x0}
     lit = {name: float(((levels - level) / contrast > lowest).sum()) for name, levels in profile.sides.items()}
     touched = [name for name, count in lit.items() if count]
-    is_trimmed = len(touched) == len(lit)  # to the shape's own box, as many pictures are
-    is_cut = touched if is_part else not is_trimmed and any(
-        CUT * spans[name] < lit[name] <= MOST_CUT * spans[name] for name in touched)
-    cut = touched if is_cut else []
+    # Many pictures are trimmed to the shape's own box, and their flat sides lie on an edge. Whoever crops means it.
+    most = np.inf if is_part else 0 if len(touched) == len(lit) else MOST_CUT
+    is_cut = any(CUT * spans[name] < lit[name] <= most * spans[name] for name in touched)
+    is_wide = 2 * min(grey.width, grey.height) >= NARROWEST * side
+    cut = touched if is_cut and is_wide else []
     if cut:
         notes.append(f"the picture cuts the shape off ({', '.join(cut)}): what lies beyond is unknown, and the code "
                      "says how the shape goes on there")
     elif touched:
         notes.append(f"the shape reaches the edge of what is read ({', '.join(touched)}): it is taken to end there; if "
-                     "it is cut off, name the part of the picture that shows it as a crop")
+                     "it is cut off there, give all of the picture as a crop")
     return (x0 + x1 - side) / 2, (y0 + y1 - side) / 2, side, cut
 
 

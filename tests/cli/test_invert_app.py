@@ -73,6 +73,18 @@ def test_colour_on_request(folder, method, capsys):
     assert (drawn[..., 0] - drawn[..., 1]).max() > 80 and np.abs(drawn[..., 1] - drawn[..., 2]).max() < 12
 
 
+def test_an_interruption_while_colours_are_sought_keeps_the_code(folder, method, monkeypatch, capsys):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    method()
+    monkeypatch.setattr("fractal_exp.inversion.coloured", interrupted)
+    with pytest.raises(SystemExit) as left:
+        app.main(["gasket.png", "--colour"])
+    assert left.value.code == 130 and "no colours: their search was interrupted" in capsys.readouterr().out
+    assert len(IFS.load(folder / "gasket-fractal" / "code.json")) == 3
+
+
 def test_a_picture_is_all_it_needs(folder, method, capsys):
     method()
     app.main(["gasket.png"])

@@ -98,3 +98,10 @@ def test_a_result_keeps_what_is_known_in_its_file(fern, tmp_path):
     file.write_text(file.read_text().replace('"top": 1.0', '"top": 7.0'))
     with pytest.raises(InputError, match="must be a box within"):
         Inversion.load(tmp_path / "found")
+
+
+def test_a_strip_too_narrow_to_be_searched_in_is_read_as_whole(fern):
+    read = read_target(fern, SIDE, crop=(0, 180, 400, 197))
+    assert read.known is None and not told(read)
+    wide = read_target(fern, SIDE, crop=(0, 100, 400, 300))
+    assert wide.known is not None and not wide.image[~wide.known.mask(SIDE)].any()

@@ -1,8 +1,12 @@
 """A limit of time, and the shares of it that parts of the work may take."""
 
+import time
+
 import pytest
 
+from fractal_exp.runtime import deadline
 from fractal_exp.runtime.deadline import Deadline
+from fractal_exp.runtime.jit import kernel
 
 
 @pytest.mark.parametrize(("share", "passed"), [(0.0, [True, True, True]), (0.5, [False, True, True]),
@@ -19,3 +23,17 @@ def test_a_share_of_the_time_ends_when_it_has_passed(share, passed):
 def test_no_limit_has_no_shares():
     part = Deadline().until(0.0)
     assert not part.passed and part.used == 0
+
+
+def test_what_a_first_run_compiles_does_not_count_towards_the_usual_limit():
+    @kernel()
+    def doubled(x):
+        return 2 * x
+
+    spent, before = deadline.core_seconds(), time.process_time()
+    assert doubled(1.0) == 2
+    compiled = (time.process_time() - before) - (deadline.core_seconds() - spent)
+    assert compiled > 0.5 * (time.process_time() - before)
+    counted = deadline.core_seconds()
+    doubled(2.0)
+    assert deadline.core_seconds() >= counted

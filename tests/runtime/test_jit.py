@@ -32,7 +32,11 @@ def test_an_interrupt_in_a_kernel_stays_an_interrupt(monkeypatch):
     def broken():
         raise SystemError("something else")
 
-    monkeypatch.setattr(jit, "njit", lambda function, **options: function)
+    def plain(function, **options):
+        function.overloads = {}
+        return function
+
+    monkeypatch.setattr(jit, "njit", plain)
     monkeypatch.setattr(jit, "remembering", lambda compiled: compiled)
     with pytest.raises(KeyboardInterrupt):
         jit.kernel()(interrupted)()

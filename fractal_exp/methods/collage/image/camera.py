@@ -78,7 +78,7 @@ def polish_under(objective: ImageObjective, found: Rendered, kind: str, deadline
     """The code polished together with each of the likeliest cameras of a kind, the best first; empty if no such camera
     can draw it."""
     image, params, fits = objective.image, objective.params, []
-    levels = kind_of(kind)(params.camera, image, kinds=objective.levels.kinds)
+    levels = kind_of(kind)(params.camera, image, kinds=objective.levels.kinds).within(objective.levels.known)
     for _, camera in nearest(image, levels, found.code, objective.seed)[:LIKELIEST]:
         if deadline.passed:
             break

@@ -57,6 +57,7 @@ class FromCounts(Jacobian):
         bins = blurred(torch.stack([known, *columns]), sigma)[:, canvas, canvas]
         shown, total = bins[0], bins[0].sum().clamp_min(1e-12)
         columns = (bins[1:] - shown * (bins[1:].sum((1, 2), keepdim=True) / total)) * levels.exposure(shown)
+        columns = objective.shown(columns)
         for k, grey in enumerate(objective.grids(rendered.image)):
             if k:
                 columns = avg_pool2d(columns, 2, ceil_mode=True)

@@ -1,23 +1,26 @@
 """The tables of results on the site, from the files under benchmarks/results.
 
-A line `[table: MAKER FOLDER ...]` of a page becomes a table: the maker is a function of this module, and each folder or
-file is one under benchmarks/results. So a page never states a figure that its file does not hold.
+A line `[table: MAKER FOLDER ...]` of a page becomes a table: the maker is a function of this module or of
+`docs.picture_tables`, and each folder or file is one under benchmarks/results. So a page never states a figure that its
+file does not hold.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import yaml
 
+from . import picture_tables as pictures
+from .cells import Rows, frame, interval, lines_of, percent, share, short
+
 ROOT = Path(__file__).parents[1]
 RESULTS, PARTS = ROOT / "benchmarks" / "results", ROOT / "conf" / "without"
 FULL = "nothing"                   # the name of the whole method among the parts
-Rows = list[list[str]]
 
 VIEWS = {("attractor", "bbox"): "own box", ("attractor", "none"): "input", ("released", "bbox"): "own box"}
 DRAWN = {"result": "the code", "truth, drawn anew": "the truth, rendered with other points", "all white": "all white",
@@ -36,38 +39,6 @@ def table(maker: str, *names: str) -> str:
     head, rows = MAKERS[maker](*paths)
     lines = [head, ["---"] * len(head), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def lines_of(path: Path) -> list[dict[str, Any]]:
-    """The records of a file of JSON lines; of a folder, those of its fits."""
-    if path.is_dir():
-        path = next(path / name for name in ("codes.jsonl", "fits.jsonl") if (path / name).exists())
-    return [json.loads(line) for line in path.read_text().splitlines()]
-
-
-def frame(path: Path) -> pd.DataFrame:
-    """The records as a table."""
-    return pd.DataFrame(lines_of(path))
-
-
-def short(value: float, digits: int = 3, sign: str = "") -> str:
-    """A number as .976, with a true minus sign; empty if it is absent."""
-    text = "" if pd.isna(value) else f"{value:{sign}.{digits}f}".replace("-", "−")
-    return text.replace("0.", ".", 1) if text.lstrip("+−").startswith("0.") else text
-
-
-def share(flags: Iterable[Any]) -> str:
-    """How many of them hold, as 44 of 46."""
-    flags = [bool(flag) for flag in flags]
-    return f"{sum(flags)} of {len(flags)}"
-
-
-def percent(flags: pd.Series) -> str:
-    return f"{flags.astype(bool).mean():.0%}"
-
-
-def interval(low: float, high: float, digits: int = 3, sign: str = "") -> str:
-    return "" if pd.isna(low) else f" [{short(low, digits, sign)}, {short(high, digits, sign)}]"
 
 
 def suite(folder: Path) -> tuple[list[str], Rows]:
@@ -165,143 +136,6 @@ def worked_example(path: Path) -> tuple[list[str], Rows]:
          short(stage["f1"])] for stage in last]
 
 
-def textbook(folder: Path) -> tuple[list[str], Rows]:
-    """Textbook fractals with a true code, of depth four or more and the deepest of each."""
-    fits = frame(folder)
-    fits = fits[(fits["role"] == "reporting") & fits["recovered"].notna() & ~(fits["depth"] < 4)]
-    chosen = [fits, fits[fits["deepest"].fillna(False).astype(bool)]]
-    meanings: dict[str, Callable[[pd.DataFrame], Iterable[Any]]] = {
-        "recovered": lambda each: each["recovered"], "exact: the true maps": lambda each: each["exact"],
-        "IoU with the true attractor ≥ .95": lambda each: each["iou_1px"] >= 0.95,
-        "F1 with the true attractor ≥ .995": lambda each: each["f1_truth"] >= 0.995}
-    return ["", "depth ≥ 4", "the deepest of each"], [
-        [name, *(share(holds(each)) for each in chosen)] for name, holds in meanings.items()] + [
-        ["seconds of one core", *(f"{each['core_seconds'].mean():.0f}" for each in chosen)]]
-
-
-def trees(*folders: Path) -> tuple[list[str], Rows]:
-    """Drawings of trees and plants."""
-    fits = pd.concat([frame(folder) for folder in folders])
-    rows = []
-    for (kind, role), each in fits.groupby(["set", "role"]):
-        good = each["likeness"] >= 0.98
-        rows.append([f"{str(kind).replace('_', ' ')}, for {role}", f"{len(each)}", short(each["likeness"].mean()),
-                     f"{good.sum()}", f"{(good & (each['maps'] <= each['true_maps'] + 1)).sum()}",
-                     f"{each['recovered'].sum()}"])
-    return ["", "pictures", "likeness", "likeness ≥ .98", "the same, with at most one map more than the truth",
-            "recovered"], rows
-
-
-def binary(*folders: Path) -> tuple[list[str], Rows]:
-    """The black and white suite, by limit of time and role."""
-    rows = []
-    for folder in folders:
-        fits = frame(folder)
-        roles = [(f"for {role}", each) for role, each in fits.groupby("role")] if fits["role"].nunique() > 1 else []
-        rows += [[f"{fits['limit'].iloc[0]:.0f} s", name, f"{len(each)}", short(each["f1_box"].mean()),
-                  short(each["f1_frame"].mean()), short(each["f1_input"].mean()), percent(each["f1_box"] >= 0.97),
-                  percent(each["exact"]), f"{each['core_seconds'].mean():.0f}"]
-                 for name, each in [*roles, ("all" if roles else f"for {fits['role'].iloc[0]}", fits)]]
-    return ["limit", "images", "number", "F1, own box", "F1, frame of the input", "F1 on the input", "F1 ≥ .97",
-            "exact", "seconds"], rows
-
-
-def shapes(*folders: Path) -> tuple[list[str], Rows]:
-    """Shapes that are not self-similar, by number of maps and role."""
-    rows = []
-    for folder in folders:
-        fits = frame(folder)
-        rows += [[f"{fits['maps'].iloc[0]}", f"for {role}", f"{len(each)}", short(each["f1_input"].mean()),
-                  short(each["f1_input"].min()), short(each["f1_paving"].mean()), f"{each['core_seconds'].mean():.0f}"]
-                 for role, each in [*fits.groupby("role"), ("both", fits)]]
-    return ["maps", "shapes", "number", "F1 within a pixel", "worst", "plain paving", "seconds"], rows
-
-
-def photographs(path: Path) -> tuple[list[str], Rows]:
-    """Photographs of plants as small maps: the newest record of each role and number of maps."""
-    newest = {(line["figures"]["role"], maps): (line["figures"]["fits"], means)
-              for line in lines_of(path) for maps, means in line["figures"]["means"].items()
-              if "colour_psnr" not in means}
-    rows = [["not told" if maps == "0" else maps, f"for {role}", f"{sum(fit['maps'] == int(maps) for fit in fits)}",
-             *(f"{mean:.{digits}f}{interval(low, high, digits)}"
-               for digits, (mean, low, high) in zip((2, 1, 0), means.values(), strict=True))]
-            for (role, maps), (fits, means) in newest.items()]
-    return ["maps", "pictures", "number", "SSIM inside", "PSNR", "seconds of a core"], rows
-
-
-def photographs_in_colour(path: Path) -> tuple[list[str], Rows]:
-    """The same in colour: the newest record of each role and number of maps."""
-    newest = {(figures["role"], maps): means for line in lines_of(path) for figures in [line["figures"]]
-              for maps, means in figures["means"].items() if "colour_psnr" in means}
-    columns = {"colour_psnr": 1, "colour_error": 1, "seconds": 0}
-    rows = [[maps, f"for {role}", *(f"{means[name][0]:.{digits}f}{interval(*means[name][1:], digits)}"
-                                    for name, digits in columns.items())] for (role, maps), means in newest.items()]
-    return ["maps", "pictures", "PSNR in colour", "difference of colours (CIEDE2000)", "seconds of a core"], rows
-
-
-def equal_bytes(folder: Path) -> tuple[list[str], Rows]:
-    """Codes of shapes beside other ways to write them with as many bytes."""
-    from benchmarks.pictures.equal_bytes import SCORES, summary
-
-    return ["", "pictures", "bytes", "F1: code", "JBIG", "outlines", "closest: code / JBIG / outlines",
-            "bytes of JBIG without loss"], [
-        [row["group"], str(row["pictures"]), f"{row['bytes']:.0f}", *(short(row[way]) for way in SCORES),
-         " / ".join(str(row[f"{way} closest"]) for way in SCORES), f"{row['lossless']:.0f}"]
-        for row in summary(frame(folder)).to_dict("records")]
-
-
-def density(folder: Path) -> tuple[list[str], Rows]:
-    """Published density maps, beside the truth and the published method."""
-    from benchmarks.pictures.density_maps import PUBLISHED
-
-    def cells(scores: Mapping[str, float]) -> list[str]:
-        return [short(scores["chamfer"], 4), f"{scores['sse']:.1e}", short(scores["covered"])]
-
-    fits = frame(folder)
-    truth = {name: fits[f"floor_{name}"].mean() for name in ("chamfer", "sse", "covered")}
-    return ["", "Chamfer", "density SSE", "covered within 2 px", "codes with all four maps", "seconds"], [
-        ["collage search", *cells(fits[["chamfer", "sse", "covered"]].mean()), share(fits["exact"]),
-         f"{fits['core_seconds'].mean():.1f}"],
-        ["the truth against itself", *cells(truth), "", ""],
-        *([f"published: {name}", *cells(scores), "", ""] for name, scores in PUBLISHED.items())]
-
-
-def tone_curves(folder: Path) -> tuple[list[str], Rows]:
-    """Densities through tone curves, by curve and role."""
-    names = {"gamma": "gamma", "logarithm": "logarithm", "flame": "both"}
-    rows = [[f"{names[str(curve)]}, for {role}", f"{len(each)}", short(each["f1_truth"].mean()),
-             f"{each['recovered'].sum()}"] for (role, curve), each in frame(folder).groupby(["role", "curve"])]
-    return ["", "pictures", "F1 with the true attractor", "recovered"], rows
-
-
-def windows(folder: Path) -> tuple[list[str], Rows]:
-    """Parts of shapes: cuts, of pictures that others drew and of the suite, and zooms."""
-    fits = frame(folder)
-    fits = fits.assign(suite=fits["picture"].str.contains("suite"))
-    rows = [[str(kind), "random suite" if of_suite else "textbook and classics", f"{len(each)}",
-             short(each["f1_known"].mean()), short(each["f1_truth"].mean()), f"{each['recovered'].sum()}"]
-            for (kind, of_suite), each in fits.groupby(["kind", "suite"])]
-    return ["", "", "pictures", "F1 in what is shown", "F1 of the whole attractor", "recovered"], rows
-
-
-def fractaldb(*folders: Path) -> tuple[list[str], Rows]:
-    """Codes of FractalDB-1k for reporting, by kind of picture, number of maps and contraction."""
-    from benchmarks.pictures.tables import contraction
-
-    rows = []
-    for folder in folders:
-        fits = frame(folder)
-        fits = fits[(fits["role"] == "reporting") & fits["f1_truth"].notna()]
-        groups = [("all", fits), *((f"{count} maps", each) for count, each in fits.groupby("true_maps")),
-                  *((f"contract: {kind}", each) for kind, each in fits.groupby(contraction(fits)))]
-        rows += [[str(fits["set"].iloc[0]).removeprefix("fractaldb_"), str(which), f"{len(each)}",
-                  short(each["f1_truth"].mean()), short(each["f1_input"].mean()), f"{each['density_sse'].mean():.1e}",
-                  f"{each['floor_sse'].mean():.1e}", f"{each['recovered'].sum()}", f"{each['exact'].sum()}",
-                  f"{each['core_seconds'].mean():.0f}"] for which, each in groups]
-    return ["picture", "codes", "number", "F1 with the true attractor", "F1 on the input", "density SSE",
-            "of the truth", "recovered", "of them exact", "seconds of a core"], rows
-
-
 def classics(path: Path) -> tuple[list[str], Rows]:
     """The classics of the gallery."""
     each = [line["figures"] for line in lines_of(path)]
@@ -360,7 +194,7 @@ def dimensions(path: Path) -> tuple[list[str], Rows]:
             "correlation"], rows
 
 
-MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {
-    each.__name__: each for each in (suite, codes, parts, ablation, worked_example, textbook, trees, binary, shapes,
-                                     photographs, photographs_in_colour, equal_bytes, density, tone_curves, windows,
-                                     fractaldb, classics, datasets, speed, dimensions)}
+MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {each.__name__: each for each in (
+    suite, codes, parts, ablation, worked_example, pictures.textbook, pictures.trees, pictures.binary, pictures.shapes,
+    pictures.photographs, pictures.photographs_in_colour, pictures.equal_bytes, pictures.density, pictures.tone_curves,
+    pictures.windows, pictures.fractaldb, classics, datasets, speed, dimensions)}

@@ -35,20 +35,12 @@ def terminal(size):
 
 
 @SIZES
-def test_a_search_in_python_shows_how_far_it_is(size):
+@pytest.mark.parametrize("bar", [lambda: _Bar(True), lambda: Reporter(NoTracker(), None)], ids=["python", "a fit"])
+def test_a_search_shows_how_far_it_is(size, bar):
     with terminal(size) as told:
-        with _Bar(True) as bar:
+        with bar() as on_step:
             for step in STEPS:
-                bar(step)
-        assert "100%|" in (seen := told()) and "search, error 0.25" in seen
-
-
-@SIZES
-def test_a_fit_shows_how_far_it_is(size):
-    with terminal(size) as told:
-        with Reporter(NoTracker(), None) as reporter:
-            for step in STEPS:
-                reporter(step)
+                on_step(step)
         assert "100%|" in (seen := told()) and "search, error 0.25" in seen
 
 

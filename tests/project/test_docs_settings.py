@@ -58,9 +58,10 @@ def value_of(text):
 
 
 def plain(value):
-    """A value of the code as numbers, words and tuples. A descent is its steps, its rate and its limit."""
+    """A value of the code as numbers, words and tuples. A descent is its steps, its rate and a limit of its own."""
     if hasattr(value, "steps") and hasattr(value, "rate"):
-        return value.steps, value.rate, value.largest
+        own = [value.largest] if value.largest != type(value)(1).largest else []
+        return value.steps, value.rate, *own
     if isinstance(value, (list, tuple, range)):
         return tuple(map(plain, value))
     if hasattr(type(value), "model_fields"):
@@ -150,8 +151,8 @@ def test_the_pages_quote_most_numbers_of_the_method():
 @pytest.mark.parametrize(("text", "wrong"), [
     ("The slack is `search.slack = 0.5`.", []),
     ("The slack is `search.slack = 0.4`.", ["search.slack = 0.4, but it is 0.5"]),
-    ("It descends by `search.start = (150, 0.03, 1.75)`, twice.", []),
-    ("It descends by `search.start = (150, 0.03)`.", ["search.start = (150, 0.03), but it is (150, 0.03, 1.75)"]),
+    ("It descends by `search.start = (150, 0.03)`, twice.", []),
+    ("It descends by `search.start = (150, 0.04)`.", ["search.start = (150, 0.04), but it is (150, 0.03)"]),
     ("`recent = 2 / 3`, `pruning = true`, `rounds = null`", []),
     ("`ORBITS = 15`, `orbits = 16`", []),                                # the first is no name of a setting
     ("`orbits = 15`", ["orbits = 15, but it is 16"]),                    # a constant of a module

@@ -12,7 +12,6 @@ from ....ifs.canvas import pixel_to_canvas
 from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
 from ....runtime.params import Interval
 from ..bins import halve
-from ..limits import LARGEST, largest_for
 from ..params import BirthParams
 
 KEPT = 4                       # candidates that also descend on the fine grid; one of them is taken
@@ -29,8 +28,8 @@ BLOB_LEAST_RADIUS = 1.0        # its minimum, cells
 BLOB_GRID = 64                 # cells per side of the grid on which blobs are measured
 BLOB_LEAST_WIDTH = 0.15        # standard deviation, cells, whose square is added to a blob's covariance
 BLOB_STEPS = 3                 # of mean shift (Fukunaga and Hostetler 1975), which finds the centre of a blob
-ON_COARSE = Descent(40, rate=0.04, largest=LARGEST, prior=0.0)   # of all candidates on the coarse grid
-ON_FINE = Descent(15, rate=0.01, largest=LARGEST, prior=0.0)     # of the kept candidates on the fine grid
+ON_COARSE = Descent(40, rate=0.04, prior=0.0)   # of all candidates on the coarse grid
+ON_FINE = Descent(15, rate=0.01, prior=0.0)     # of the kept candidates on the fine grid
 LEAST_WIDTH = 1e-3   # canvas units, whose square is added to the covariance of the image of a map to reorient
 TURNED = 0.97        # upper limit of the singular values of a reoriented map
 LEAST_PART = 0.3   # share of a measure that lies in a part of it at least
@@ -39,12 +38,12 @@ REGULAR = 1e-8   # canvas units², added to the covariance of a measure: without
 
 @dataclass(frozen=True)
 class Birthplace:
-    """Where maps are born: the measure on a fine and a coarse grid, the upper limit of a map's smaller singular value,
-    and the number of candidates."""
+    """Where maps are born: the measure on a fine and a coarse grid, the upper limits of a map's larger and smaller
+    singular values, and the number of candidates."""
 
     measure: BinnedMeasure
     coarse: BinnedMeasure
-    smaller_limit: float
+    limits: tuple[float, float]
     count: int
     params: BirthParams
 
@@ -58,8 +57,8 @@ class Birthplace:
         map descends alone on the coarse grid, and the best also on the fine one. total: sum of all maps' weights.
         """
         fine, coarse, count = self.measure, self.coarse, self.count
-        on_coarse, on_fine = (replace(how, largest=largest_for(fine.covariance), smaller=self.smaller_limit)
-                              for how in (ON_COARSE, ON_FINE))
+        largest, smaller = self.limits
+        on_coarse, on_fine = (replace(how, largest=largest, smaller=smaller) for how in (ON_COARSE, ON_FINE))
         sets, device = len(backgrounds), backgrounds.device
         lacking = (fine.bins - backgrounds).clamp_min(0)
         wanted = [_wanted(each, fine) if self.params.residual else fine.bins for each in lacking]

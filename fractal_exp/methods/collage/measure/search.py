@@ -17,7 +17,7 @@ from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
 from ..bins import attractor_bins, binned, grid_for
-from ..limits import LARGEST, SMALLER, largest_for, limited
+from ..limits import SMALLER, largest_for, limited
 from ..params import CollageParams
 from ..state import Candidate
 from .births import LARGE, LEAST_RATIO, MEDIUM, SMALL, Birthplace
@@ -50,8 +50,8 @@ ACCEPT_SCORE = 1.3           # factor on the score up to which it is considered 
 PRUNE_TRIED = 3              # maps whose removal is tried at a time: those whose absence raises the error least
 PRUNE_SHARE = 0.3            # share by which a removal may raise the error to be tried, if it is more than these prices
 SAME_AFFINITY = 0.9          # Bhattacharyya affinity of the images of two maps above which merging them is tried
-# Descents.
-START = Descent(150, rate=0.03, largest=LARGEST)   # of the random sets of a restart
+# Descents, within the limits of the shape that is searched.
+START = Descent(150, rate=0.03)                 # of the random sets of a restart
 MIX = Descent(150, rate=0.015)                  # of a mixture
 RESUME = Descent(100, rate=0.004)               # of a set from an earlier stage
 NEIGHBOUR = Descent(50, rate=0.01)              # of the neighbours in a move
@@ -252,7 +252,8 @@ class MeasureSearch:
         return sets
 
     def _births(self, backgrounds: Tensor, sizes: list[Interval], g: torch.Generator) -> tuple[Tensor, Tensor]:
-        place = Birthplace(self.measure, self.coarse, self.smaller_limit, self.regime.candidates, self.params.births)
+        limits = self.largest, self.smaller_limit
+        place = Birthplace(self.measure, self.coarse, limits, self.regime.candidates, self.params.births)
         return place.births(backgrounds, sizes, 1 - self.params.search.slack, g)
 
     def _explained(self, maps: Tensor, weights: Tensor) -> Tensor:

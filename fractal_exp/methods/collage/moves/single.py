@@ -13,9 +13,9 @@ from torch import Tensor
 
 from ....ifs import affine
 from ....ops.collage import BinnedMeasure, Descent, descend
-from .. import limits
 from ..bins import halve
 from ..image.objective import ImageObjective, Rendered, error_of
+from ..limits import SMALLER
 from ..measure.births import candidates, mirrored, narrowed, reoriented, thinness, visible_weights
 from ..simplify.loop import Draft
 from .tools import Tools
@@ -28,8 +28,8 @@ THIN = 0.1           # ratio of width to length below which a map's image is a l
 SIZES = 0.02, 0.95   # range of the larger singular value at birth
 WIDTHS = 1.0, 0.25, 0.03   # factors on the width of a new map's image that are rendered; the last, of a reoriented line
 VISIBLE_SHARES = 1.0, 0.5, 0.25, 0.1, 0.04, 0.015, 0.006   # of a map's weight that are tried: a thin image shows little
-ROUGH = Descent(40, rate=0.02, largest=limits.LARGEST, smaller=limits.SMALLER, prior=0.0)   # of all candidates
-FINE = Descent(20, rate=0.005, largest=limits.LARGEST, smaller=limits.SMALLER, prior=0.0)   # of those kept
+ROUGH = Descent(40, rate=0.02, smaller=SMALLER, prior=0.0)   # of all candidates
+FINE = Descent(20, rate=0.005, smaller=SMALLER, prior=0.0)   # of those kept
 REMOVED = 3          # maps, at most, that one move removes: small maps that compensate for a wrong map hold it in place
 ORDERS = 2, 3        # of the roots that are tried: square and cube roots
 ROOT_HOPEFUL = 30.0  # a root alone is tried with its company up to this factor on the error before, or on `ROOT_LEAST`

@@ -262,6 +262,16 @@ def test_what_a_sketch_has_grown_is_not_grown_again():
     assert late.is_settled(State(curve=(few,))), "no time is left"
 
 
+@pytest.mark.parametrize(("used", "first"), [(0.3, 6), (0.7, 70), (1.1, 70)])
+def test_late_under_a_limit_the_most_maps_are_grown_first(used, first):
+    now = [0.0]
+    problem = stage(clouds(48), growth={"usual": 70, "steps": 1}).problem
+    some = Growth(replace(problem, deadline=Deadline(100, lambda: now[0])), 2)
+    assert some.counts == [6, 12, 70]
+    now[0] = 100 * used
+    assert len(some.move(State(current=some.grower.plain(6).candidate)).curve[0].maps) == first
+
+
 def test_however_late_it_is_there_is_a_paving_at_least():
     some = stage(BRANCH, seconds=1e-6)
     state = State(best=tied(BLOB))

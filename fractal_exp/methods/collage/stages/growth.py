@@ -14,7 +14,7 @@ from .growing import Grower
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found
 TILES = 64      # so many grown maps must be less like the picture than what the search found, or else the search ends
-SKETCH_ENDS = 0.6   # share of the time limit at which the first growth ends
+SKETCH_ENDS = 0.6   # share of the time limit at which a sketch ends, and from which the most maps are grown first
 
 
 class Growth(Stage):
@@ -65,7 +65,8 @@ class Growth(Stage):
         return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)
 
     def move(self, state: State) -> State:
-        grown = self.grower.grown(self._missing(state)[0], self.limit)
+        is_late = self.problem.deadline.until(SKETCH_ENDS).passed  # no time is left for more than one
+        grown = self.grower.grown(self._missing(state)[-1 if is_late else 0], self.limit)
         return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def is_settled(self, state: State) -> bool:

@@ -107,7 +107,7 @@ class CoreTime(Collage):
     """Collage search whose limit counts the seconds that a core has worked."""
 
     def deadline(self, target: AnyTarget) -> Deadline:
-        return Deadline(self.seconds, time.process_time)
+        return Deadline(self.seconds, time.process_time, " of a core")
 
 
 def parts() -> list[str]:

@@ -30,22 +30,23 @@ class TimeIsUp(Exception):
 
 
 class Deadline:
-    """So many seconds from now on; None: no limit. clock: what tells the time, in seconds."""
+    """So many seconds from now on; None: no limit. clock: what tells the time, in seconds; of: what they are of, in
+    words."""
 
-    def __init__(self, seconds: float | None = None, clock: Callable[[], float] = time.monotonic):
-        self.seconds, self._clock, self._start = seconds, clock, clock()
+    def __init__(self, seconds: float | None = None, clock: Callable[[], float] = time.monotonic, of: str = ""):
+        self.seconds, self._clock, self._start, self._of = seconds, clock, clock(), of
 
     @classmethod
     def usual(cls) -> Deadline:
-        """The limit where nobody gave one: it counts what a core works for this process, whatever else it does."""
-        return cls(USUAL, core_seconds)
+        """The limit where nobody gave one: `USUAL` seconds of a core, whatever else the machine does, but no less than
+        half as many by the clock, however many cores work."""
+        cores, clock = core_seconds(), time.monotonic()
+        return cls(USUAL, lambda: min(core_seconds() - cores, 2 * (time.monotonic() - clock)), " of a core")
 
     @property
     def words(self) -> str:
         """The limit, as it is told to people."""
-        if self.seconds is None:
-            return "no limit"
-        return f"{self.seconds:g} s" + " of a core" * (self._clock in (core_seconds, time.process_time))
+        return "no limit" if self.seconds is None else f"{self.seconds:g} s{self._of}"
 
     @property
     def used(self) -> float:
@@ -61,7 +62,7 @@ class Deadline:
 
     def until(self, share: float) -> Deadline:
         """The deadline of what must end when this share of the time has passed."""
-        part = Deadline(None if self.seconds is None else self.seconds * share, self._clock)
+        part = Deadline(None if self.seconds is None else self.seconds * share, self._clock, self._of)
         part._start = self._start
         return part
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -86,14 +87,12 @@ def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str =
         steps = [each for each in (on_step, bar) if each is not None]
         shape = run(target, works, name=method, options=used, seed=seed, checkpoint=checkpoint,
                     keep_interrupted=keep_interrupted, on_step=partial(_tell, steps))
-    if painted is None or shape.stopped == INTERRUPTED:
+    if painted is None:
         return shape
-    try:
-        return coloured(shape, painted, seed)
-    except KeyboardInterrupt:
-        if not keep_interrupted:
-            raise
-        return replace(shape, stopped=INTERRUPTED, notes=(*shape.notes, "no colours: their search was interrupted"))
+    with suppress(KeyboardInterrupt) if keep_interrupted else nullcontext():
+        if shape.stopped != INTERRUPTED:
+            return coloured(shape, painted, seed)
+    return replace(shape, stopped=INTERRUPTED, notes=(*shape.notes, "no colours: the work was interrupted"))
 
 
 def built(target: ReadImage, method: str = "collage", *, seed: int = 0, seconds: float | None = None, **options: Any

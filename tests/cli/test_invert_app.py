@@ -81,7 +81,7 @@ def test_an_interruption_while_colours_are_sought_keeps_the_code(folder, method,
     monkeypatch.setattr("fractal_exp.inversion.coloured", interrupted)
     with pytest.raises(SystemExit) as left:
         app.main(["gasket.png", "--colour"])
-    assert left.value.code == 130 and "no colours: their search was interrupted" in capsys.readouterr().out
+    assert left.value.code == 130 and "no colours: the work was interrupted" in capsys.readouterr().out
     assert len(IFS.load(folder / "gasket-fractal" / "code.json")) == 3
 
 

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 SHAPE_LEVEL_IF_RINGING = 0.25            # the same in a coloured drawing as JPEG, which rings beside edges
 # Shares of a shape's span between which a side at least is lit in a picture that cuts it off. Photographs that are
-# trimmed on some sides have less (at most .14 in 34 of them), pictures of the set `windows` more (at least .2), and
-# flat edges of a shape more still.
+# trimmed on some sides have less, and flat edges of a shape more.
 CUT, MOST_CUT = 0.17, 0.95
 NARROWEST = 0.25                         # canvas units: four cells of the search's coarsest grid
 FRAMED = 0.9, 1.25                       # limits of the box's longer side, in sides of the frame: tips may be faint

@@ -12,19 +12,23 @@ from collage_helpers import CAMERA, DENSITY, PARAMS
 from fractal_exp import codes
 from fractal_exp.cameras.comparison import Comparison
 from fractal_exp.cameras.kinds import levels_of, with_camera
+from fractal_exp.cameras.points import attractor_points
 from fractal_exp.errors import InputError
 from fractal_exp.evaluation.metrics import f1_1px
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.known import Known
-from fractal_exp.images.levels import TargetImage
+from fractal_exp.images.levels import DRAWN, TargetImage
 from fractal_exp.likeness import Likeness, redrawn
-from fractal_exp.methods.collage.bins import binned
+from fractal_exp.methods.collage.bins import binned, point_bins
+from fractal_exp.methods.collage.image.camera import polish_under
+from fractal_exp.methods.collage.image.counts import FromCounts
 from fractal_exp.methods.collage.image.objective import Frame, ImageObjective
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
 from fractal_exp.methods.collage.measure.windows import WindowSearch, completed, search_on, seen, unseen
 from fractal_exp.methods.collage.moves.tools import CorrectedMeasure
 from fractal_exp.methods.collage.state import Candidate, WeightedMaps
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from fractal_exp.runtime.deadline import NO_DEADLINE
 
 SIDE = 128
 GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
@@ -35,6 +39,13 @@ WHOLE = DENSITY.render(GASKET, SIDE, 0)
 IMAGE = WHOLE * MASK
 MASSES = DENSITY.measure(IMAGE)
 HALVES = torch.stack([torch.full((32, 32), 0.0), torch.full((32, 32), 1.0)])
+
+
+def counted(side: int) -> torch.Tensor:
+    """The numbers of points of the gasket in the pixels of an image, over the largest."""
+    points = attractor_points(MAPS, WEIGHTS, 20 * side**2, 0)
+    counts = point_bins(points, side)
+    return counts / counts.max()
 
 
 def cells(known: torch.Tensor | None) -> BinnedMeasure:
@@ -154,3 +165,21 @@ def test_a_part_has_no_frame_and_its_corrected_measure_goes_on_beyond_it():
     objective = ImageObjective(IMAGE, levels, PARAMS)
     measure = CorrectedMeasure.of(MASSES, WeightedMaps(MAPS, WEIGHTS), objective, 0)
     assert float(measure.fine.samples[:, 2].sum()) > 1.2 and measure.fine.known is not None
+
+
+@pytest.mark.parametrize("side", [64, 1024])
+def test_counts_have_no_derivatives_where_nothing_is_known(side):
+    """The second image is larger than the finest grid on which errors are computed."""
+    image = counted(side) * CUT.mask(side)
+    objective = ImageObjective(image, levels_of(image, "linear", CAMERA, CUT), PARAMS)
+    shown = objective.judge(MAPS, WEIGHTS)
+    columns, _ = next(iter(FromCounts(objective, shown, [0], 0).grids(objective, shown)))
+    mask = CUT.mask(columns.shape[-1])
+    assert columns[:, mask].abs().max() > 0 == columns[:, ~mask].abs().max()
+
+
+def test_a_camera_that_is_polished_knows_what_is_not_seen():
+    drawn = IMAGE.clamp(0, 1)
+    objective = ImageObjective(drawn, levels_of(drawn, DRAWN, CAMERA, CUT), PARAMS)
+    fits = polish_under(objective, objective.judge(MAPS, WEIGHTS), "coverage", NO_DEADLINE)
+    assert fits and all(seen.levels.known == CUT for seen, _ in fits)

@@ -57,7 +57,8 @@ class FromCounts(Jacobian):
         bins = blurred(torch.stack([known, *columns]), sigma)[:, canvas, canvas]
         shown, total = bins[0], bins[0].sum().clamp_min(1e-12)
         columns = (bins[1:] - shown * (bins[1:].sum((1, 2), keepdim=True) / total)) * levels.exposure(shown)
-        columns = objective.shown(columns)
+        if levels.known is not None:
+            columns = columns * levels.known.mask(side).to(columns)
         for k, grey in enumerate(objective.grids(rendered.image)):
             if k:
                 columns = avg_pool2d(columns, 2, ceil_mode=True)

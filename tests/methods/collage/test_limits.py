@@ -7,6 +7,7 @@ from collage_helpers import PARAMS
 from fractal_exp import IFS, invert, suite
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.ifs import affine, attractor
+from fractal_exp.methods.collage.image.gauss_newton import FromPoints
 from fractal_exp.methods.collage.image.objective import Frame, ImageObjective
 from fractal_exp.methods.collage.limits import LARGEST, SMALLER, largest_for, limited
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
@@ -80,3 +81,13 @@ def test_nothing_stretches_where_a_shape_lies_on_a_line():
     assert turned.largest == SMALLER == MeasureSearch(bars, Regime.whole(PARAMS), PARAMS).largest
     shear = maps_of((0.3, 1.2, 0, 0.3), (0.3, 0, 0, 0.3))
     assert float(affine.largest_singular(turned.judge(shear).maps).max()) <= SMALLER + 1e-6
+
+
+def test_a_step_of_gauss_and_newton_keeps_the_limits():
+    image, maps = suite.target(attractor.normalize(STRETCHING), 64), affine.from_code(attractor.normalize(STRETCHING))
+    objective = ImageObjective(image, levels_of(image, "density", PARAMS.camera), PARAMS)
+    jacobian = FromPoints(objective, objective.judge(maps), range(len(maps)), 0)
+    moved = jacobian.nudged(0, 1e3)
+    assert float(affine.largest_singular(jacobian.nudged(0, 1.0)).max()) > 1
+    assert float(affine.largest_singular(moved).max()) <= LARGEST + 1e-5
+    affine.to_code(moved).check_contractive()

@@ -12,7 +12,7 @@ from ..runtime.seeds import derive
 from .camera import Camera
 from .comparison import Comparison
 from .kinds import kind_of, of_others, with_camera
-from .levels import Levels
+from .levels import Levels, may_be_density
 
 DOTTED = 0.75   # dots, or a tone curve, need an angle of error below this factor times that of simpler kinds
 TILED = 0.7     # tiles must have an angle below this factor times the pen's: they show the picture itself
@@ -27,15 +27,17 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
     All values are tried, of the kinds that the picture may have (`Levels.kinds`), one kind after the other. Tiles are
     chosen only if they explain the image much better than a pen that draws the attractor, and each other kind only if
     it explains it much better than those before: dots than pens and tiles, a tone curve than all of them. If the search
-    already measures the image through a tone curve, the camera that explains it best is chosen."""
+    measures the image as a density, or the image is grey inside, as no pen draws it, the camera that explains it best
+    is chosen, of those that draw the attractor."""
     if levels.is_exact or not levels.params.estimate:
         return None
-    angles, below = dict[str, float](), 1.0 if levels.is_curved else DOTTED
+    angles, is_density = dict[str, float](), levels.is_density or may_be_density(image)
+    below, tiled = (1.0, 0.0) if is_density else (DOTTED, TILED)
     likely: Tried | None = None
     for name in levels.kinds:
         kind = kind_of(name)(levels.params, image, kinds=levels.kinds).within(levels.known)
-        if levels.is_curved or kind.is_worth_trying(angles):
-            found = _likely(kind, nearest(image, kind, code, seed))
+        if levels.is_density or kind.is_worth_trying(angles):
+            found = _likely(kind, nearest(image, kind, code, seed), tiled)
             angles[name] = found[0] if found else math.inf
             if found and (likely is None or found[0] < below * likely[0]):
                 likely = found
@@ -81,13 +83,13 @@ def nearest(image: Tensor, levels: Levels, code: IFS, seed: int) -> list[Tried]:
     return sorted(found.values(), key=angle_of)
 
 
-def _likely(levels: Levels, tried: list[Tried]) -> Tried | None:
-    """The best camera that draws the attractor, unless tiles come much closer. Tiles show the picture itself, so they
-    suit a wrong code too. None if no camera was tried."""
+def _likely(levels: Levels, tried: list[Tried], tiled: float) -> Tried | None:
+    """The best camera that draws the attractor, unless tiles have an angle below `tiled` times its own. Tiles show the
+    picture itself, so they suit a wrong code too. None if no camera was tried."""
     if not tried:
         return None
     whole = [each for each in tried if with_camera(levels, each[1]).shows_attractor]
-    return tried[0] if not whole or tried[0][0] < TILED * whole[0][0] else whole[0]
+    return tried[0] if not whole or tried[0][0] < tiled * whole[0][0] else whole[0]
 
 
 def angle_as_density(image: Tensor, levels: Levels, code: IFS, seed: int) -> float:

@@ -179,6 +179,9 @@ class Density(Levels):
     is_density = True
 
     def measure(self, image: Tensor) -> Tensor:
+        return self.hits(image)
+
+    def hits(self, image: Tensor) -> Tensor:
         """-log(1 - I): the expected number of points in a subpixel that is hit with probability I."""
         return -(1 - image.clamp(max=1 - UNLIT / self.supersample**2)).log()
 
@@ -186,7 +189,7 @@ class Density(Levels):
         return 1 - grey
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        return 1 - (-mean_of(self.measure(image), size)).exp()
+        return 1 - (-mean_of(self.hits(image), size)).exp()
 
 
 class Coverage(Levels):

@@ -30,6 +30,7 @@ CURVED_BLURS_PX = 0.0, 0.35, 0.7   # under a tone curve
 CURVED_FROM = 2.0         # a tone curve is tried if the angle of dots is at most this factor times the pen's
 USUAL_GAMMA = 2.2         # with which an image is searched before the estimate, as of sRGB
 HISTOGRAM_LEVELS = 4096   # by which the histograms of image and rendering are compared
+AROUND_PX = 1.5           # standard deviation of the Gaussian over which dots are averaged before they are counted
 PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
 DOT_SUPERSAMPLE = 2       # and where dots are blurred
 
@@ -103,6 +104,10 @@ class Dots(Density):
     is_exact = False
     values = "gain", "blur"
 
+    def measure(self, image: Tensor) -> Tensor:
+        """The hits by the grey around each pixel, because a single dot may fill a pixel."""
+        return self.hits(blurred(image, AROUND_PX))
+
     @property
     def lit_above(self) -> float:
         is_faint = self.image is not None and may_be_density(self.image)
@@ -168,7 +173,10 @@ class ToneMapped(Dots):
         return curved(super().render(code, resolution, seed, independent=independent), self.gamma)
 
     def measure(self, image: Tensor) -> Tensor:
-        return super().measure(image.clamp_min(0) ** self.gamma)
+        return self.hits(image)
+
+    def hits(self, image: Tensor) -> Tensor:
+        return super().hits(image.clamp_min(0) ** self.gamma)
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
         return curved(super().shrunk(image, size), self.gamma)

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 
 from fractal_exp import IFS, codes, invert, suite
 from fractal_exp.cameras.camera import Camera, parse_camera
-from fractal_exp.cameras.estimate import DOTTED, TILED, estimated, nearest
+from fractal_exp.cameras.estimate import TILED, estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.levels import REUSE
 from fractal_exp.cameras.params import CameraParams
@@ -165,14 +165,6 @@ def test_the_search_by_renderings_has_the_masses_of_the_camera_that_was_found(ca
     assert torch.equal(search.masses, problem.masses) == (camera.kind == "coverage")
 
 
-def test_a_tone_curve_that_is_hardly_better_than_dots_is_not_taken():
-    code = attractor.normalize(codes.known("fern"))
-    image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.16, 0.0)).render(code, SIDE, 1) ** (1 / 1.25)
-    dots, curve = (nearest(image, kind(CAMERA, image), code, 0)[0][0] for kind in (Dots, ToneMapped))
-    assert DOTTED * dots < curve < dots
-    assert estimated(image, levels_of(image, meaning_of(image), CAMERA), code, 0).kind == "dots"
-
-
 def test_a_code_beside_the_canvas_has_a_tone_curve_too():
     """No point of this code lies on the canvas."""
     code = GASKET.similar(1.0, (9.0, 9.0))
@@ -182,11 +174,11 @@ def test_a_code_beside_the_canvas_has_a_tone_curve_too():
 
 
 def test_a_tone_curve_is_undone_by_the_measure_that_is_searched():
-    """Which is that of dots, up to a factor."""
+    """Which is that of a density, up to a factor."""
     image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.1, 0.5 * PIXEL)).render(GASKET, SIDE, 1)
     curved = image ** (1 / 3)
     levels = ToneMapped(CAMERA, curved, Camera("tonemapped", gain=0.1, gamma=3.0, blur=0.5 * PIXEL))
-    torch.testing.assert_close(levels.measure(curved), Dots(CAMERA, image).measure(image), rtol=1e-3, atol=1e-5)
+    torch.testing.assert_close(levels.measure(curved), Dots(CAMERA, image).hits(image), rtol=1e-3, atol=1e-5)
     torch.testing.assert_close(levels.render(GASKET, SIDE, 1), curved, rtol=1e-3, atol=1e-4)
     small = Dots(CAMERA, image).shrunk(image, 32) ** (1 / 3)
     torch.testing.assert_close(levels.shrunk(curved, 32), small, rtol=1e-3, atol=1e-4)

@@ -303,7 +303,7 @@ def test_an_interrupted_growth_tells_what_it_has_grown():
 
     with pytest.raises(KeyboardInterrupt):
         Collage(maps=12, likeness=None, growth={**FEW, "steps": 5}).reconstruct(clouds(), on_step=interrupt)
-    assert [each.stage for each in told] == 3 * ["sketch"] and len(told[2].code) == 6 and told[2].camera.is_known
+    assert [each.stage for each in told] == 3 * ["sketch"] and len(told[2].code) == 12 and told[2].camera.is_known
 
 
 @pytest.mark.parametrize("image, asked", [(clouds(), {}), (BRANCH, {"maps": 24})], ids=["sketch", "growth"])

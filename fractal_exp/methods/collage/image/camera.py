@@ -19,9 +19,9 @@ Fit = tuple[ImageObjective, Rendered]   # a code as a camera sees it; the object
 
 
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Fit:
-    """Polish the code together with its camera, starting from the likeliest cameras of each open kind, or, with a tone
-    curve, from this curve alone. Return the code and the objective with the best of these cameras, or both as they are
-    if none is better. A code of many maps or for a large image stays as it is, because this would take too long.
+    """Polish the code together with its camera, starting from the likeliest cameras of each open kind, or, for a
+    density, from its camera alone. Return the code and the objective with the best of these cameras, or both as they
+    are if none is better. A code of many maps or for a large image stays as it is, because this would take too long.
 
     Both are polished together because one makes up for the other: with a pen that is too thin, the best attractor is
     too large.
@@ -29,7 +29,7 @@ def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = N
     levels = objective.levels
     if deadline.passed or not may_be_sharpened(objective, found):
         return objective, found
-    if levels.is_curved:
+    if levels.is_density:
         return in_turns(objective, found, deadline)
     kinds = [kind for kind in levels.kinds if not kind_of(kind).is_curved]
     starts = [start for kind in kinds for start in _starts(objective, found, kind, deadline)]

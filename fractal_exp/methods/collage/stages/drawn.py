@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from ....cameras.camera import Camera
 from ....cameras.estimate import angle_as_density
-from ....cameras.levels import may_be_density
-from ....cameras.pens import ToneMapped
+from ....cameras.levels import may_be_density, mean_of
+from ....cameras.pens import Dots, ToneMapped
 from ....likeness import UNLIKE
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective
@@ -25,27 +25,30 @@ from .plan import Plan
 HOPELESS = 0.7   # likeness below which a picture is assumed to show no code, so that no other round begins
 
 
-class Uncurved(Restart):
-    """A restart on the image as a density behind a usual tone curve. The search stays with this measure if the code
-    that was found on it explains the image better as a density than the code of the restart before."""
+class AsDensity(Restart):
+    """A restart on the image as a density that a camera of this kind sees. The search stays with this measure if the
+    code that was found on it explains the image better as a density than the best code before."""
 
-    MEASURED = Camera(ToneMapped.kind)
-
-    def __init__(self, problem: SearchProblem, number: int = 0):
-        super().__init__(problem, number, 0.5)  # between the first restart and the second
+    def __init__(self, problem: SearchProblem, kind: str, restart: float):
+        super().__init__(problem, 0, restart)
+        self.measured = Camera(kind)
 
     @staticmethod
-    def may_help(problem: SearchProblem) -> bool:
-        """Whether an image that others drew may be a density."""
-        levels, curve = problem.levels, Uncurved.MEASURED.kind
-        return (curve in levels.kinds and levels.kind != curve and levels.params.curves and levels.params.estimate
-                and may_be_density(problem.given))
+    def all_of(problem: SearchProblem) -> list[AsDensity]:
+        """Those that may help, between the first restart and the second, on an image that others drew. Dots may be
+        white, but those of a density leave it grey on the grid of the search; a tone curve leaves all pixels grey."""
+        levels, image = problem.levels, problem.given
+        coarse = mean_of(image, min(len(image), problem.params.search.grid))
+        kinds = {Dots.kind: coarse, ToneMapped.kind: image}
+        return [AsDensity(problem, kind, (k + 1) / (len(kinds) + 1)) for k, (kind, seen) in enumerate(kinds.items())
+                if kind in levels.kinds and kind != levels.kind and levels.params.estimate and may_be_density(seen)
+                and (levels.params.curves or kind != ToneMapped.kind)]
 
     def is_wanted(self, state: State) -> bool:
         return True
 
     def open(self, state: State) -> State:
-        opened = super().open(replace(state, measured_through=self.MEASURED))
+        opened = super().open(replace(state, measured_through=self.measured))
         return replace(opened, measured_through=state.measured_through)
 
     def close(self, state: State) -> State:
@@ -53,10 +56,10 @@ class Uncurved(Restart):
         if self._angle(found) >= self._angle(state.leader):
             return state
         return replace(state, best=found, scores=(found.score,), pool=state.pool_with(found.maps),
-                       measured_through=self.MEASURED)
+                       measured_through=self.measured)
 
     def _angle(self, found: Candidate) -> float:
-        problem, seed = self.problem, derive(self.problem.seed, "uncurved")
+        problem, seed = self.problem, derive(self.problem.seed, "as density")
         return angle_as_density(problem.image, problem.levels, found.code, seed)
 
 
@@ -132,8 +135,7 @@ class DrawnPlan(Plan):
 
     def search(self, number: int) -> list[Stage]:
         restart, *others = super().search(number)
-        curved = [Uncurved(self.problem)] if not number and Uncurved.may_help(self.problem) else []
-        found = [restart, *curved, *others]
+        found = [restart, *([] if number else AsDensity.all_of(self.problem)), *others]
         return [Sketch(self.problem), *found, Promise(self.problem)] if not number and Sketch.may_help(
             self.problem) else found
 

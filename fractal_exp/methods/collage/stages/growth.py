@@ -145,8 +145,10 @@ class Sketch(Growth):
         return problem.params.growth.enabled and is_whole and may_be_density(problem.image)
 
     def _counts(self) -> list[int]:
-        counts = super()._counts()
-        return sorted({*counts, min(TILES, counts[-1])})
+        """Those that `Promise` compares; under a short time limit the last as well. The others are grown at the end, if
+        the search finds no code."""
+        *others, last = super()._counts()
+        return sorted({min(TILES, last), *([] if others else [last])})
 
     @property
     def expected_moves(self) -> int:

@@ -1,4 +1,4 @@
-"""The search on a picture that may be a density behind a tone curve."""
+"""The search on a picture that may be a density: dots, or behind a tone curve."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.estimate import DOTTED, estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
-from fractal_exp.cameras.levels import FAINT, may_be_density
+from fractal_exp.cameras.levels import FAINT, Density, may_be_density
 from fractal_exp.cameras.pens import Dots, Drawn, ToneMapped
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN, meaning_of
@@ -19,7 +19,7 @@ from fractal_exp.methods.collage.bins import correction
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
-from fractal_exp.methods.collage.stages.drawn import DrawnMoves, Uncurved
+from fractal_exp.methods.collage.stages.drawn import AsDensity, DrawnMoves
 from fractal_exp.methods.collage.stages.growth import Sketch
 from fractal_exp.methods.collage.stages.image import Approach
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
@@ -41,6 +41,14 @@ def problem(image=CURVED, levels=DRAWN, **options):
     return SearchProblem(image, levels_of(image, levels, params.camera), params)
 
 
+def measured(given):
+    return [stage.measured.kind for stage in AsDensity.all_of(given)]
+
+
+def as_density(given):
+    return AsDensity(given, CURVE.kind, 0.5)
+
+
 def kinds(given, number=0):
     return [type(stage) for stage in plan_of(given).rounds[number]]
 
@@ -56,20 +64,33 @@ def test_a_density_is_grey_inside_and_a_drawing_is_not():
 
 
 def test_only_the_first_round_of_such_a_picture_searches_it_as_a_density_too():
-    assert kinds(problem())[:4] == [Sketch, Restart, Uncurved, Restart]
+    assert kinds(problem())[:5] == [Sketch, Restart, AsDensity, AsDensity, Restart]
     stages = plan_of(problem()).rounds[0][1:]
     places = [stage.key.place for stage in stages]
-    assert places == sorted(set(places)) and [stage.restart for stage in stages[:3]] == [0, 0.5, 1]
-    assert Uncurved not in kinds(problem(), 1) + kinds(problem(DRAWING))
-    for options in ({"levels": "coverage"}, {"camera": {"estimate": False}}, {"camera": {"curves": False}}):
-        assert Uncurved not in kinds(problem(**options)), options
+    assert places == sorted(set(places)) and [stage.restart for stage in stages[:4]] == [0, 1 / 3, 2 / 3, 1]
+    assert AsDensity not in kinds(problem(), 1) + kinds(problem(DRAWING))
+    for options in ({"levels": "coverage"}, {"camera": {"estimate": False}}):
+        assert AsDensity not in kinds(problem(**options)), options
+    assert measured(problem(camera={"curves": False})) == ["dots"]
+
+
+def test_what_dots_fill_is_searched_as_their_density():
+    """White dots that lie as densely as in a scatter plot: white inside, and grey on the grid of the search."""
+    dots = (torch.rand(SIDE, SIDE, generator=torch.Generator().manual_seed(0)) < 0.6).float()
+    disc = (torch.cartesian_prod(*2 * [torch.linspace(-1, 1, SIDE)]).norm(dim=1) < 0.7).view(SIDE, SIDE)
+    plot = dots * disc
+    assert not may_be_density(plot) and not may_be_density(disc.float())
+    assert measured(problem(plot)) == ["dots"] and measured(problem(disc.float())) == []
+    masses = Dots(CAMERA, plot).measure(plot)
+    inside = masses[SIDE // 4:-SIDE // 4, SIDE // 4:-SIDE // 4].mean()
+    torch.testing.assert_close(inside, -torch.tensor(0.4).log(), rtol=0.03, atol=0)
 
 
 def test_a_restart_on_another_measure_does_not_begin_late():
     seconds = [0.0]
     given = replace(problem(), deadline=Deadline(100, lambda: seconds[0]))
     seconds[0] = 50
-    assert [stage(given).latest_start.passed for stage in (Restart, Uncurved)] == [False, True]
+    assert [stage(given).latest_start.passed for stage in (Restart, as_density)] == [False, True]
 
 
 @pytest.mark.parametrize("is_better", [True, False])
@@ -78,7 +99,7 @@ def test_the_search_stays_with_the_measure_whose_code_explains_the_picture_bette
                    for code, score in ((FERN, 3.0), (FERN.similar(0.7, (0.1, 0.1)), 1.0)))
     now, leader = (true, wrong) if is_better else (wrong, true)
     state = State(current=now, best=leader, pool=leader.maps, scores=(leader.score,))
-    after = Uncurved(problem()).close(state)
+    after = as_density(problem()).close(state)
     assert (after.measured_through == CURVE) == is_better and after.best is true
     assert after.scores == (true.score,), "scores on different measures cannot be compared"
     assert len(after.pool) == (8 if is_better else 4)
@@ -96,13 +117,14 @@ def test_later_stages_search_what_the_state_says():
     assert errors[0] != errors[1]
 
 
-def test_behind_a_tone_curve_dots_have_no_advantage():
+def test_where_a_picture_is_grey_inside_the_camera_that_explains_it_best_is_chosen():
     image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.16, 0.0)).render(FERN, SIDE, 1) ** (1 / 1.25)
     dots, curve = (nearest(image, kind(CAMERA, image), FERN, 0)[0][0] for kind in (Dots, ToneMapped))
     assert DOTTED * dots < curve < dots
     levels = levels_of(image, meaning_of(image), CAMERA)
-    assert estimated(image, levels, FERN, 0).kind == "dots"
-    assert estimated(image, with_camera(levels, CURVE), FERN, 0).kind == "tonemapped"
+    assert may_be_density(image)
+    for each in levels, with_camera(levels, CURVE):
+        assert estimated(image, each, FERN, 0).kind == "tonemapped"
 
 
 def test_faint_pixels_of_a_density_belong_to_its_shape():
@@ -139,7 +161,7 @@ def test_the_masses_of_a_large_picture_are_those_of_its_density():
 
 def test_a_tone_curve_makes_no_difference_to_the_correction_for_saturation():
     factors = [correction(levels.measure(levels.render(FERN, SIDE, 5)), FERN, levels, PARAMS.saturation, 0)
-               for levels in (ToneMapped(CAMERA, CURVED), Dots(CAMERA, CURVED))]
+               for levels in (ToneMapped(CAMERA, CURVED), Density(CAMERA, CURVED))]
     torch.testing.assert_close(*factors, rtol=0.02, atol=0.02)
 
 

@@ -30,7 +30,7 @@ CURVED_BLURS_PX = 0.0, 0.35, 0.7   # under a tone curve
 CURVED_FROM = 2.0         # a tone curve is tried if the angle of dots is at most this factor times the pen's
 USUAL_GAMMA = 2.2         # with which an image is searched before the estimate, as of sRGB
 HISTOGRAM_LEVELS = 4096   # by which the histograms of image and rendering are compared
-AROUND_PX = 1.5           # standard deviation of the Gaussian over which dots are averaged before they are counted
+DOT_WINDOW_PX = 1.5       # standard deviation of the Gaussian over which dots are averaged before they are counted
 PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
 DOT_SUPERSAMPLE = 2       # and where dots are blurred
 
@@ -106,7 +106,7 @@ class Dots(Density):
 
     def measure(self, image: Tensor) -> Tensor:
         """The hits by the grey around each pixel, because a single dot may fill a pixel."""
-        return self.hits(blurred(image, AROUND_PX))
+        return self.hits(blurred(image, DOT_WINDOW_PX))
 
     @property
     def lit_above(self) -> float:

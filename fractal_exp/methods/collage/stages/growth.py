@@ -145,10 +145,8 @@ class Sketch(Growth):
         return problem.params.growth.enabled and is_whole and may_be_density(problem.image)
 
     def _counts(self) -> list[int]:
-        """Those that `Promise` compares; under a short time limit the last as well. The others are grown at the end, if
-        the search finds no code."""
-        *others, last = super()._counts()
-        return sorted({min(TILES, last), *([] if others else [last])})
+        """Those that `Promise` compares. The others are grown at the end, if the search finds no code."""
+        return [min(TILES, super()._counts()[-1])]
 
     @property
     def expected_moves(self) -> int:

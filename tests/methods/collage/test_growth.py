@@ -27,9 +27,9 @@ from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.growing import Grower
-from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch
+from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch, is_worth_its_maps
 from fractal_exp.methods.collage.stages.plan import plan_of
-from fractal_exp.methods.collage.state import Candidate, Key, State, WeightedMaps
+from fractal_exp.methods.collage.state import Candidate, Grown, Key, State, WeightedMaps
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.runtime.seeds import generator
@@ -241,6 +241,14 @@ def test_a_photograph_ends_the_search_and_a_density_of_others_does_not(fern_dots
         state.state = replace(state.state, best=found)
         state._stage(promise)
         assert state.state.is_outgrown is ends
+
+
+@pytest.mark.parametrize(("few", "many", "gain", "worth"), [(2, 64, 0.04, False), (2, 64, 0.06, True),
+                                                            (16, 64, 0.03, True), (40, 64, 0.009, False)])
+def test_the_more_maps_are_grown_the_more_they_must_gain(few, many, gain, worth):
+    found = replace(tied(BLOB), maps=tied(BLOB).maps[:1].repeat(few, 1))
+    grown = Grown(found.maps[:1].repeat(many, 1), None, 0.5 + gain, Camera("dots"))
+    assert is_worth_its_maps(grown, found, 0.5) is worth
 
 
 def test_where_maps_are_grown_first_no_construction_is_looked_for():

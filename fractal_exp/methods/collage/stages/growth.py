@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from ....cameras.levels import may_be_density
 from ....runtime.deadline import NO_DEADLINE, USUAL, Deadline
 from ....runtime.seeds import derive
-from ..state import Candidate, Grown, State
+from ..state import Candidate, Grown, State, WeightedMaps
 from .base import SearchProblem, Stage
 from .growing import Grower
 
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
-MARGIN = 0.02   # minimum gain in likeness for grown maps to replace what the search found
-TILES = 64      # so many grown maps must be less like the picture than what the search found, or else the search ends
+GAIN = 0.01     # minimum gain in likeness for each doubling of the number of maps: many maps also fit noise
+TILES = 64      # as many grown maps must not be more like the picture than what the search found, or else it ends
 SKETCH_ENDS = 0.6   # share of the time limit at which a sketch ends, and from which the most maps are grown first
 
 
@@ -84,7 +85,7 @@ class Growth(Stage):
     def close(self, state: State) -> State:
         found, chosen = state.searched, self._chosen(state.curve)
         if found is not None and self.params.maps in (None, len(found.maps)) and (
-                chosen.likeness < self._likeness(found) + MARGIN):
+                not is_worth_its_maps(chosen, found, self._likeness(found))):
             return replace(state, best=found, before=None)
         return replace(state, best=self._judged(chosen), before=None,
                        stopped=f"{len(chosen.maps)} maps were grown, likeness {chosen.likeness:.3f}")
@@ -168,8 +169,8 @@ class Sketch(Growth):
 
 
 class Promise(Stage):
-    """Looks whether the code that the search has found on the measure is more like the picture than `TILES` maps that
-    were grown. If not, no few maps explain the picture, and the search ends."""
+    """Looks whether `TILES` maps that were grown are more like the picture than the code that the search has found on
+    the measure. If so, no few maps explain the picture, and the search ends."""
 
     name = "promise"
 
@@ -182,8 +183,15 @@ class Promise(Stage):
     def close(self, state: State) -> State:
         grower, found = Grower(self.problem, derive(self.problem.seed, "growth")), state.leader
         likeness = grower.likeness(found, found.camera or self.problem.camera(found.code))
-        return replace(state, is_outgrown=likeness < max(each.likeness for each in _tiles(state)))
+        return replace(state, is_outgrown=any(is_worth_its_maps(each, found, likeness) for each in _tiles(state)))
 
 
 def _tiles(state: State) -> list[Grown]:
     return [each for each in state.curve if len(each.maps) <= TILES]
+
+
+def is_worth_its_maps(grown: Grown, found: WeightedMaps, likeness: float) -> bool:
+    """Whether grown maps are so much more like the picture than what the search found that they are worth their
+    number."""
+    doublings = max(1.0, math.log2(len(grown.maps) / len(found.maps)))
+    return grown.likeness >= likeness + GAIN * doublings

@@ -72,7 +72,7 @@ class Likeness:
         levels = with_camera(_levels_of(target, params), camera)
         comparison = Comparison(image, levels, derive(seed, "likeness"))
         rendering, known = comparison.render(code), target.known and target.known.mask(len(image))
-        least = 0.0 if levels.is_exact else levels.lit_above
+        least = _lit_above(levels)
         masks = [(each > least).float()[None] for each in (rendering, image)]
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not levels.is_exact and levels.is_whole:
@@ -116,6 +116,15 @@ def camera_for(code: IFS, target: TargetImage, *, params: CameraParams | None = 
 def default_camera(target: TargetImage, params: CameraParams | None = None) -> Camera:
     """The camera of a target as far as its levels and the user say."""
     return _levels_of(target, params).camera
+
+
+def lit_above(target: TargetImage, camera: Camera, params: CameraParams | None = None) -> float:
+    """The grey level of a target above which a pixel counts as lit, as in `Likeness`."""
+    return _lit_above(with_camera(_levels_of(target, params), camera))
+
+
+def _lit_above(levels: Levels) -> float:
+    return 0.0 if levels.is_exact else levels.lit_above
 
 
 def redrawn(code: IFS, target: TargetImage, camera: Camera, *, params: CameraParams | None = None, seed: int = 0

@@ -19,10 +19,12 @@ from torch import Tensor
 from .. import codes, tracking
 from ..errors import InputError
 from ..ifs.code import IFS
+from ..images.reading import ReadImage
+from ..inversion.result import INVERSION
 from ..runtime.files import LARGEST_JSON, parse_json, read_file
 from ..suite import SUITE_COUNT, SUITE_SEED, random_suite
 from ..tracking.addresses import database_path, store_uri
-from .code_names import file_and_name, load_code, read_code
+from .code_names import file_and_name, read_code
 from .folders import CODE, CONFIG, ENLARGED, FINISHED, PICTURE, TRUTH
 
 LARGEST_SIDE = 8192       # pixels, of a picture that a fit left
@@ -34,11 +36,13 @@ Read = Callable[[str], bytes | None]  # a file of a fit by its name, None if the
 @dataclass(frozen=True)
 class Aim:
     """What a fit was to find: the `truth` that drew its target, or the `picture` (R,R) and the `file` it was kept in,
-    or both where the authors published both; nothing, if the fit was of a picture that is not kept."""
+    or both where the authors published both; nothing, if the fit was of a picture that is not kept. target: the
+    picture with all that is known of it, if the user named it."""
 
     truth: IFS | None = None
     picture: Tensor | None = None
     file: str | None = None
+    target: ReadImage | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +54,14 @@ class Submission:
     aim: Aim
 
 
-def gather(sources: Sequence[str], truth: str | None, output: str | Path) -> list[Submission]:
-    """All codes that `sources` name: files, FILE:NAME or FILE:#2 in one with several, folders of JSON files, folders of
-    fits, run:ID in the store of `output`.
+def gather(sources: Sequence[str], truth: str | Aim | None, output: str | Path) -> list[Submission]:
+    """All codes that `sources` name: what `read_code` knows, folders of JSON files, folders of fits and of inversions,
+    run:ID in the store of `output`.
 
     truth: a code (`read_code`) for all of them, a classic with its probabilities by area, as targets are drawn unless
     told otherwise; a folder with a JSON of the same name for each; suite or suite:all:SEED for the fractal of the
-    random suite that the digits of each name tell; None for what the fits themselves say. Raises `InputError` if a
-    code or its truth cannot be found, or two codes have one name.
+    random suite that the digits of each name tell; an aim of all; None for what the fits themselves say. Raises
+    `InputError` if a code or its truth cannot be found, or two codes have one name.
     """
     found = [candidate for source in sources for candidate in _candidates(source, truth, output)]
     names = [candidate.name for candidate in found]
@@ -84,7 +88,7 @@ def _found_no_code(fit: Path) -> bool:
     return (fit / ENLARGED).exists() and not (fit / CODE).exists()
 
 
-def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[Submission]:
+def _candidates(source: str, truth: str | Aim | None, output: str | Path) -> Iterator[Submission]:
     if source.startswith("run:"):
         run_id = source.removeprefix("run:")
         yield _fit(run_id, f"run {run_id}", _run_reader(run_id, output), truth)
@@ -93,7 +97,10 @@ def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[
     path = path.absolute()
     if not path.is_dir():
         name = re.sub(r"[^\w.-]+", "-", path.stem if entry is None else f"{path.stem}:{entry}")
-        yield Submission(name, load_code(path, entry), _aim(name, truth))
+        yield Submission(name, read_code(source), _aim(name, truth))
+        return
+    if (path / INVERSION).exists() and not (path / FINISHED).exists():
+        yield Submission(path.name, IFS.load(path / CODE), _aim(path.name, truth))
         return
     finished = _fits(path, FINISHED)
     coded = [fit for fit in finished if not _found_no_code(fit)]
@@ -109,7 +116,7 @@ def _candidates(source: str, truth: str | None, output: str | Path) -> Iterator[
         yield Submission(file.stem, IFS.load(file), _aim(file.stem, truth))
 
 
-def _fit(name: str, where: str, read: Read, truth: str | None) -> Submission:
+def _fit(name: str, where: str, read: Read, truth: str | Aim | None) -> Submission:
     code = _code(read, CODE, where)
     if code is None:
         raise InputError(f"{where} holds no {CODE}")
@@ -188,7 +195,9 @@ def fit_picture(data: bytes, where: str) -> Tensor:
     return torch.from_numpy((pixels.astype(np.float64) / white).clip(0, 1).astype(np.float32))
 
 
-def _aim(name: str, truth: str | None) -> Aim:
+def _aim(name: str, truth: str | Aim | None) -> Aim:
+    if isinstance(truth, Aim):
+        return truth
     if truth is None:
         raise InputError(f"what should {name} be? Name its truth: --truth suite, a folder, or a code")
     if re.fullmatch(r"suite(:all:\d+)?", truth):

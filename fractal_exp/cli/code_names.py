@@ -90,6 +90,13 @@ def is_picture(path: Path) -> bool:
         return False
 
 
+def names_picture(text: str) -> bool:
+    """Whether a text names a picture: a file that begins like one, or none that would be called like one."""
+    path = Path(text)
+    kind = None if path.exists() else Image.registered_extensions().get(path.suffix.lower())
+    return kind in FORMATS or is_picture(path)
+
+
 def file_and_name(text: str) -> tuple[Path, str | None]:
     """FILE:NAME as its parts; a file that is there, or a suffix, decides which colon it is."""
     if not os.path.exists(text):

@@ -23,6 +23,16 @@ LARGEST = 16_384  # pixels a side of a drawing
 STDOUT = 1
 
 
+def parse_size(text: str | None, default: int | None = None, most: int = LARGEST) -> tuple[int, int]:
+    """The (height, width) in pixels that --size asks for, or a square of `default`."""
+    found = re.fullmatch(r"([0-9]+)(?:[x×]([0-9]+))?", str(default) if text is None else text, re.IGNORECASE)
+    sides = [side for side in found.groups() if side] if found else []
+    if not sides or any(len(side) > len(str(most)) or not 1 <= int(side) <= most for side in sides):
+        raise InputError(f"--size must be from 1 to {most} pixels a side, such as 1024, or 1920x1080 (width x "
+                         f"height), got {text!r:.100}")
+    return int(sides[-1]), int(sides[0])
+
+
 class Raw(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
     """Help that keeps the lines of the description and shows defaults."""
 

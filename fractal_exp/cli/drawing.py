@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,9 +25,8 @@ from ..rendering.toned import COLOUR, Toned
 from ..rendering.zoom import nearest_point, rich_point, zoom_path
 from ..runtime import threads
 from ..runtime.bars import progress_bar
-from ..runtime.checks import shown
 from .code_names import read_code
-from .commands import LARGEST
+from .commands import parse_size
 
 STILLS = {"bits": 8, "transparent": False}
 OCCUPANCY = "occupancy"
@@ -99,7 +97,7 @@ def _refuse_unused(options: argparse.Namespace) -> None:
 
 def draw_still(code: IFS, options: argparse.Namespace) -> Path:
     """Draw one view, tile by tile."""
-    size = _size(options, 1024)
+    size = parse_size(options.size, 1024)
     x, y = options.center or (0.0, 0.0)
     view = View((x, y), 1.0 if options.zoom is None else options.zoom)
     lit, empty = False, np.float32(options.ground if options.mode == COLOUR and not options.transparent else 0)
@@ -163,7 +161,7 @@ def _softened(bands: Iterable[torch.Tensor], toned: Toned) -> Iterator[torch.Ten
 
 def draw_film(codes: Sequence[IFS], options: argparse.Namespace) -> Path:
     """Draw a zoom into one code, or a morph through several, frame by frame."""
-    size = _size(options, 720)
+    size = parse_size(options.size, 720)
     kind = format_of(options.out)
     fps = kind.fps if options.fps is None else options.fps
     passages = len(codes) - (not options.loop)
@@ -192,14 +190,3 @@ def _zoom(code: IFS, count: int, options: argparse.Namespace) -> tuple[Sequence[
               else rich_point(code, options.seed, end_zoom=end_zoom))
     print(f"zooming to ({target[0]!r}, {target[1]!r})")
     return [code] * count, zoom_path(target, count, start=start, end_zoom=end_zoom)
-
-
-def _size(options: argparse.Namespace, default: int) -> tuple[int, int]:
-    """The (height, width) in pixels that --size asks for."""
-    found = re.fullmatch(r"([0-9]+)(?:[x×]([0-9]+))?", str(default) if options.size is None else options.size,
-                         re.IGNORECASE)
-    sides = [side for side in found.groups() if side] if found else []
-    if not sides or any(len(side) > len(str(LARGEST)) or not 1 <= int(side) <= LARGEST for side in sides):
-        raise InputError(f"--size must be from 1 to {LARGEST} pixels a side, such as 1024, or 1920x1080 (width x "
-                         f"height), got {shown(options.size)}")
-    return int(sides[-1]), int(sides[0])

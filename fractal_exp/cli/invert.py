@@ -18,14 +18,13 @@ from ..runtime import threads
 from ..runtime.files import make_folder
 from . import interruption
 from .commands import command, command_parser
+from .reading import add_reading, read_picture
 
 if TYPE_CHECKING:
     from ..images.reading import ReadImage
     from ..inversion import Inversion
     from ..methods.base import Progress
 
-LEVELS = ("auto", "density", "linear", "dots", "tonemapped", "coverage", "binary")
-POLARITIES = {"auto": "auto", "true": True, "false": False}
 FLAGS = {name: f"--{name}" for name in ("method", "resolution", "invert", "threshold", "crop", "levels", "seed",
                                          "seconds", "colour")}
 FLAGS["clean"] = "--as-it-is"
@@ -67,16 +66,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--maps", type=int, help="number of maps (default: found)")
     parser.add_argument("--resolution", type=int, default=256, help="pixels a side that the picture is brought to")
     parser.add_argument("--seed", type=int, default=0, help="of every random number")
-    parser.add_argument("--invert", choices=POLARITIES, default="auto", help="true: a black shape on white; false: a "
-                                                                             "white one on black; auto: as the border "
-                                                                             "tells")
-    parser.add_argument("--threshold", type=float, help="make every pixel black or white, at this level in (0,1)")
-    parser.add_argument("--crop", type=int, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
-                        help="read this part of the picture alone, in pixels from its upper left corner")
-    parser.add_argument("--levels", choices=LEVELS, default="auto", help="what the grey levels mean (default: as "
-                                                                           "they look)")
+    add_reading(parser)
     parser.add_argument("--colour", action="store_true", help="give the code the picture's colours too")
-    parser.add_argument("--as-it-is", action="store_true", help="ignore nothing beside the shape, and keep all levels")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
                         help="parameters of the method, such as search.moves=100 of collage search")
     parser.set_defaults(words=sys.argv[1:] if arguments is None else arguments)
@@ -86,7 +77,6 @@ def main(arguments: list[str] | None = None) -> None:
 def invert_picture(options: argparse.Namespace) -> None:
     """Do what the command line asks for."""
     from ..api import built, invert
-    from ..images.reading import read_target
     from ..inversion import write
     from ..inversion.road import INTERRUPTED
     from ..inversion.writing import LARGEST_OVERLAY, OVERLAY
@@ -97,9 +87,7 @@ def invert_picture(options: argparse.Namespace) -> None:
     if options.maps is not None:
         settings["maps"] = options.maps
     folder = _folder(options)
-    picture = read_target(options.picture, options.resolution, invert=POLARITIES[options.invert],
-                          threshold=options.threshold, clean=not options.as_it_is, crop=options.crop,
-                          levels=options.levels)
+    picture = read_picture(options.picture, options)
     print(f"{Path(options.picture).name}: {picture.source_size[0]}×{picture.source_size[1]} px")
     _print_list(note if note not in picture.warnings else f"beware: {note}" for note in picture.notes)
     limit = built(picture, options.method, seed=options.seed, seconds=options.seconds, **settings).deadline(picture)

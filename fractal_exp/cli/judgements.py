@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import torch
+from torch import Tensor
 
 from .. import tracking
 from ..errors import InputError
 from ..evaluation import Perceptual, score, summarize
 from ..evaluation.code_error import code_error
-from ..evaluation.scoring import TRIVIAL, Scored
+from ..evaluation.scoring import ALIGNMENTS, TRIVIAL, Scored
 from ..evaluation.summary import CEILING_F1, describe
 from ..evaluation.views import check_kind
 from ..images.pixels import write_image
@@ -26,17 +27,19 @@ from ..runtime import threads
 from ..runtime.bars import progress_bar
 from ..runtime.checks import check_count
 from ..runtime.files import make_folder, write_atomically
-from ..studies.judging import against_input, f1_in_words
+from ..studies.judging import RESULT, against_input, as_drawn, f1_in_words
 from . import published_codes
-from .candidates import Submission, gather, without_code
+from .candidates import Aim, Submission, gather, without_code
+from .code_names import is_picture
 from .folders import PICTURE, TRUTH
+from .reading import read_picture
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
 STRIP_VIEWS = ("whole", "2-4x-a", "4-8x-a")
-RESULT, CEILING = "result", "ceiling"
+CEILING = "ceiling"
 PROBABILITIES = {"area": "by area, |det| + 0.01,", "own": "of their own, such as published ones,"}
 
 
@@ -47,8 +50,11 @@ def evaluate_codes(options: argparse.Namespace) -> None:
         check_count("--points", options.points)
     check_kind(options.views)
     threads.use()
+    truth, read = _truth(options)
     candidates, alone = (published_codes.gather(options.published, options.codes) if options.published is not None else
-                         (gather(options.codes, options.truth, options.output), []))
+                         (gather(options.codes, truth, options.output), []))
+    if read:  # what cannot be placed is refused before any work
+        candidates = [replace(one, code=ALIGNMENTS[options.align](one.code)) for one in candidates]
     begun, enlarged = without_code(options.codes)
     known = [candidate for candidate in candidates if candidate.aim.truth is not None]
     pictured = [candidate for candidate in candidates if candidate.aim.picture is not None]
@@ -58,7 +64,8 @@ def evaluate_codes(options: argparse.Namespace) -> None:
                          "with --truth")
     distance = Perceptual.load(options.perceptual, options.perceptual_weights)
     for side, setting in {(options.resolution, "--resolution") for _ in known} | {
-            (candidate.aim.picture.shape[-1], "the resolution of the fit") for candidate in pictured}:
+            (candidate.aim.picture.shape[-1], "--resolution" if read else "the resolution of the fit")
+            for candidate in pictured}:
         distance.check(side, setting)
     folder = make_folder(options.out)
     with ExitStack() as stack:
@@ -76,6 +83,7 @@ def evaluate_codes(options: argparse.Namespace) -> None:
                              f"{options.resolution}², on other views of the same fractals\n{describe(beside, 'row')}")
         if pictured:
             parts.append(_write_inputs(_judge_pictures(pictured, options, distance, strips, run), folder, run))
+        parts += ["\n".join(read)] * bool(read)
         if alone:
             parts.append(f"not judged, since the data set or the optimised codes lack it: {', '.join(alone)}")
         if lost:
@@ -144,29 +152,52 @@ def _keep_strip(strip: np.ndarray, name: str, strips: Path, run: tracking.Tracke
     run.image(series, strip, number)
 
 
+def _truth(options: argparse.Namespace) -> tuple[str | Aim | None, list[str]]:
+    """What all codes are to be, as `gather` takes it; and how its picture was read, in sentences, if it is one."""
+    if options.truth is None or not is_picture(Path(options.truth)):
+        return options.truth, []
+    target = read_picture(options.truth, options)
+    notes, name = list(target.notes), Path(options.truth).name
+    if target.known is not None and options.align == "bbox":
+        notes.append("the picture cuts its shape off, and codes are placed by their own boxes; --align none leaves "
+                     "them where they are")
+    return Aim(picture=target.image, file=name, target=target), [f"{name}: {note}" for note in notes]
+
+
 def _judge_pictures(candidates: list[Submission], options: argparse.Namespace, distance: Perceptual, strips: Path,
                     run: tracking.Tracker) -> pd.DataFrame:
-    """A row for each fit of a picture and each of the two trivial pictures, and for its truth where that is known too,
-    against the fit's input: columns fractal, method, against, input (the file), resolution, then the scores."""
+    """A row for each code that is to show a picture and each of the two trivial pictures, and for its truth where that
+    is known too: columns fractal, method, against (input, of a fit, or picture, which the user named), input (the
+    file), resolution, then the scores."""
     import pandas as pd
 
-    rows = []
+    tables = []
     for number, candidate in enumerate(candidates, 1):
-        picture = candidate.aim.picture
-        side, truth = picture.shape[-1], candidate.aim.truth
-        images = {name: render(code, resolution=side, points_in_view=options.points, device=options.device)
-                  for name, code in {RESULT: candidate.code, CEILING: truth}.items() if code is not None}
-        images |= {name: torch.full_like(picture, one.value) for name, one in TRIVIAL.items()}
-        rows += [against_input(image, picture, distance).drop(columns=["view", "zoom"]).assign(
-            fractal=candidate.name, method=method, against="input", input=candidate.aim.file, resolution=side,
-            perceptual=distance.name) for method, image in images.items()]
-        caption = f"{candidate.name}, {f1_in_words(rows[-len(images)]['f1'][0])}"
-        strip = comparison_strip(images[RESULT][None], picture[None], [caption])
-        _keep_strip(strip, candidate.name if truth is None else f"{candidate.name}-picture", strips, run, number,
+        aim = candidate.aim
+        images, scores = (_whole_view(candidate, options, distance) if aim.target is None else
+                          as_drawn(candidate.code, aim.target, distance))
+        first = {"fractal": candidate.name, "method": list(images), "against": "picture" if aim.target else "input",
+                 "input": aim.file, "resolution": aim.picture.shape[-1]}
+        tables.append(pd.DataFrame(first).join(scores).assign(perceptual=distance.name))
+        strip = comparison_strip(images[RESULT][None], aim.picture[None],
+                                 [f"{candidate.name}, {f1_in_words(scores['f1'][0])}"])
+        _keep_strip(strip, candidate.name if aim.truth is None else f"{candidate.name}-picture", strips, run, number,
                     "input strip")
-    table = pd.concat(rows, ignore_index=True)
-    first = ["fractal", "method", "against", "input", "resolution"]
-    return table[first + [name for name in table if name not in first]]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _whole_view(candidate: Submission, options: argparse.Namespace, distance: Perceptual
+                ) -> tuple[dict[str, Tensor], pd.DataFrame]:
+    """What a fit of a picture and the trivial pictures show on the whole view, (R,R), and its truth where that is
+    known too; and a row of scores for each."""
+    import pandas as pd
+
+    picture = candidate.aim.picture
+    images = {name: render(code, resolution=picture.shape[-1], points_in_view=options.points, device=options.device)
+              for name, code in {RESULT: candidate.code, CEILING: candidate.aim.truth}.items() if code is not None}
+    images |= {name: torch.full_like(picture, one.value) for name, one in TRIVIAL.items()}
+    rows = [against_input(image, picture, distance).drop(columns=["view", "zoom"]) for image in images.values()]
+    return images, pd.concat(rows, ignore_index=True)
 
 
 def _write_inputs(table: pd.DataFrame, folder: Path, run: tracking.Tracker) -> str:
@@ -176,11 +207,13 @@ def _write_inputs(table: pd.DataFrame, folder: Path, run: tracking.Tracker) -> s
     scores = table.drop(columns=["resolution", "input", "against", "perceptual"])
     means = scores.groupby("method", sort=False).mean(numeric_only=True).dropna(axis="columns", how="all")
     run.log({f"input/{name}": float(value) for name, value in means.loc[RESULT].items()})
-    count = int((table["method"] == RESULT).sum())
+    count, first = int((table["method"] == RESULT).sum()), table.iloc[0]
     return "\n".join([
-        f"{_codes(count)} of pictures against the input: the whole view at the input's own resolution, "
-        + ("no truth is known" if CEILING not in means.index else "and the truth (ceiling) as we draw it"),
-        means.rename_axis(None).to_string(float_format="{:.3f}".format), "",
+        (f"{_codes(count)} against the picture {first['input']}, drawn as that was drawn: all of its "
+         f"{first['resolution']}² pixels" if first["against"] == "picture" else
+         f"{_codes(count)} of pictures against the input: the whole view at the input's own resolution, "
+         + ("no truth is known" if CEILING not in means.index else "and the truth (ceiling) as we draw it")),
+        means.rename_axis(None).to_string(float_format="{:.3f}".format, na_rep=""), "",
         "each result against its input",
         scores[scores["method"] == RESULT].drop(columns="method").set_index("fractal").rename_axis(None).dropna(
             axis="columns", how="all").to_string(float_format="{:.3f}".format)])

@@ -21,12 +21,9 @@ from ..runtime import threads
 from ..runtime.extras import need
 from ..runtime.files import make_folder, write_atomically
 from ..studies.judging import f1_in_words
-from .code_names import is_picture
-from .evaluate import INVERT
+from .reading import POLARITIES
 
 LARGEST = 50 * 10**6  # pixels of a picture, for the memory
-OF_CODES = {"scale": None, "published": None, "resolution": None, "points": None, "views": None, "align": "bbox",
-            "device": "cpu", "cache": None, "track": None}  # options that change nothing here, and their defaults
 
 
 def evaluate_pictures(options: argparse.Namespace) -> None:
@@ -34,9 +31,8 @@ def evaluate_pictures(options: argparse.Namespace) -> None:
     need("kornia", "pandas")
     import pandas as pd
 
-    _check(options)
     threads.use()
-    read_one = partial(read_grey, invert=INVERT.get(options.invert, "auto"), most_pixels=LARGEST)
+    read_one = partial(read_grey, invert=POLARITIES[options.invert], most_pixels=LARGEST)
     truth, true_lit, notes = read_one(options.truth)
     told, read = [f"{options.truth}: {note}" for note in notes], {}
     for name in options.codes:
@@ -67,17 +63,6 @@ def evaluate_pictures(options: argparse.Namespace) -> None:
     write_atomically(folder / "pictures.csv", table.to_csv())
     write_atomically(folder / "report.txt", report + "\n")
     print(f"{report}\n\n{folder}")
-
-
-def _check(options: argparse.Namespace) -> None:
-    """Raise `InputError` on options that would change nothing, and on what is no picture."""
-    for name, default in OF_CODES.items():
-        if getattr(options, name) != default:
-            raise InputError(f"--{name} is for codes, and the truth {options.truth} is a picture; leave it out")
-    for name in options.codes:
-        if not is_picture(Path(name)) and (Path(name).exists() or not Path(name).suffix):
-            raise InputError(f"{name} is no picture, and the truth {options.truth} is one; judge a drawing of the code "
-                             "(fractal-render), or name a code with --truth")
 
 
 def _size(picture: Tensor) -> str:

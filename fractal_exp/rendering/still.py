@@ -99,7 +99,7 @@ def render(code: IFS, view: View | None = None, *, resolution: int | tuple[int, 
     take too much work gets fewer. Both are logged as warnings, and `render_with_info` returns them as data.
 
     A code that contracts on average only (`IFS.contraction`) may have points anywhere. Its views leave out tails that
-    hold less than about 1e-5 of the measure (see `ifs.attractor`). Where nothing else is in the view, points are thrown
+    hold less than about 3e-5 of the measure (see `ifs.attractor`). Where nothing else is in the view, points are thrown
     at the whole measure; how many is logged as a warning before the view is drawn.
 
     Raises `InputError` on anything but an IFS, a code that is not contractive, a zoom above 1e12, a size below 1 or too

@@ -11,8 +11,13 @@ from torch.nn.functional import avg_pool2d, max_pool2d
 from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
+from ..ifs.contraction import AVERAGE
+from ..ops.histogram import AddressTree, planes
+from ..ops.histogram.boxes import lit_share
+from ..ops.histogram.cpu import LIT
 from ..runtime.seeds import derive
 from .still import MAX_ZOOM, render_with_info
+from .weighing import address_tree, weighed, window_of
 
 LOOK, LOOK_POINTS = 64, 20_000  # pixels per side and points of a preview
 EFFORT = 0.03         # of a still's work, for a preview: a fraction of a second
@@ -31,24 +36,37 @@ def rich_point(code: IFS, seed: int = 0, *, end_zoom: float = 1e4) -> tuple[floa
     Candidates are a few random points, as many points about which half of each view is lit, and three times as many
     eyes of spirals, around which a view comes back at ever smaller scales. Each has six views, evenly spaced in the
     logarithm of the zoom, and counts as much as its dullest. One is drawn by the seed from those that come near the
-    best. The same seed gives the same point. It takes about two hundred drawings of 64².
+    best; if all are dull somewhere, from those that are so last. The same seed gives the same point. It takes up to two
+    hundred drawings of 64²; a candidate gets no more of them once it is too dull to be taken.
 
     Raises `InputError` if the code is not contractive.
     """
-    points = [find(code, derive(seed, "target", number), end_zoom) for number in range(CANDIDATES)
-              for find in (_half_lit_point, lambda code, seed, _: attractor.random_point(code, seed))]
+    tree = address_tree(code)
+    points = [find(code, tree, derive(seed, "target", number), end_zoom) for number in range(CANDIDATES)
+              for find in (_half_lit_point, lambda code, _, seed, __: attractor.random_point(code, seed))]
     zooms = [float(zoom) for zoom in np.geomspace(2, max(end_zoom, 2), DEPTHS)]
-    points += _eyes(code, zooms[len(zooms) // 2])
-    richness = [min(_richness(_look(code, point, zoom)) for zoom in zooms) for point in points]
-    near = [point for point, value in zip(points, richness, strict=True) if value >= NEAR * max(richness)]
+    points += _eyes(code, tree, zooms[1 if code.contraction.kind == AVERAGE else len(zooms) // 2])
+    rich, best, farthest = list[tuple[float, int]](), 0.0, 0
+    for point in points:
+        least, seen = math.inf, 0
+        for zoom in zooms:
+            least = min(least, _richness(_look(tree, point, zoom)))
+            if least == 0 or least < NEAR * best:
+                break
+            seen += 1
+        rich.append((least, seen))
+        best, farthest = max(best, least), max(farthest, seen)
+    near = [point for point, (least, seen) in zip(points, rich, strict=True)
+            if least >= NEAR * best and (best > 0 or seen == farthest)]
     return near[int(np.random.default_rng(derive(seed, "of the best")).integers(len(near)))]
 
 
-def _eyes(code: IFS, zoom: float) -> list[tuple[float, float]]:
+def _eyes(code: IFS, tree: AddressTree, zoom: float) -> list[tuple[float, float]]:
     """The fixed points (x, y) of words of maps that turn and are much like a similarity, at most 3 `CANDIDATES`.
 
     About such a point the attractor is a spiral that never flattens. Of `EYES` of them, those with the richest views at
-    this zoom are taken, because many lie where all is filled.
+    this zoom are taken, because many lie where all is filled. Where a code contracts on average only, most words meet a
+    deep view, so the zoom is to be a small one.
     """
     chosen = code.sampling_probabilities() > 0
     linear, offset = (values[chosen].cpu().double().numpy() for values in (code.linear, code.offset))
@@ -67,14 +85,19 @@ def _eyes(code: IFS, zoom: float) -> list[tuple[float, float]]:
         matrices = np.einsum("nij,mjk->nmik", linear, matrices).reshape(-1, 2, 2)
     apart = {(round(x, 6), round(y, 6)): (x, y) for _, x, y in sorted(found, key=lambda eye: eye[0])}
     roundest = list(apart.values())[:EYES]
-    return sorted(roundest, key=lambda eye: -_richness(_look(code, eye, zoom)))[:3 * CANDIDATES]
+    return sorted(roundest, key=lambda eye: -_richness(_look(tree, eye, zoom)))[:3 * CANDIDATES]
 
 
-def _look(code: IFS, center: tuple[float, float], zoom: float) -> torch.Tensor:
+def _look(tree: AddressTree, center: tuple[float, float], zoom: float) -> torch.Tensor:
     """The lit pixels of a small picture of a view; none where so many maps overlap that a film would take for ever."""
-    image, info = render_with_info(code, View(center, zoom), resolution=LOOK, points_in_view=LOOK_POINTS, supersample=1,
-                                   effort=EFFORT)
-    return image > 0 if info.drawn > info.requested / 2 else torch.zeros_like(image, dtype=torch.bool)
+    window, lit = window_of(View(center, zoom), LOOK), np.zeros((LOOK, LOOK), np.float32)
+    # Tails that nothing else is beside are no place for a film, so none are looked for.
+    plan = weighed(tree, window, LOOK_POINTS, 0, EFFORT, 0.0, has_tails=False)
+    if plan.thrown * plan.mass > LOOK_POINTS / 2:
+        canvas = planes(LOOK, LOOK, LIT)
+        tree.scatter(window, plan.thrown, seed=(0, 0, 0), canvas=canvas, mode=LIT)
+        lit_share(canvas, 1, lit)
+    return torch.from_numpy(lit > 0)
 
 
 def _richness(lit: torch.Tensor) -> float:
@@ -92,14 +115,14 @@ def _without_noise(lit: torch.Tensor) -> torch.Tensor:
     return max_pool2d(lit.float()[None], 3, 1, 1)
 
 
-def _half_lit_point(code: IFS, seed: int, end_zoom: float) -> tuple[float, float]:
+def _half_lit_point(code: IFS, tree: AddressTree, seed: int, end_zoom: float) -> tuple[float, float]:
     """A point found by zooming in from the whole. In a small picture of each view, a lit pixel is judged by the window
     that the next view, `CLOSER` times closer, shows around it, and so on down to a 64th of the last view."""
     rng = np.random.default_rng(seed)
     (x, y), radius = attractor.bounding_disc(code)
     zoom, near = 1 / max(radius, 1e-6), 1.0
     while zoom < min(LOOK * end_zoom, MAX_ZOOM):
-        lit = _look(code, (x, y), zoom)
+        lit = _look(tree, (x, y), zoom)
         if not lit.any():
             break
         row, column = _rich_pixel(lit, near, rng)

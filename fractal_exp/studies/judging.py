@@ -13,21 +13,26 @@ from torch import Tensor
 from ..errors import InputError
 from ..evaluation import Perceptual, metrics, score
 from ..evaluation.code_error import at_ceiling, code_error
+from ..evaluation.pictures import compare_pictures
 from ..evaluation.scoring import ALIGNMENTS, TRIVIAL
 from ..evaluation.summary import without_empty
 from ..evaluation.views import check_kind
 from ..ifs.code import IFS, View
+from ..images.reading import ReadImage
+from ..likeness import Likeness, camera_for, lit_above, redrawn
 from ..methods.base import CodeReconstruction, Reconstruction
 from ..rendering.sheets import comparison_strip
 from ..rendering.still import MAX_SUPERSAMPLE, check_device, check_resolution, points_per_view, render
 from ..runtime.checks import check_count
 from ..targets import Target
+from ..verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
 
 NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "ciede2000": "CIEDE2000",
          "f1_frame": "F1 in the frame", "iou_frame": "IoU in the frame"}
+RESULT = "result"  # among images by name
 
 
 @dataclass(frozen=True)
@@ -167,3 +172,28 @@ def against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.Da
     row = {name: float(value) for name, value in metrics.compare(drawn[None], image[None]).items()}
     row[perceptual.column] = float(perceptual.measure(metrics.inner_crop(drawn[None]), metrics.inner_crop(image[None])))
     return pd.DataFrame([{"view": "whole", "zoom": 1.0, **row}])
+
+
+def as_drawn(code: IFS, target: ReadImage, perceptual: Perceptual) -> tuple[dict[str, Tensor], pd.DataFrame]:
+    """A code in the frame of a picture, drawn as that picture was drawn: images (R,R) by name, `RESULT` and the trivial
+    ones, all black where the picture shows nothing; and a row for each of them, in this order.
+
+    The columns are those of `compare_pictures`. For the code, those that `Likeness` has are its own, noise_ratio with
+    them; verdict is the kind of `Verdict`, and camera says how the picture was drawn, as far as that was found out.
+    """
+    import pandas as pd
+
+    image, camera = target.image, camera_for(code, target)
+    likeness, above = Likeness.of(code, target, camera), lit_above(target, camera)
+    known = None if target.known is None else target.known.mask(len(image))
+    images = {RESULT: redrawn(code, target, camera).to(image),
+              **{name: torch.full_like(image, one.value) for name, one in TRIVIAL.items()}}
+    images = {name: each if known is None else each * known for name, each in images.items()}
+    rows: list[dict[str, Any]] = [
+        compare_pictures(each, image, each > above, image > above, perceptual, above=above, known=known)
+        for each in images.values()]
+    rows[0] |= {"f1": likeness.f1, "f1_1px": likeness.f1_1px, "iou": likeness.iou, "ssim_inside": likeness.ssim,
+                "noise_ratio": likeness.noise_ratio, "verdict": Verdict.of(likeness, len(code), target).kind,
+                "camera": ", ".join(f"{name} {value if isinstance(value, str) else format(value, '.3g')}"
+                                    for name, value in camera.facts(len(image)).items())}
+    return images, pd.DataFrame(rows)

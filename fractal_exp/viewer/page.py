@@ -18,17 +18,20 @@ from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
 from ..rendering.tone import NOTE, own_tone
+from ..runtime.checks import size_of
 from .linking import linked
 
 LARGEST = 200_000   # bytes of a page
 MOST_MAPS = 1000    # of a code that is shown, in code.mjs too
+MOST_SIDE = 4096    # pixels of a picture of a given size, which any WebGL 2 can draw into
 LONGEST_TITLE = 120  # characters
 FRAME_HEIGHT = 480  # pixels, in a notebook
 EMPTY = "data:,"    # where there is no still picture
 STATIC = resources.files("fractal_exp.viewer") / "static"
 
 
-def page(code: IFS, *, view: View | None = None, still: bytes | None = None, live: bool = False) -> str:
+def page(code: IFS, *, view: View | None = None, still: bytes | None = None, live: bool = False,
+         resolution: int | tuple[int, int] | None = None) -> str:
     """The text of an HTML file that shows a code's attractor at any depth, in a browser with WebGL 2.
 
     It opens on `view`, or on the whole attractor; its zoom counts from there. The code is shown in its own coordinates:
@@ -39,13 +42,17 @@ def page(code: IFS, *, view: View | None = None, still: bytes | None = None, liv
     chosen in the page. The maps can be edited in the page. live: the page exchanges codes with the window in whose
     frame it lies, a `CodeWidget`; others speak to nobody.
 
-    Raises `InputError` on a code that is not contractive or has more than 1000 maps.
+    As in `render`, 1/zoom is half of the picture's shorter side. The picture fills the window, or has a resolution,
+    (height, width) or one number for both, of at most 4096 pixels a side, and is scaled to fit.
+
+    Raises `InputError` on another resolution, and a code that is not contractive or has more than 1000 maps.
     """
-    check(code)
+    check(code, resolution)
     home = whole(code)
     title = _title(code)
     given = {"code": _packed(code), "title": title, "file": _file_name(title), "home": _plain(home),
-             "view": _plain(view or home), "live": live}
+             "view": _plain(view or home), "live": live,
+             "size": None if resolution is None else size_of(resolution)[::-1]}
     script, style = _script(), _read("page.css")
     policy = (f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}; img-src data: blob:; "
               "base-uri 'none'; form-action 'none'")
@@ -65,8 +72,11 @@ def fragments() -> dict[str, str]:
     return {name: _read(f"{name}.html") for name in ("panel", "exchange")}
 
 
-def check(code: IFS) -> None:
-    """Raise `InputError` unless a page can show the code."""
+def check(code: IFS, resolution: int | tuple[int, int] | None = None) -> None:
+    """Raise `InputError` unless a page can show the code, at this resolution."""
+    if resolution is not None and max(size_of(resolution)) > MOST_SIDE:
+        raise InputError(f"the picture of a page has at most {MOST_SIDE} pixels a side, got resolution={resolution}; "
+                         "fractal-render draws larger ones")
     if len(code) > MOST_MAPS:
         raise InputError(f"a page shows a code of at most {MOST_MAPS} maps, got {len(code)}; remove those of the least "
                          "probability")

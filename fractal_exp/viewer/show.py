@@ -42,23 +42,25 @@ def widget(code: IFS, *, view: View | None = None, height: int = 480) -> CodeWid
     return CodeWidget(code, view=view, height=height)
 
 
-def save_html(code: IFS, path: str | Path, *, view: View | None = None) -> Path:
+def save_html(code: IFS, path: str | Path, *, view: View | None = None,
+              resolution: int | tuple[int, int] | None = None) -> Path:
     """Write a single, self-contained HTML file in which a browser flies into the attractor; return the absolute path.
-    It opens on `view`, or on the whole attractor.
+    It opens on `view`, or on the whole attractor. The picture fills the window, or has the `resolution`, (height,
+    width) or one number for both, at most 4096 pixels a side, and is scaled to fit.
 
     The page uses the code's own coordinates, so its views are views of `fractal_exp.render`. Raises `InputError`,
-    before anything is written, on a name that does not end in .html, or a code that is not contractive or has more
-    than 1000 maps; and if the file cannot be written.
+    before anything is written, on a name that does not end in .html, another resolution, or a code that is not
+    contractive or has more than 1000 maps; and if the file cannot be written.
     """
     path = Path(path).absolute()
     if path.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"a page is written as HTML, got {path.name!r}; end the name in .html")
-    write_atomically(path, _page(code, view))
+    write_atomically(path, _page(code, view, resolution))
     return path
 
 
-def _page(code: IFS, view: View | None = None) -> str:
+def _page(code: IFS, view: View | None = None, resolution: int | tuple[int, int] | None = None) -> str:
     from .page import check, page
 
-    check(code)  # before the picture is drawn
-    return page(code, view=view, still=picture(code))
+    check(code, resolution)  # before the picture is drawn
+    return page(code, view=view, still=picture(code), resolution=resolution)

@@ -57,6 +57,71 @@ def shown_view(opened: Opened, wanted: Callable[[View], bool]) -> View:
             return view
 
 
+def agrees(picture: np.ndarray, code: IFS, view: View, resolution: tuple[int, int]) -> bool:
+    """Whether a picture that is not square has the size and the lit pixels of `render`'s."""
+    truth = render(code, view, resolution=resolution)
+    return picture.shape == resolution and float(f1(torch.tensor(picture, dtype=torch.float32)[None],
+                                                    truth[None])) >= LEAST_F1
+
+
+def test_the_picture_fills_a_window_of_any_format_as_render_draws_it(fern, open_page):
+    code, path = fern
+    for width, height in ((240, 96), (96, 160)):
+        assert agrees(open_page((width, height)).go(address(path, View((0.1, 0.2), 2))).picture(), code,
+                      View((0.1, 0.2), 2), (height, width))
+
+
+@pytest.mark.parametrize("window", [(700, 500), (420, 640)])
+def test_a_picture_of_a_given_size_is_scaled_into_any_window(fern, tmp_path, open_page, window):
+    code, view = fern[0], View((0.1, 0.2), 2)
+    path = code.save_html(tmp_path / "wide.html", view=view, resolution=(90, 160))
+    opened = open_page(window).go(f"file://{path}")
+    assert agrees(opened.picture(), code, view, (90, 160))
+    box = opened.page.locator("#picture").bounding_box()
+    assert box["width"] == pytest.approx(min(window[0], window[1] * 160 / 90), abs=1)
+    assert box["height"] == pytest.approx(box["width"] * 90 / 160, abs=1)
+    assert [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2] == pytest.approx([w / 2 for w in window], abs=1)
+
+    # A hand moves the picture by what the hand moves: half of the shorter side is 1 / zoom.
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    opened.page.mouse.move(*middle)
+    opened.page.mouse.down()
+    opened.page.mouse.move(middle[0] - box["height"] / 4, middle[1])
+    opened.page.mouse.up()
+    moved = shown_view(opened, lambda found: found.center[0] > 0.2)
+    assert moved.center == pytest.approx((0.1 + 0.5 / view.zoom, 0.2), abs=0.02) and moved.zoom == view.zoom
+
+    # The maps lie on the picture.
+    opened.page.keyboard.press("e")
+    opened.page.wait_for_selector("#maps:not([hidden])")
+    boxes = [opened.page.locator(name).bounding_box() for name in ("#picture", "#maps")]
+    assert boxes[0] == boxes[1] and boxes[0]["height"] == pytest.approx(boxes[0]["width"] * 90 / 160, abs=1)
+    assert agrees(opened.drawn().picture(), code, moved, (90, 160))
+
+
+def test_a_click_selects_the_map_that_is_seen_there(fern, tmp_path, open_page):
+    path = fern[0].save_html(tmp_path / "wide.html", resolution=(90, 160))
+    opened = open_page((1000, 900), **COARSE).go(f"file://{path}")
+    opened.page.keyboard.press("e")
+    opened.page.wait_for_selector("#maps:not([hidden])")
+    window, polygons = opened.page.locator("#maps").bounding_box(), opened.page.locator("#maps .bodies polygon")
+    corners = [np.array([corner.split(",") for corner in polygons.nth(i).get_attribute("points").split()], float)
+               for i in range(len(fern[0]))]
+
+    def holds(corners: np.ndarray, point: np.ndarray) -> bool:
+        side, to = np.roll(corners, -1, 0) - corners, point - corners
+        turns = np.sign(side[:, 0] * to[:, 1] - side[:, 1] * to[:, 0])
+        return abs(turns.sum()) == len(turns)
+
+    chosen = set()
+    for each in corners:
+        place = np.array([0.4, 0.15, 0.1, 0.35]) @ each  # beside the handles of a map that is selected
+        opened.page.mouse.click(window["x"] + place[0], window["y"] + place[1])
+        chosen.add(int(opened.page.locator("#which").input_value()))
+        assert holds(corners[int(opened.page.locator("#which").input_value())], place)
+    assert len(chosen) > 1
+
+
 def test_a_page_from_a_file_says_nothing_and_asks_for_nothing(fern, open_page):
     _, path = fern
     opened = open_page((700, 400), **COARSE).go(f"file://{path}")

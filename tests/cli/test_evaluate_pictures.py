@@ -69,7 +69,7 @@ def test_a_picture_is_taken_the_other_way_where_told(folder, capsys):
     assert "again.png: black shape on white: inverted, as asked" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         app.main(["fern", "--truth", "fern", "--invert", "true"])
-    assert "--invert is for pictures" in capsys.readouterr().err
+    assert "--invert changes nothing where codes with codes are compared" in capsys.readouterr().err
 
 
 def test_black_on_white_transparent_and_coloured_pictures_say_how_they_are_read(folder, capsys):
@@ -100,14 +100,12 @@ def test_lit_is_what_is_brighter_than_the_background_and_the_errors_of_a_file(tm
     (["small.png"], "small.png has 50×50 px, truth.png 96×64 px; draw it anew (fractal-render --size 96x64) or scale"),
     (["ten.png"], "must be at least 16 px on each side, got 10×10"),
     (["no.png"], "cannot read the picture"),
-    (["fern"], "fern is no picture, and the truth truth.png is one; judge a drawing"),
-    (["code.json"], "code.json is no picture, and the truth truth.png is one"),
-    (["again.png", "--resolution", "64"], "--resolution is for codes, and the truth truth.png is a picture"),
-    (["again.png", "--align", "none"], "--align is for codes"),
-    (["again.png", "--scale", "paper"], "--scale is for codes"),
+    (["again.png", "--resolution", "64"], "--resolution changes nothing where pictures are compared; leave it out"),
+    (["again.png", "--align", "none"], "--align changes nothing where pictures"),
+    (["again.png", "--as-it-is"], "--as-it-is changes nothing where pictures are compared"),
+    (["again.png", "--scale", "paper"], "--scale changes nothing where pictures"),
 ])
 def test_what_a_user_can_mend_is_one_line(folder, capsys, arguments, message):
-    FERN.save("code.json")
     grey = Image.open("truth.png")
     for name, side in (("small", 50), ("ten", 10)):
         grey.resize((side, side)).save(f"{name}.png")

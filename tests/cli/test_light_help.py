@@ -3,12 +3,13 @@
 import subprocess
 import sys
 
-from fractal_exp.cli import dataset, evaluate, render, suite
+from fractal_exp.cli import dataset, evaluate, render, suite, view
 from fractal_exp.evaluation.scoring import ALIGNMENTS
 from fractal_exp.evaluation.views import KINDS
 from fractal_exp.perceptual.distances import kinds
 from fractal_exp.rendering.still import MODES
 from fractal_exp.suite import SUITE_COUNT, SUITE_SEED
+from fractal_exp.viewer import page
 
 HELP = """
 import contextlib, io, sys
@@ -37,5 +38,6 @@ def test_the_choices_are_those_of_the_package():
     assert set(render.MODES) == {*MODES, "tone"} - {"tinted"}  # which is no picture, but what one is made of
     assert evaluate.VIEWS == tuple(KINDS) and evaluate.ALIGNMENTS == tuple(ALIGNMENTS)
     assert set(evaluate.DISTANCES) == set(kinds())
+    assert view.MOST_SIDE == page.MOST_SIDE
     assert dataset.SEED == SUITE_SEED
     assert (suite.COUNT, suite.SEED) == (SUITE_COUNT, SUITE_SEED)

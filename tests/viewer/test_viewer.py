@@ -100,6 +100,25 @@ def test_what_makes_no_page_is_refused_and_nothing_is_written(code, name, messag
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(("size", "message"), [
+    ("5000", "--size must be from 1 to 4096 pixels a side, such as 1024, or 1920x1080 (width x height), got '5000'"),
+    ("wide", "got 'wide'"), ("0x9", "got '0x9'")])
+def test_a_size_that_no_page_has_is_refused(size, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit):
+        fractal_view.main(["fern", "--size", size])
+    assert message in capsys.readouterr().err and not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match=r"at most 4096 pixels a side, got resolution=\(10, 5000\)"):
+        codes.known("fern").save_html(tmp_path / "fern.html", resolution=(10, 5000))
+
+
+def test_a_page_knows_the_size_of_its_picture(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fractal_view.main(["fern", "--size", "1920x1080"])
+    assert '"size":[1920,1080]' in (tmp_path / "fern.html").read_text()
+    assert '"size":null' in page(codes.known("fern"))
+
+
 def test_numbers_that_are_none_make_no_page(tmp_path):
     (tmp_path / "nan.json").write_text('{"ifs_m": [[[NaN, 0], [0, 0.5]]], "ifs_t": [[0, 0]]}')
     with pytest.raises(SystemExit):

@@ -46,6 +46,7 @@ export class Editor {
   }
 
   listen(surface) {
+    this.surface = surface;
     let down = null;
     surface.addEventListener("pointerdown", ({ clientX, clientY }) => { down = [clientX, clientY]; });
     surface.addEventListener("click", ({ clientX, clientY }) => {
@@ -117,8 +118,8 @@ export class Editor {
 
   /** Select the map under a place on the screen, another one with every click. */
   pick(x, y) {
-    const { code, box } = this.state, window = this.window();
-    const found = mapAt([x, y], code.rows.map((row) => imageOf(row, box, window)), this.selected);
+    const { code, box } = this.state, window = this.window(), { left, top } = this.surface.getBoundingClientRect();
+    const found = mapAt([x - left, y - top], code.rows.map((row) => imageOf(row, box, window)), this.selected);
     if (found !== null) this.select(found);
   }
 

@@ -1,5 +1,5 @@
 // Where the attractor lies for certain: half planes, and the smallest rectangle about them. Of a code that contracts on
-// average only, they are those of a box that reaches three times as far as many points; hardly any lies beyond.
+// average only, they are those of a box that reaches half as far again as many points; hardly any lies beyond.
 
 import { ready } from "./code.mjs";
 import { inverse, largestSingularValue, within } from "./contraction.mjs";
@@ -9,7 +9,7 @@ const DIRECTIONS = 256; // of the half planes, a multiple of 4
 const SWEEPS = 2000, MOST_WORK = 4e7; // at most, and steps of all sweeps: a looser bound is certain too
 const TOLERANCE = 1e-7; // of the disc's radius, times how much the slowest map contracts
 const POINT = 5e-6, HALF = 0.75; // half side of what counts as a point, and of the box about it
-const SAMPLE = 100_000, FORGOTTEN = 2000, BEYOND = 3, TAIL = 1e-3; // as in fractal_exp/ifs/attractor.py
+const SAMPLE = 100_000, FORGOTTEN = 2000, BEYOND = 1.5, TAIL = 1e-3; // as in fractal_exp/ifs/attractor.py
 const FLAT = 0.15; // least ratio of a box's sides
 const SLACK = 1 + 1e-9; // covers the rounding of all this
 

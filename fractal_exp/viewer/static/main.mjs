@@ -215,8 +215,9 @@ function points(count) {
 }
 
 function fit() {
-  const [width, height] = sides(), ratio = window.devicePixelRatio || 1;
-  picture?.resize(Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio)));
+  const ratio = window.devicePixelRatio || 1;
+  const [width, height] = given.size ?? sides().map((side) => Math.max(1, Math.round(side * ratio)));
+  picture?.resize(width, height);
   editor?.show();
 }
 
@@ -230,7 +231,15 @@ function onKey(event) {
   move(moves, ...sides());
 }
 
+/** Let the picture have its own size in pixels, scaled to fit into the window. */
+function frame([width, height]) {
+  const { style, dataset } = document.documentElement;
+  dataset.sized = "";
+  style.setProperty("--ratio", width / height);
+}
+
 function start() {
+  if (given.size) frame(given.size);
   $("title").textContent = given.title;
   for (const name of ["home", "edit", "colour", "swap", "link", "save", "help"]) {
     $(`do-${name}`).addEventListener("click", moves[name]);

@@ -20,6 +20,7 @@ from . import fitting
 from .sets import SETS
 
 ROWS, SIDE = 16, 240        # of a sheet: pictures, and pixels of each
+LARGE = 4                   # so many sheets at most have pictures of this size; more have half of it
 MAIN_SCORES = ("iou", "sse", "f1_box", "f1_truth", "f1_input")  # the first that a set has stands beside a picture
 RESOLUTION = 256            # of `invert`, unless told otherwise
 
@@ -74,9 +75,11 @@ def _all(lines: list[dict[str, Any]], key: str, length: int | None = None) -> st
 
 
 def _sheets(kind: str, lines: list[dict[str, Any]], folder: Path) -> None:
-    """Sheets of sixteen pictures each."""
+    """Sheets of sixteen pictures each, smaller ones where there are many."""
+    side = SIDE if len(lines) <= LARGE * ROWS else SIDE // 2
     for number, first in enumerate(range(0, len(lines), ROWS)):
-        write_image(folder / f"sheet_{number:02d}.png", sheet([(kind, line) for line in lines[first:first + ROWS]]))
+        fits = [(kind, line) for line in lines[first:first + ROWS]]
+        write_image(folder / f"sheet_{number:02d}.png", sheet(fits, side))
 
 
 def sheet(fits: Sequence[tuple[str, dict[str, Any]]], side: int = SIDE) -> np.ndarray:

@@ -12,7 +12,7 @@ from ..runtime.seeds import derive
 from .camera import Camera
 from .comparison import Comparison
 from .kinds import kind_of, of_others, with_camera
-from .levels import Levels, may_be_density
+from .levels import Levels, may_be_density, may_be_dots
 
 DOTTED = 0.75   # dots, or a tone curve, need an angle of error below this factor times that of simpler kinds
 TILED = 0.7     # tiles must have an angle below this factor times the pen's: they show the picture itself
@@ -26,22 +26,28 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
 
     All values are tried, of the kinds that the picture may have (`Levels.kinds`), one kind after the other. Tiles are
     chosen only if they explain the image much better than a pen that draws the attractor, and each other kind only if
-    it explains it much better than those before: dots than pens and tiles, a tone curve than all of them. If the search
-    measures the image as a density, or the image is grey inside, as no pen draws it, the camera that explains it best
-    is chosen, of those that draw the attractor."""
+    it explains it much better than those before: dots than pens and tiles, a tone curve than all of them. If the image
+    is seen as a density, or is grey inside, as no pen draws it, the camera that explains it best is chosen, of those
+    that draw the attractor."""
     if levels.is_exact or not levels.params.estimate:
         return None
-    angles, is_density = dict[str, float](), levels.is_density or may_be_density(image)
+    angles, is_density = dict[str, float](), is_of_a_density(image, levels) or may_be_density(image)
     below, tiled = (1.0, 0.0) if is_density else (DOTTED, TILED)
     likely: Tried | None = None
     for name in levels.kinds:
         kind = kind_of(name)(levels.params, image, kinds=levels.kinds).within(levels.known)
-        if levels.is_density or kind.is_worth_trying(angles):
+        if is_density or kind.is_worth_trying(angles):
             found = _likely(kind, nearest(image, kind, code, seed), tiled)
             angles[name] = found[0] if found else math.inf
             if found and (likely is None or found[0] < below * likely[0]):
                 likely = found
     return likely and likely[1]
+
+
+def is_of_a_density(image: Tensor, levels: Levels) -> bool:
+    """Whether the camera of these levels is one that the image (R,R) of a density may have: a tone curve, or dots, if
+    it may be a scatter plot."""
+    return levels.is_curved or levels.is_density and may_be_dots(image)
 
 
 def angle_of(tried: Tried) -> float:

@@ -24,6 +24,7 @@ REUSE = 8          # words under which a rendering that judges a code draws each
 UNLIT = 0.5        # least number of unlit subpixels in a pixel of a density: a white pixel would have infinite mass
 LEAST_VARIANCE = 1e-4   # lower limit of I (1 - I) in the slope of the arcsine by which images are compared
 FAINT = 0.05       # level up to which a pixel counts as black in an image that may be a density, or as close to white
+DOT_CELL_PX = 4    # side of a cell that holds several dots of a scatter plot
 GREY_INSIDE = 0.5  # share of grey among lit pixels, although all neighbours are lit, from which it may be a density
 
 
@@ -245,6 +246,12 @@ def may_be_density(image: Tensor) -> bool:
     inside = -max_pool2d(-lit.float()[None], 3, 1, 1)[0] > 0
     grey = inside & (image < 1 - FAINT)
     return bool(grey.sum() > GREY_INSIDE * lit.sum())
+
+
+def may_be_dots(image: Tensor) -> bool:
+    """Whether an image (R,R) may be a scatter plot. A single dot may fill a pixel, so the plot can be white where its
+    dots are many, but cells of a few pixels are grey."""
+    return may_be_density(mean_of(image, max(1, len(image) // DOT_CELL_PX)))
 
 
 def mean_of(image: Tensor, size: int) -> Tensor:

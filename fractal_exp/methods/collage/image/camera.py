@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ....cameras.estimate import nearest
+from ....cameras.estimate import is_of_a_density, nearest
 from ....cameras.kinds import beside, kind_of, with_camera
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from .gauss_newton import FromRenderings, polished
@@ -19,9 +19,10 @@ Fit = tuple[ImageObjective, Rendered]   # a code as a camera sees it; the object
 
 
 def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = NO_DEADLINE) -> Fit:
-    """Polish the code together with its camera, starting from the likeliest cameras of each open kind, or, for a
-    density, from its camera alone. Return the code and the objective with the best of these cameras, or both as they
-    are if none is better. A code of many maps or for a large image stays as it is, because this would take too long.
+    """Polish the code together with its camera, starting from the likeliest cameras of each open kind, or, with a tone
+    curve or the dots of what may be a scatter plot, from this camera alone. Return the code and the objective with the
+    best of these cameras, or both as they are if none is better. A code of many maps or for a large image stays as it
+    is, because this would take too long.
 
     Both are polished together because one makes up for the other: with a pen that is too thin, the best attractor is
     too large.
@@ -29,7 +30,7 @@ def sharpened(objective: ImageObjective, found: Rendered, deadline: Deadline = N
     levels = objective.levels
     if deadline.passed or not may_be_sharpened(objective, found):
         return objective, found
-    if levels.is_density:
+    if is_of_a_density(objective.image, levels):
         return in_turns(objective, found, deadline)
     kinds = [kind for kind in levels.kinds if not kind_of(kind).is_curved]
     starts = [start for kind in kinds for start in _starts(objective, found, kind, deadline)]

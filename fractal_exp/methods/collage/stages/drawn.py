@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ....cameras.camera import Camera
 from ....cameras.estimate import angle_as_density
-from ....cameras.levels import may_be_density, mean_of
+from ....cameras.levels import may_be_density, may_be_dots
 from ....cameras.pens import Dots, ToneMapped
 from ....likeness import UNLIKE
 from ....runtime.seeds import derive
@@ -35,14 +35,11 @@ class AsDensity(Restart):
 
     @staticmethod
     def all_of(problem: SearchProblem) -> list[AsDensity]:
-        """Those that may help, between the first restart and the second, on an image that others drew. Dots may be
-        white, but those of a density leave it grey on the grid of the search; a tone curve leaves all pixels grey."""
-        levels, image = problem.levels, problem.given
-        coarse = mean_of(image, min(len(image), problem.params.search.grid))
-        kinds = {Dots.kind: coarse, ToneMapped.kind: image}
-        return [AsDensity(problem, kind, (k + 1) / (len(kinds) + 1)) for k, (kind, seen) in enumerate(kinds.items())
-                if kind in levels.kinds and kind != levels.kind and levels.params.estimate and may_be_density(seen)
-                and (levels.params.curves or kind != ToneMapped.kind)]
+        """Those that may help, between the first restart and the second, on an image that others drew."""
+        levels, image = problem.levels, problem.image
+        kinds = {Dots.kind: may_be_dots(image), ToneMapped.kind: levels.params.curves and may_be_density(image)}
+        return [AsDensity(problem, kind, (k + 1) / (len(kinds) + 1)) for k, (kind, may_be) in enumerate(kinds.items())
+                if may_be and kind in levels.kinds and kind != levels.kind and levels.params.estimate]
 
     def is_wanted(self, state: State) -> bool:
         return True

@@ -1,4 +1,4 @@
-"""Even out the light on a photographed or scanned paper: divide by what the paper itself shows of it."""
+"""Photographed and scanned paper: find the sheet that lies on something darker, and even out the light on it."""
 
 from __future__ import annotations
 
@@ -22,6 +22,52 @@ WHITE = 0.9             # maximum level of the paper when it is evened out; its 
 DARKEST = 0.4           # minimum level of the paper, relative to its brightest part
 ROUNDS = 3              # of fitting the spline and choosing the cells
 MOST, MOST_OF_RIM = 0.35, 0.8  # minimum share of cells that are paper, of all and along the border
+
+DESK = 0.6              # maximum level around a sheet, relative to the sheet's
+SAME = 0.5              # maximum share of the picture's edge that has one level in a photograph
+SHEET = 0.2             # minimum share of a picture that a sheet covers
+FOUR_CORNERED = 0.97    # minimum share of a sheet and of the polygon of its four corners that they have in common
+INSET, FREE = 0.015, 0.999 # margin along a sheet's sides that is left out, and minimum share without ink beside it
+INKED = 0.001, 0.6      # limits of the share of a sheet that is ink
+
+
+def sheet(picture: Bands, notes: Notes) -> Bands:
+    """What lies on a sheet of paper in a photograph that shows a darker desk all around it; another picture as it is.
+
+    The sheet is bright, has four corners, ink in it, and a margin without ink, so that a level box holds all that is
+    drawn. A warning says that it was found, or that there is no such box.
+    """
+    from scipy import ndimage
+
+    overview = Overview.of(picture.map(lambda band: np.atleast_3d(band).min(-1)))
+    levels, (height, width) = overview.mean, overview.mean.shape
+    edge = np.concatenate([levels[0], levels[-1], levels[:, 0], levels[:, -1]])
+    bright, dark = float(np.quantile(levels, 0.95)), float(np.median(edge))
+    if dark > DESK * bright or np.bincount(np.rint(255 * edge).astype(int)).max() > SAME * edge.size:
+        return picture
+    labels, count = ndimage.label(levels > (bright + dark) / 2)
+    if not count:
+        return picture
+    whole = ndimage.binary_fill_holes(labels == np.bincount(labels.ravel())[1:].argmax() + 1)
+    at = np.argwhere(whole)[:, ::-1]
+    corners = np.stack([at[(at @ way).argmax()] for way in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    (x, y), after = corners.T, np.roll(corners, -1, 0).T
+    area = abs(float((x * after[1] - after[0] * y).sum())) / 2
+    if not SHEET * height * width <= min(area, len(at)) or min(area, len(at)) < FOUR_CORNERED * max(area, len(at)):
+        return picture
+    inset = round(INSET * max(height, width))
+    left, right = max(x[0], x[3]) + inset, min(x[1], x[2]) - inset
+    top, bottom = max(y[0], y[1]) + inset, min(y[2], y[3]) - inset
+    paper = (labels > 0)[top:bottom, left:right]
+    if min(paper.shape) <= 4 * inset or not INKED[0] <= 1 - paper.mean() <= INKED[1]:
+        return picture
+    if min(side.mean() for side in (paper[:inset], paper[-inset:], paper[:, :inset], paper[:, -inset:])) < FREE:
+        notes.warn("a sheet of paper seems to lie on something darker, but what is drawn on it reaches too near to its "
+                   "sides: turn the picture until the sheet is upright, and crop it")
+        return picture
+    notes.warn("a sheet of paper lies on something darker: only what is drawn on it is read; invert=false takes the "
+               "sheet itself for the shape")
+    return picture.part(*(int(side) * overview.block for side in (top, bottom, left, right)))
 
 
 def evened(picture: Bands, notes: Notes) -> Bands:

@@ -19,7 +19,7 @@ from .checks import MIN_SIDE, Notes, check_crop, check_options, check_resolution
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
 from .known import Known
 from .levels import Levels, TargetImage, decided
-from .paper import evened
+from .paper import evened, sheet
 from .parts import beside_the_shape
 from .pixels import open_pixels
 from .placement import Placement
@@ -263,7 +263,7 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
     if not clean:
         return _as_it_is(grey, invert, name, notes)
     given = grey if colours is None else colours
-    whole = evened(given, notes)
+    whole = evened(given if invert is False else sheet(given, notes), notes)
     picture = without_axes(whole, name, notes)
     if picture is not given:
         grey, colours = (picture, None) if colours is None else (picture.map(luminance_of), picture)

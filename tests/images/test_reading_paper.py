@@ -61,6 +61,38 @@ def test_the_darkest_part_of_the_light_is_told():
     assert "down to 65% of its brightest" in notes[0] or "down to 66% of its brightest" in notes[0]
 
 
+def on_desk(picture):
+    """A photograph of a picture's sheet on a dark desk, a little turned; and the shape's box in it."""
+    sheet = Image.new("RGBA", (800, 640))
+    sheet.paste(picture.convert("RGBA"), (100, 120))
+    turned = np.asarray(sheet.rotate(2, Image.Resampling.BICUBIC)) / 255.0
+    rng, alpha = np.random.default_rng(0), turned[..., 3:]
+    seen = alpha * (0.1 + 0.8 * turned[..., :3]) + (1 - alpha) * np.array([0.3, 0.22, 0.15])
+    return (255 * (seen * np.linspace(1, 0.75, 800)[:, None] + rng.normal(0, 0.015, seen.shape))).clip(0, 255).astype(
+        np.uint8)
+
+
+@pytest.mark.parametrize("pen", ["black", "orange"])
+def test_what_is_drawn_on_a_sheet_is_read_and_not_the_sheet(pen):
+    photograph = on_desk(koch(pen=pen))
+    found = read_target(photograph, 128)
+    assert found.inverted and any("a sheet of paper lies on" in warning for warning in found.warnings)
+    x0, y0, x1, y1 = found.crop_box  # the curve spans (50, 116) to (550, 260) of the sheet
+    np.testing.assert_allclose([(x0 + x1) / 2, (y0 + y1) / 2, 0.75 * (x1 - x0)], [395, 309, 504], atol=8)
+    assert not read_target(photograph, 128, invert=False).inverted
+
+
+def test_a_drawing_that_reaches_the_sides_of_its_sheet_is_told():
+    whole = koch().crop((40, 0, 560, 400)).resize((600, 400))
+    assert any("seems to lie on something darker" in each for each in read_target(on_desk(whole), 128).warnings)
+
+
+def test_a_white_square_with_holes_is_no_sheet():
+    carpet = np.kron(np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]]), np.ones((60, 60)))
+    found = read_target(np.pad(carpet, 40), 64)
+    assert not found.inverted and found.warnings == ()
+
+
 def test_chalk_on_a_board_stays_white():
     board = 255 - photographed(koch(), "aslant", paper=(0.8, 0.8, 0.8))
     found = read_target(board, 128)

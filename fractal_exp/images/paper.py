@@ -45,10 +45,11 @@ def sheet(picture: Bands, notes: Notes) -> Bands:
     bright, dark = float(np.quantile(levels, 0.95)), float(np.median(edge))
     if dark > DESK * bright or np.bincount(np.rint(255 * edge).astype(int)).max() > SAME * edge.size:
         return picture
-    labels, count = ndimage.label(levels > (bright + dark) / 2)
+    labels, count = ndimage.label(levels > (bright + dark) / 2)  # type: ignore[misc]
     if not count:
         return picture
-    whole = ndimage.binary_fill_holes(labels == np.bincount(labels.ravel())[1:].argmax() + 1)
+    largest = labels == np.bincount(labels.ravel())[1:].argmax() + 1
+    whole = np.asarray(ndimage.binary_fill_holes(largest))
     at = np.argwhere(whole)[:, ::-1]
     corners = np.stack([at[(at @ way).argmax()] for way in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     (x, y), after = corners.T, np.roll(corners, -1, 0).T

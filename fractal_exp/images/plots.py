@@ -224,10 +224,12 @@ def _words(inked: np.ndarray) -> np.ndarray:
             if is_text(row[rows[0]:rows[-1] + 1]):
                 found[y, x] |= row
                 lines.append((y, x, row))
+    long = round(MARK * span / 2)
+    boxes = ndimage.binary_opening(inked, np.ones((1, long))) | ndimage.binary_opening(inked, np.ones((long, 1)))
     for y, x, row in lines:  # parts of a shape may look like glyphs, but have others beside them
         aside = (y.stop - y.start) // 2
         near = slice(max(y.start - aside, 0), y.stop + aside), slice(max(x.start - aside, 0), x.stop + aside)
-        if (inked & ~found)[near].sum() > CROWDED * row.sum():
+        if (inked & ~found & ~boxes)[near].sum() > CROWDED * row.sum():
             found[y, x] &= ~row
     return found
 

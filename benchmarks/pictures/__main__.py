@@ -1,5 +1,5 @@
 """Pictures from elsewhere: textbook fractals, trees, density maps, shapes, the binary suite, tone curves, windows,
-FractalDB-1k, and samples of long ago.
+paper, plots, FractalDB-1k, and samples of long ago.
 
     python -m benchmarks.pictures textbook --seconds 30                    all pictures of the set, half a minute each
     python -m benchmarks.pictures textbook --tuning --names 'koch*' '*-jpeg'   some of those for tuning
@@ -12,6 +12,7 @@ FractalDB-1k, and samples of long ago.
     python -m benchmarks.pictures binary --from-truth                      what is lost apart from the search
     python -m benchmarks.pictures textbook --judge                         the codes that are there, scored again
     python -m benchmarks.pictures textbook --draw FOLDER                   only the pictures themselves
+    python -m benchmarks.pictures paper --read                             only how well the pictures are read
     python -m benchmarks.pictures samples --help                           retina, snowflake and fern by both methods
 
 Each fit runs in one process, its limit counts the seconds of core time, and it is a line of fits.jsonl in --output:
@@ -35,7 +36,7 @@ from fractal_exp.errors import InputError
 from fractal_exp.images.pixels import write_image
 from fractal_exp.runtime import threads
 
-from . import density_maps, fitting, fractaldb, report, samples
+from . import density_maps, fitting, fractaldb, readings, report, samples
 from .sets import SETS
 
 
@@ -61,6 +62,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     begun = "_from_truth" if args.from_truth else ""
     folder = args.output or Path(f"benchmarks/results/pictures_{args.set}{begun}")
+    if args.read:
+        if chosen.seen is None:
+            raise SystemExit(f"--read takes a set whose shapes alone are known: "
+                             f"{', '.join(name for name, each in SETS.items() if each.seen)}; got {args.set}")
+        print(readings.write(args.set, chosen.seen, names, folder))
+        return
     if args.judge and (args.names or args.role or args.options):
         raise SystemExit("--judge scores all codes of a folder; leave out --names, --tuning, --reporting and --set")
     if args.judge:
@@ -92,6 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--output", type=Path, help="folder (default: benchmarks/results/pictures_SET)")
     parser.add_argument("--judge", action="store_true", help="only score the codes that are there again")
     parser.add_argument("--report", action="store_true", help="only write the tables and the sheets")
+    parser.add_argument("--read", action="store_true", help="only read the pictures; no fits")
     parser.add_argument("--draw", type=Path, metavar="FOLDER", help="only draw the pictures")
     return parser
 

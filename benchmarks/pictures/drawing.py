@@ -109,10 +109,10 @@ def by_matplotlib(on: Page, polygons: np.ndarray | None = None, lines: np.ndarra
 DRAW = {"pillow": by_pillow, "matplotlib": by_matplotlib}
 
 
-def jpeg_file(pixels: np.ndarray, name: str) -> Path:
-    """The path of the picture as a JPEG file of quality 70. It lives as long as this process."""
+def jpeg_file(pixels: np.ndarray, name: str, quality: int = JPEG_QUALITY) -> Path:
+    """The path of the picture as a JPEG file. It lives as long as this process."""
     path = Path(_folder().name) / f"{name}.jpg"
-    Image.fromarray(pixels).save(path, quality=JPEG_QUALITY)
+    Image.fromarray(pixels).save(path, quality=quality)
     return path
 
 

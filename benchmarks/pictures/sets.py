@@ -15,9 +15,11 @@ from fractal_exp.ifs import attractor
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage
 
-from . import binary, density_maps, fractaldb, judging, tables, textbook, tone_curves, trees, windows
+from . import binary, density_maps, fractaldb, judging, paper, plots, tables, textbook, tone_curves, trees, windows
 from .figures import Truth
 from .paving import paving
+from .seen import Seen
+from .seen import score as score_seen
 from .shapes import shapes
 
 Scores = dict[str, Any]
@@ -28,7 +30,8 @@ class PictureSet:
     """roles: the pictures by name, each "tuning" or "reporting"; picture: its pixels or its file, as `invert` takes
     them; score: of a code found on it, on the canvas of what was read; tables: of fits, by title; options: for
     `invert`, unless told otherwise; shown: what a sheet shows of a code and the image that it was found on, as two
-    images in [0,1]."""
+    images in [0,1]; truth: the true code on the canvas of what was read, if there is one; seen: a picture with its
+    shape alone, where that is known."""
 
     roles: Callable[[], Mapping[str, str]]
     picture: Callable[[str], np.ndarray | Path]
@@ -37,6 +40,7 @@ class PictureSet:
     options: Mapping[str, Any] = field(default_factory=dict)
     shown: Callable[[IFS, np.ndarray], tuple[np.ndarray, np.ndarray]] = judging.shapes
     truth: Callable[[str, ReadImage], IFS | None] = lambda name, read: None
+    seen: Callable[[str], Seen] | None = None
 
 
 def _textbook(seed: int) -> PictureSet:
@@ -99,6 +103,14 @@ def _thresholded(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return image, binary.drawn(code)
 
 
+def _seen(names: Callable[[], Mapping[str, Any]], picture: Callable[[str], Seen]) -> PictureSet:
+    """Pictures whose shape alone is known, too: half of them for tuning."""
+    return PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(names())},
+                      lambda name: picture(name).source,
+                      lambda name, code, read: score_seen(name.partition("-")[0], picture(name), code, read),
+                      tables.seen, truth=lambda name, read: picture(name).truth(read), seen=picture)
+
+
 def _fractaldb(picture: Callable[[str], np.ndarray], truth: Callable[[str, ReadImage], IFS],
                shown: Callable[[IFS, np.ndarray], tuple[np.ndarray, np.ndarray]],
                options: Mapping[str, Any]) -> PictureSet:
@@ -124,6 +136,8 @@ SETS: dict[str, PictureSet] = {
                               tables.tone_curves, {"frame": "keep"}),
     "windows": PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(windows.kinds())},
                           lambda name: windows.part(name).pixels, windows.score, tables.windows, truth=windows.truth),
+    "paper": _seen(paper.names, paper.seen),
+    "plots": _seen(plots.names, plots.seen),
     "trees": _trees(trees.trees),
     "random_trees": _trees(trees.random_trees),
     "fractaldb_grey": _fractaldb(fractaldb.grey, fractaldb.grey_truth, fractaldb.grey_shown, {"frame": "keep"}),

@@ -132,6 +132,12 @@ def _curve_row(rows: pd.DataFrame) -> dict[str, object]:
             "exact": _mean(rows["exact"]), "true maps missed": _mean(rows["missed"], 1), "core s": _core(rows)}
 
 
+def seen(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Photographs of paper or plots, overall and by kind."""
+    overall = pd.DataFrame([{"kind": "all", **_curve_row(fits)}])
+    return {"Pictures": pd.concat([overall, _grouped(fits, "kind", _curve_row)], ignore_index=True)}
+
+
 def trees(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Overall and tree by tree."""
     each = fits[["picture", "depth", "likeness", "f1_truth", "recovered", "missed", "maps", "true_maps",

@@ -75,6 +75,19 @@ class Bands:
 
         return replace(self, rows=rows)
 
+    def over(self, light: np.ndarray) -> Bands:
+        """The same picture, at most 1, divided by one that is given at nodes (h,w,C), evenly spaced from the middle of
+        its first pixel to that of its last, and linear between them."""
+        down, across = (_between(np.linspace(0, nodes - 1, pixels), nodes) for nodes, pixels in (
+            (light.shape[0], self.height), (light.shape[1], self.width)))
+        narrow = np.einsum("wn,mnc->mwc", across, light.astype(np.float32))
+
+        def rows(first: int, last: int) -> np.ndarray:
+            band = self.rows(first, last)
+            return (band / np.tensordot(down[first:last], narrow, 1).reshape(band.shape)).clip(0, 1).astype(np.float32)
+
+        return replace(self, rows=rows)
+
     def part(self, top: int, bottom: int, left: int, right: int) -> Bands:
         """Some rows and columns of the same picture, the last ones excluded."""
         origin = self.origin[0] + self.scale * left, self.origin[1] + self.scale * top
@@ -97,6 +110,11 @@ class Bands:
         some = max(1, BAND_PIXELS // self.width)
         for first in range(0, self.height, some):
             yield self.rows(first, min(first + some, self.height))
+
+
+def _between(places: np.ndarray, count: int) -> np.ndarray:
+    """The weights (P,count) of linear interpolation between 0, 1 … count - 1."""
+    return (1 - np.abs(places[:, None] - np.arange(count))).clip(0).astype(np.float32)
 
 
 def _beyond(ranges: Sequence[tuple[int, int]], count: int) -> np.ndarray:

@@ -35,6 +35,7 @@ FILLED = 0.3            # minimum share of each side of a panel without a margin
 THICK = 0.012           # maximum thickness of a line, relative to the longer side (or 3 px)
 LEGEND_SIDE = 0.6       # maximum side of a legend, relative to the panel's
 WORD_GAP = 0.045        # maximum gap between the words of a line, relative to the longer side
+CROWDED = 0.2           # maximum of anything else within half a line of a text, relative to its own inked pixels
 ARROW_LENGTH = 0.04     # minimum length of an arrow from a note, relative to the longer side
 INSET = "a box in the plot was read as part of the shape; if it is no part of it, crop the picture or paint it over"
 
@@ -214,12 +215,22 @@ def _words(inked: np.ndarray) -> np.ndarray:
     large = [label for label, box in enumerate(ndimage.find_objects(pieces), 1)
              if max(side.stop - side.start for side in box) > MARK * span / 2]
     small = inked & ~np.isin(pieces, large)
+    lines: list[tuple[slice, slice, np.ndarray]] = []
     labels, _ = ndimage.label(ndimage.binary_dilation(small, np.ones((5, round(WORD_GAP * span)))), np.ones((3, 3)))
     for label, (y, x) in enumerate(ndimage.find_objects(labels), 1):
         if y.stop - y.start <= MARK * inked.shape[0]:
             row = small[y, x] & (labels[y, x] == label)
             rows = np.flatnonzero(row.any(1))
-            found[y, x] |= row & is_text(row[rows[0]:rows[-1] + 1])
+            if is_text(row[rows[0]:rows[-1] + 1]):
+                found[y, x] |= row
+                lines.append((y, x, row))
+    long = round(MARK * span / 2)
+    boxes = ndimage.binary_opening(inked, np.ones((1, long))) | ndimage.binary_opening(inked, np.ones((long, 1)))
+    for y, x, row in lines:  # parts of a shape may look like glyphs, but have others beside them
+        aside = (y.stop - y.start) // 2
+        near = slice(max(y.start - aside, 0), y.stop + aside), slice(max(x.start - aside, 0), x.stop + aside)
+        if (inked & ~found & ~boxes)[near].sum() > CROWDED * row.sum():
+            found[y, x] &= ~row
     return found
 
 

@@ -19,6 +19,7 @@ from .checks import MIN_SIDE, Notes, check_crop, check_options, check_resolution
 from .colours import MIN_CONTRAST, Pen, background_colour, luminance, luminance_of
 from .known import Known
 from .levels import Levels, TargetImage, decided
+from .paper import evened, sheet
 from .parts import beside_the_shape
 from .pixels import open_pixels
 from .placement import Placement
@@ -261,9 +262,10 @@ def _levels(pixels: Bands, invert: bool | str, name: str, notes: Notes, clean: b
     grey, colours = luminance(pixels, invert, name, notes)
     if not clean:
         return _as_it_is(grey, invert, name, notes)
-    whole = grey if colours is None else colours
+    given = grey if colours is None else colours
+    whole = evened(given if invert is False else sheet(given, notes), notes)
     picture = without_axes(whole, name, notes)
-    if picture is not whole:
+    if picture is not given:
         grey, colours = (picture, None) if colours is None else (picture.map(luminance_of), picture)
     tones, beside = Notes(), Notes()
     shape, overview = _toned(grey, colours, invert, name, tones, beside)
@@ -313,19 +315,23 @@ def _toned(grey: Bands, colours: Bands | None, invert: bool | str, name: str, no
     if doubts is not None:
         tone.check_noise(overview, name)
         tone.check_clear(overview, shape.profile, shape.level, doubts)
-    change = tone.above_background(shape.profile, shape.level, notes)
+    change, noise = tone.above_background(shape.profile, shape.level, notes)
     if change is not None:
         shape = replace(shape.map(change), level=0.0, exact=False)
         overview = Overview.of(shape.grey)
+        specks = tone.grain(overview, shape.profile, noise)
+        if specks is not None:
+            grey = shape.grey.without(specks, overview.block)
+            shape, overview = replace(shape, grey=grey, profile=Profile.of(grey)), Overview.of(grey)
     factor = tone.levelled(overview, notes, coloured=pen is not None)
     if factor != 1:
         raised = partial(_raised, factor=np.float32(factor))
         shape, overview = shape.map(raised), overview.map(raised)
-    noise = tone.ringing(overview) if shape.grey.lossy else 0.0
-    if noise > 0:
-        quiet = partial(_quiet, noise=np.float32(noise))
+    ringing = tone.ringing(overview) if shape.grey.lossy else 0.0
+    if ringing > 0:
+        quiet = partial(_quiet, noise=np.float32(ringing))
         shape, overview = replace(shape.map(quiet), exact=False), overview.map(quiet)
-        notes.append(f"levels up to {noise:.2g} are errors of the file's compression beside the shape: black")
+        notes.append(f"levels up to {ringing:.2g} are errors of the file's compression beside the shape: black")
     return shape, overview
 
 

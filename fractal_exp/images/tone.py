@@ -17,6 +17,8 @@ MOST_OF_PAPER = 0.7     # share of a picture with one level from which that leve
 NOISES = 4.0            # standard deviations of the border's noise that count as background
 NOISE_SHARE = 0.8       # quantile of the border's deviations that estimates its noise: most of a noisy border deviates
 MOST_NOISE = 0.25       # maximum level that counts as noise of the background
+GRAIN = 1.6             # times the noise up to which a lone speck is noise, too
+QUIET = 0.02            # maximum share of the border that is brighter than the noise if what was measured is noise
 RINGING = 0.9           # quantile of the levels beside a shape that measures a JPEG's errors
 RINGINGS = 1.5          # factor on that quantile up to which the errors reach
 MOST_RINGING = 0.12     # maximum level that counts as such an error
@@ -72,16 +74,17 @@ def say_polarity(inverted: bool, invert: bool | str, doubtful: bool, notes: Note
         notes.append(said if invert == "auto" else f"{said}, as asked")
 
 
-def above_background(profile: Profile, level: float, notes: Notes) -> Callable[[np.ndarray], np.ndarray] | None:
+def above_background(profile: Profile, level: float, notes: Notes
+                     ) -> tuple[Callable[[np.ndarray], np.ndarray] | None, float]:
     """A function of levels that takes the background's level and its noise, measured on the border, to 0, and white to
-    1; None if nothing needs to change."""
+    1, or None if nothing needs to change; and the level of that noise."""
     contrast = float(profile.high) - level
     away = np.abs(profile.border - level)
     away = away[away < contrast / 4]
     deviation = float(np.quantile(away, NOISE_SHARE)) if away.size else 0.0
     noise = min(NOISES * deviation / (1 - level), MOST_NOISE) if level < 1 else 0.0
     if level < 1e-6 and noise < 1e-6:
-        return None
+        return None, 0.0
     if level > MIN_CONTRAST:
         notes.append(f"the background's level, {level:.2f}, was taken away")
     if noise >= 1e-6:
@@ -91,7 +94,21 @@ def above_background(profile: Profile, level: float, notes: Notes) -> Callable[[
         lit = ((levels - np.float32(level)) / np.float32(1 - level)).clip(0, 1)
         return np.where(lit <= noise, np.float32(0), lit) if noise >= 1e-6 else lit
 
-    return raised
+    return raised, noise
+
+
+def grain(overview: Overview, profile: Profile, noise: float) -> np.ndarray | None:
+    """The faint specks (h,w) of a picture whose noise, up to a level, is black already: what noise leaves of itself.
+    None if there are none, or if the border shows more than noise."""
+    from scipy import ndimage
+
+    lit = overview.highest > 0
+    if not lit.any() or noise <= MIN_CONTRAST or (profile.border > 0).mean() > QUIET:
+        return None
+    labels, _ = ndimage.label(lit, np.ones((3, 3)))  # type: ignore[misc]
+    strong = np.unique(labels[overview.highest > GRAIN * noise])
+    found = lit & ~np.isin(labels, strong)
+    return found if found.any() and (lit & ~found).any() else None
 
 
 def ringing(overview: Overview) -> float:

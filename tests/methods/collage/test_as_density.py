@@ -16,6 +16,7 @@ from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN, meaning_of
 from fractal_exp.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.bins import correction
+from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
@@ -180,3 +181,8 @@ def test_no_strokes_are_sought_in_a_density():
     given, far = problem(), Candidate(affine.from_code(FERN.similar(0.5, (0.0, 0.0))), None, 0.1, 1.0)
     assert Construction(given).is_wanted(State(best=far))
     assert not Construction(given).is_wanted(State(best=far, measured_through=CURVE))
+
+
+def test_a_search_that_is_cut_short_returns_the_camera_of_its_code():
+    found = Collage(seconds=1e-6, growth={"enabled": False}).reconstruct(CURVED)
+    assert found.stopped.endswith("was reached") and found.camera.is_known

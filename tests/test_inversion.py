@@ -145,7 +145,7 @@ def test_the_overlay_of_a_coloured_picture_is_marked_on_greys(known):
 
 
 def test_it_is_rendered_and_judged_like_a_code(known):
-    found = known(triangle_picture())
+    found = known(triangle_picture(), levels="coverage")  # a drawing has no tone
     view = View((0.1, 0.2), 3.0)
     assert torch.equal(found.render(view, resolution=64), render(found.code, view, resolution=64))
     frame = evaluation.evaluate(found, codes.known("sierpinski_triangle"), resolution=64, points_in_view=20_000)
@@ -210,7 +210,7 @@ def test_a_saved_inversion_is_loaded(known, path, tmp_path):
 
 def test_a_folder_of_an_older_version_is_read(known, path, tmp_path):
     """It knew neither the meaning of the levels nor the camera nor the inside, and its curve had no codes."""
-    found = replace(known(path), curve=(CurvePoint(3, 0.9, 36, codes.known("sierpinski_triangle")),))
+    found = replace(known(path, levels="coverage"), curve=(CurvePoint(3, 0.9, 36, codes.known("sierpinski_triangle")),))
     whole = found.save(tmp_path / "old") / "inversion.json"
     data = json.loads(whole.read_text())
     facts = data["meta"]["inversion"]
@@ -274,11 +274,11 @@ def test_an_interruption_returns_the_best_code_so_far(monkeypatch):
     monkeypatch.setattr("fractal_exp.api.load", lambda name: build([triangle, fern]))
     with pytest.raises(KeyboardInterrupt):
         invert(triangle_picture())
-    found = invert(triangle_picture(), keep_interrupted=True)
+    found = invert(triangle_picture(), levels="coverage", keep_interrupted=True)
     assert found.stopped == "interrupted" and found.code == triangle
     monkeypatch.setattr("fractal_exp.api.load", lambda name: build([]))
     with pytest.raises(KeyboardInterrupt):
-        invert(triangle_picture(), keep_interrupted=True)
+        invert(triangle_picture(), levels="coverage", keep_interrupted=True)
 
 
 def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(monkeypatch):
@@ -291,5 +291,5 @@ def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(monkeypatch):
         return Interrupted([triangle])
 
     monkeypatch.setattr("fractal_exp.api.load", lambda name: method)
-    found = invert(triangle_picture(), keep_interrupted=True, on_step=listen)
+    found = invert(triangle_picture(), levels="coverage", keep_interrupted=True, on_step=listen)
     assert found.stopped == "interrupted" and found.code == triangle

@@ -13,7 +13,7 @@ from fractal_exp.cameras.estimate import estimated
 from fractal_exp.cameras.kinds import KINDS, kind_of, levels_of, of_others
 from fractal_exp.cameras.levels import Levels
 from fractal_exp.cameras.params import CameraParams
-from fractal_exp.cli import invert
+from fractal_exp.cli import reading
 from fractal_exp.ifs import attractor
 from fractal_exp.images.levels import DRAWN, MEANINGS
 
@@ -52,7 +52,7 @@ def test_known_values_that_no_kind_has_together_are_refused(known, message):
 
 def test_every_list_of_the_meanings_of_grey_levels_is_the_same():
     assert set(MEANINGS) - {"auto"} == {name for name in KINDS if kind_of(name).beside is None}
-    assert invert.LEVELS == MEANINGS
+    assert reading.LEVELS == MEANINGS
     page = (ROOT / "fractal_exp" / "studio" / "static" / "studio.html").read_text()
     assert tuple(re.findall(r'value="(\w+)"', re.findall(r'<select id="levels">.*?</select>', page)[0])) == MEANINGS
     levels = re.findall(r"^## Levels$.*?^## ", (ROOT / "docs" / "cameras.md").read_text(), re.MULTILINE | re.DOTALL)[0]

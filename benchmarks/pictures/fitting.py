@@ -20,7 +20,7 @@ from fractal_exp.images.reading import ReadImage, read_target
 from fractal_exp.methods.base import Progress
 from fractal_exp.methods.collage import given
 from fractal_exp.methods.collage.method import Collage
-from fractal_exp.runtime import threads
+from fractal_exp.runtime import parent, threads
 from fractal_exp.runtime.files import write_atomically
 
 from .. import archive
@@ -131,7 +131,9 @@ def target_of(kind: str, line: Mapping[str, Any]) -> ReadImage:
 
 
 def _begin(clock: str) -> None:
-    """In a process of its own: one thread, and collage search looks at this clock."""
+    """In a process of its own, which ends with the one that started it: one thread, and collage search looks at this
+    clock."""
+    parent.follow_starter()
     threads.use(1)
     Collage.deadline = CLOCKS[clock]
 

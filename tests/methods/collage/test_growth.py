@@ -1,30 +1,19 @@
-"""Pictures of no code: pavings, growth, the curve of likeness over maps, and the choice from it."""
+"""Pictures of no code: growth, the curve of likeness over maps, and the choice from it."""
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 from collage_helpers import merged, objective, tied
-from PIL import Image, ImageDraw
+from growth_helpers import BLOB, BRANCH, FEW, LETTER, clouds, grower, stage
 
 from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
-from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cameras.pens import Dots
-from fractal_exp.evaluation.inside import ssim_inside
 from fractal_exp.ifs import affine, attractor
-from fractal_exp.ifs.canvas import canvas_to_pixel
-from fractal_exp.images.levels import decided
-from fractal_exp.methods.collage.growth.descent import descended
-from fractal_exp.methods.collage.growth.exposed import Exposed
-from fractal_exp.methods.collage.growth.inside import InsideSsim
-from fractal_exp.methods.collage.growth.paving import paving
 from fractal_exp.methods.collage.method import Collage
-from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
-from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.growing import Grower
 from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch, is_worth_its_maps
@@ -32,44 +21,7 @@ from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Candidate, Grown, Key, State, WeightedMaps
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline
-from fractal_exp.runtime.seeds import generator
 from fractal_exp.suite import random_suite, target
-
-FEW = {"counts": (6, 12), "usual": 18, "steps": 60}
-BLOB = torch.tensor([[0.0, -0.9, 0.92, 0, 0.1, 0], [0.92, 0, 0, 0.9, 0, 0.01]])   # turns that hardly contract
-
-
-def drawn(lines: list[tuple], width: int, side: int = 96) -> torch.Tensor:
-    image = Image.new("L", (4 * side, 4 * side))
-    for line in lines:
-        ImageDraw.Draw(image).line([4 * side * each for each in line], 255, 4 * width, joint="curve")
-    return torch.from_numpy(np.asarray(image.resize((side, side), Image.Resampling.BOX)).astype(np.float32) / 255)
-
-
-BRANCH = drawn([(0.5, 0.9, 0.5, 0.5), (0.5, 0.5, 0.2, 0.15), (0.5, 0.55, 0.85, 0.2), (0.35, 0.32, 0.15, 0.4),
-                (0.67, 0.4, 0.6, 0.15)], 3)
-LETTER = drawn([(0.2, 0.2, 0.8, 0.2), (0.5, 0.2, 0.45, 0.85), (0.3, 0.8, 0.7, 0.8)], 12)
-
-
-def clouds(side: int = 96) -> torch.Tensor:
-    """Grey clouds with a dark gap: a picture that is grey inside."""
-    y, x = torch.meshgrid(*2 * [torch.linspace(-1, 1, side)], indexing="ij")
-    grey = 0.5 + 0.3 * torch.sin(7 * x + 2 * y) * torch.cos(5 * y)
-    return grey * ((x**2 + y**2 < 0.5) & (x.abs() > 0.06))
-
-
-def target_of(image: torch.Tensor, levels: str = "auto") -> Exposed:
-    return Exposed.of(image, levels_of(image, decided(levels, image), CollageParams().camera))
-
-
-def grower(image: torch.Tensor, **growth) -> Grower:
-    return stage(image, growth=growth).grower
-
-
-def stage(image: torch.Tensor, seconds: float | None = None, levels: str = "auto", **options) -> Growth:
-    params = CollageParams().updated(**merged({"growth": FEW}, options))
-    seen = levels_of(image, decided(levels, image), params.camera)
-    return Growth(SearchProblem(image, seen, params, deadline=Deadline(seconds)), 2)
 
 
 def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
@@ -81,79 +33,6 @@ def run(image: torch.Tensor, **options) -> tuple[State, list[str]]:
                         on_stage=lambda each, _: told.append(each.name))
     pipeline.run()
     return pipeline.state, told
-
-
-@pytest.mark.parametrize(("levels", "whole"), [("density", 50e6 / 1024**2 / 256), ("linear", 0.3)])
-def test_a_pixel_of_mass_m_shows_what_its_levels_say(levels, whole):
-    image = torch.full((32, 32), 0.3)
-    seen = target_of(image, levels)
-    torch.testing.assert_close(seen.shown(seen.masses), image)
-    assert seen.mass == pytest.approx(whole * 32**2, rel=1e-4)
-    m = torch.linspace(0, 2, 5, dtype=torch.float64, requires_grad=True)
-    slope, = torch.autograd.grad(seen.shown(m).sum(), m)
-    torch.testing.assert_close(seen.slope(m.detach()), slope)
-
-
-def test_points_of_a_picture_are_where_its_masses_are():
-    image = torch.zeros(32, 32)
-    image[4, 20], image[25, 3] = 0.9, 0.5
-    seen = target_of(image, "density")
-    points = seen.points(4000, generator(0))
-    share = float((points[:, 1] > 0).float().mean())
-    assert share == pytest.approx(float(seen.masses[4, 20] / seen.masses.sum()), abs=1e-3)
-    row, column = canvas_to_pixel(points, 32).long().unbind(1)
-    assert set(zip(row.tolist(), column.tolist(), strict=True)) == {(4, 20), (25, 3)}
-
-
-def test_ssim_inside_is_that_of_the_likeness_and_so_is_its_slope():
-    g = torch.Generator().manual_seed(0)
-    picture = clouds(48)
-    shown = (picture + 0.1 * torch.randn(48, 48, generator=g)).clamp(0, 1)
-    part = InsideSsim(picture)
-    slope, count = part.slope(shown), int(part.inside.sum())
-    step = 1e-3 * slope / slope.norm()
-    rise = ssim_inside(shown + step, picture) - ssim_inside(shown - step, picture)
-    assert rise * count == pytest.approx(2 * float((slope * step).sum()), rel=0.01)
-
-
-def test_a_paving_gives_each_cell_its_mass_and_no_map_expands():
-    mask = torch.zeros(64, 64)
-    mask[32, 4:60] = 1
-    mask[28:37, 54:63] = 1                                # its shorter axis is longer than that of the whole
-    found = paving(target_of(mask), 3)
-    assert float(affine.largest_singular(found.maps).max()) == pytest.approx(0.95, abs=1e-5)
-    assert float(found.weights.sum()) == pytest.approx(1)
-    few = torch.zeros(32, 32)
-    few[10, 10] = few[20, 12] = few[20, 13] = 1           # fewer pixels than maps
-    found = paving(target_of(few), 5)
-    assert found.maps.shape == (5, 6) and bool(found.maps.isfinite().all())
-
-
-@pytest.mark.parametrize(("image", "count"), [(BRANCH, 12), (clouds(), 24)], ids=["lines", "grey"])
-def test_the_more_maps_the_more_alike_and_the_descent_beats_the_paving(image, count):
-    some = grower(image, steps=300)
-    paved, few, many = some.plain(count), some.grown(count // 2), some.grown(count)
-    assert max(few.likeness, paved.likeness) < many.likeness - 0.03
-    assert many.camera.kind == "dots" and len(many.maps) == count
-
-
-def test_maps_of_a_known_exposure_keep_its_mass_and_others_find_one():
-    known, other = target_of(clouds(), "density"), target_of(clouds())
-    for seen in (known, other):
-        found, mass = descended(paving(seen, 8), seen, 100, 0)
-        assert float(found.weights.sum()) == pytest.approx(1)
-        dots = Dots(CameraParams(), clouds(), Camera("dots", gain=mass / 96**2, blur=0.7 * 2 / 96))
-        drawn = dots.render(found.code, 96, 0)
-        if seen is other:
-            assert float(drawn.mean()) == pytest.approx(float(clouds().mean()), rel=0.3)
-        else:
-            assert mass == known.mass
-
-
-def test_a_descent_repeats_bit_for_bit():
-    seen = target_of(clouds())
-    one, two = (descended(paving(seen, 8), seen, 20, 3)[0].maps for _ in range(2))
-    assert torch.equal(one, two)
 
 
 def test_so_many_maps_are_grown_as_asked_for_and_the_curve_is_kept():

@@ -85,7 +85,7 @@ class Collage(Method):
         state = pipeline.state
         curve = tuple(CurvePoint(len(each.maps), each.likeness, BYTES_OF_A_MAP * len(each.maps), each.code)
                       for each in state.curve)
-        seen = with_camera(levels, best.camera or problem.camera(best.code))  # a search cut short may have none yet
+        seen = with_camera(levels, problem.camera_of(best))
         return CodeReconstruction(best.code.to("cpu").check_contractive(), stopped=state.stopped, curve=curve,
                                   notes=() if seen.shows_attractor else (ENDED,),
                                   camera=seen.camera)

@@ -19,7 +19,7 @@ from ...runtime.checkpoint import Snapshot
 from ...runtime.checks import shown
 from ...runtime.params import Count, Odds, Share
 
-VERSION = 17   # of the stages and their scores; stored in checkpoints
+VERSION = 18   # of the stages and their scores; stored in checkpoints
 LARGEST = 10.0**6  # of a camera's values
 CANDIDATES = "current", "best", "before"   # fields of `State`
 STAGES = ("sketch", "population", "restart", "mixture", "detail", "promise", "approach", "construction", "image",
@@ -27,7 +27,7 @@ STAGES = ("sketch", "population", "restart", "mixture", "detail", "promise", "ap
 
 
 class Key(NamedTuple):
-    """Which stage of which round, and which restart; a half-integer is a restart between two others."""
+    """Which stage of which round, and which restart; a fraction is a restart between two others."""
 
     round: int
     stage: str

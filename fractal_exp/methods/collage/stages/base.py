@@ -23,7 +23,7 @@ from ....runtime.seeds import derive
 from ..image.objective import Frame, ImageObjective, reduced
 from ..moves.search import ImageSearch
 from ..params import CollageParams
-from ..state import Key, State
+from ..state import Candidate, Key, State
 
 DENSITY_ROUNDS = 4      # where grey levels are a density
 BINARY_ROUNDS = 2       # on a binary image, if rounds continue from each other
@@ -170,6 +170,10 @@ class SearchProblem:
             seed = derive(self.seed, "camera")
             self._cameras[key] = estimated(self.image, levels, code, seed) or self.levels.camera
         return self._cameras[key]
+
+    def camera_of(self, found: Candidate) -> Camera:
+        """The camera of a candidate; one that has none yet, as where a search is cut short, gets the estimate."""
+        return found.camera or self.camera(found.code)
 
     @cached_property
     def _cameras(self) -> dict[tuple[object, ...], Camera]:

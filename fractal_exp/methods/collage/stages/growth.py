@@ -14,7 +14,7 @@ from .growing import Grower
 
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 GAIN = 0.01     # minimum gain in likeness for each doubling of the number of maps: many maps also fit noise
-TILES = 64      # as many grown maps must not be more like the picture than what the search found, or else it ends
+TILES = 64      # number of maps that are grown first; if they are more like the picture, the search for few ends
 SKETCH_ENDS = 0.6   # share of the time limit at which a sketch ends, and from which the most maps are grown first
 
 
@@ -99,7 +99,7 @@ class Growth(Stage):
 
     def _likeness(self, found: Candidate) -> float:
         """The likeness of what the search found."""
-        return self.grower.likeness(found, found.camera or self.problem.camera(found.code))
+        return self.grower.likeness(found, self.problem.camera_of(found))
 
     def _missing(self, state: State) -> list[int]:
         """The numbers of maps that are not on the curve yet."""
@@ -169,8 +169,8 @@ class Sketch(Growth):
 
 
 class Promise(Stage):
-    """Looks whether `TILES` maps that were grown are more like the picture than the code that the search has found on
-    the measure. If so, no few maps explain the picture, and the search ends."""
+    """Compares the code that the search has found on the measure with `TILES` grown maps. If they are more like the
+    picture, few maps do not explain it, and the search ends."""
 
     name = "promise"
 
@@ -182,7 +182,7 @@ class Promise(Stage):
 
     def close(self, state: State) -> State:
         grower, found = Grower(self.problem, derive(self.problem.seed, "growth")), state.leader
-        likeness = grower.likeness(found, found.camera or self.problem.camera(found.code))
+        likeness = grower.likeness(found, self.problem.camera_of(found))
         return replace(state, is_outgrown=any(is_worth_its_maps(each, found, likeness) for each in _tiles(state)))
 
 
@@ -191,7 +191,7 @@ def _tiles(state: State) -> list[Grown]:
 
 
 def is_worth_its_maps(grown: Grown, found: WeightedMaps, likeness: float) -> bool:
-    """Whether grown maps are so much more like the picture than what the search found that they are worth their
-    number."""
+    """Whether grown maps are more like the picture than what the search found, by `GAIN` for each doubling of the
+    number of maps. likeness: of what was found."""
     doublings = max(1.0, math.log2(len(grown.maps) / len(found.maps)))
     return grown.likeness >= likeness + GAIN * doublings

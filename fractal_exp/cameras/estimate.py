@@ -27,8 +27,8 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
     All values are tried, of the kinds that the picture may have (`Levels.kinds`), one kind after the other. Tiles are
     chosen only if they explain the image much better than a pen that draws the attractor, and each other kind only if
     it explains it much better than those before: dots than pens and tiles, a tone curve than all of them. If the image
-    is seen as a density, or is grey inside, as no pen draws it, the camera that explains it best is chosen, of those
-    that draw the attractor."""
+    is seen as a density or is grey inside, the camera that explains it best is chosen, of those that draw the
+    attractor."""
     if levels.is_exact or not levels.params.estimate:
         return None
     angles, is_density = dict[str, float](), is_of_a_density(image, levels) or may_be_density(image)

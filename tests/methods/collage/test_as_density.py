@@ -128,6 +128,14 @@ def test_where_a_picture_is_grey_inside_the_camera_that_explains_it_best_is_chos
         assert estimated(image, each, FERN, 0).kind == "tonemapped"
 
 
+def test_no_tiles_copy_what_is_grey_inside_for_a_wrong_code():
+    leaf, dragon = (attractor.normalize(codes.known(name)) for name in ("maple_leaf", "twindragon"))
+    plot = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.1, 0.0)).render(leaf, SIDE, 1)
+    tiles, dots = (nearest(plot, kind(CAMERA, plot), dragon, 0)[0] for kind in (Drawn, Dots))
+    assert tiles[1].tile and tiles[0] < dots[0], "they copy the picture best"
+    assert estimated(plot, levels_of(plot, DRAWN, CAMERA), dragon, 0).kind == "dots"
+
+
 def test_faint_pixels_of_a_density_belong_to_its_shape():
     image = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.01, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
     curve = Camera("tonemapped", gain=0.01, gamma=2.2, blur=0.0)

@@ -132,7 +132,8 @@ def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
     For each metric: its mean over the finished jobs of the row, NAME_low and NAME_high (bootstrap 95% interval over
     samples, NaN for one sample), and NAME_std, the spread over samples. `finished`, `failed` and `unfinished` count
     jobs; seconds is the mean time of a fit, evaluations the mean number of images drawn for it. `wins` of `compared`
-    samples have a higher F1 than the baseline on the same sample. Absent numbers are NaN.
+    samples have a higher F1 than the baseline on the same sample; `gain` is the mean difference in F1 on these samples,
+    from gain_low to gain_high (bootstrap 95% interval over samples). Absent numbers are NaN.
     """
     import pandas as pd
 
@@ -161,7 +162,10 @@ def _measured(sweep: Sweep, row: str, group: pd.DataFrame, seed: int) -> dict[st
     if sweep.baseline and row != sweep.baseline and "metric.f1" in sweep.jobs:
         baseline = sweep.jobs[(sweep.jobs["row"] == sweep.baseline) & (sweep.jobs["status"] == "FINISHED")]
         pairs = finished.merge(baseline, on="sample", suffixes=("", "_baseline"))
-        line |= {"wins": int((pairs["metric.f1"] > pairs["metric.f1_baseline"]).sum()), "compared": len(pairs)}
+        gains = (pairs["metric.f1"] - pairs["metric.f1_baseline"]).dropna().to_numpy(dtype=float)
+        low, high = bootstrap_interval(gains, seed)
+        line |= {"wins": int((gains > 0).sum()), "compared": len(gains), "gain_low": low, "gain_high": high,
+                 "gain": float(gains.mean()) if len(gains) else np.nan}
     return line
 
 
@@ -174,6 +178,23 @@ def _scores(jobs: pd.DataFrame, metrics: list[str], seed: int, prefix: str = "")
         scores |= {name: float(values.mean()) if len(values) else np.nan, f"{name}_low": low, f"{name}_high": high,
                    f"{name}_std": float(values.std(ddof=1)) if len(values) > 1 else np.nan}
     return scores
+
+
+def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
+    """Kendall's tau-b between the order of the measured rows by F1 and that of the published rows of the same names, its
+    two-sided p, and the number of these rows; NaN for fewer than three.
+
+    table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree.
+    """
+    from scipy.stats import kendalltau
+
+    ours, theirs = (table[(table["source"] == source) & table["f1"].notna()].set_index("row")["f1"]
+                    for source in (MEASURED, PUBLISHED))
+    common = ours.index.intersection(theirs.index)
+    if len(common) < 3:
+        return np.nan, np.nan, len(common)
+    result = kendalltau(ours[common], theirs[common])
+    return float(result.statistic), float(result.pvalue), len(common)
 
 
 def same_rows(sweep: Sweep) -> list[list[str]]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .published import TABLES
-from .report import MEASURED, PUBLISHED, TRIVIAL, Sweep, same_rows
+from .report import MEASURED, PUBLISHED, TRIVIAL, Sweep, agreement, same_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,6 +47,7 @@ def cells(sweep: Sweep, table: pd.DataFrame, source: str) -> tuple[list[str], li
             columns[f"F1 above {sweep.baseline}"] = [
                 f"{int(line['wins'])}/{int(line['compared'])}" if line.get("compared", np.nan) > 0 else "–"
                 for _, line in part.iterrows()]
+            columns[f"F1 minus {sweep.baseline}"] = [_gain(line) for _, line in part.iterrows()]
         columns["jobs"] = [_jobs(line) for _, line in part.iterrows()]
     if source == MEASURED and part["evaluations"].notna().any():
         columns["images drawn"] = [f"{count:.0f}" if np.isfinite(count) else "–" for count in part["evaluations"]]
@@ -60,6 +62,15 @@ def _score(line: pd.Series, name: str) -> str:
     digits = DIGITS.get(name, 3)
     low, high = line.get(f"{name}_low", np.nan), line.get(f"{name}_high", np.nan)
     return f"{line[name]:.{digits}f}" + (f" [{low:.{digits}f}, {high:.{digits}f}]" if np.isfinite(low) else "")
+
+
+def _gain(line: pd.Series) -> str:
+    """The paired difference with its interval, bold if zero is outside."""
+    gain, low, high = (line.get(name, np.nan) for name in ("gain", "gain_low", "gain_high"))
+    if not np.isfinite(gain):
+        return "–"
+    text = f"{gain:+.3f}" + (f" [{low:+.3f}, {high:+.3f}]" if np.isfinite(low) else "")
+    return f"**{text}**" if low > 0 or high < 0 else text
 
 
 def _jobs(line: pd.Series) -> str:
@@ -103,6 +114,10 @@ def markdown(sweep: Sweep, table: pd.DataFrame) -> str:
                   for line in (head, ["-" * width for width in widths], *rows)]
         blocks += [f"{caption[:1].upper()}{caption[1:]}:", "\n".join(f"| {' | '.join(line)} |" for line in padded)]
     blocks += [f"The same results, number for number: {', '.join(rows)}." for rows in same_rows(sweep)]
+    tau, chance, rows = agreement(table)
+    if np.isfinite(tau):
+        blocks.append(f"The order of these {rows} rows by F1, against the published order: Kendall's tau is {tau:.2f} "
+                      f"(p = {chance:.2g}).")
     if lost := failures(sweep):
         blocks.append("Not finished:\n\n" + "\n".join(f"- {line}" for line in lost))
     return "\n\n".join(blocks) + "\n"
@@ -131,4 +146,4 @@ def _escape(text: str) -> str:
     for plain, escaped in {"\\": r"\textbackslash ", "_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#", "²": r"$^2$",
                            "–": "--"}.items():
         text = text.replace(plain, escaped)
-    return text
+    return re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", text)

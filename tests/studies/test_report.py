@@ -77,7 +77,9 @@ def test_means_spread_wins_and_time_are_those_of_the_jobs(sweep):
     assert (naive["finished"], naive["failed"], naive["unfinished"]) == (2, 1, 0)
     assert (naive["wins"], naive["compared"]) == (1, 2), "on the fractals that both have"
     assert (measured.loc["no_ssim"]["wins"], measured.loc["no_ssim"]["compared"]) == (0, 3), "a tie is no win"
-    assert np.isnan(full["wins"])
+    assert np.isnan(full["wins"]) and np.isnan(full["gain"])
+    assert naive["gain"] == pytest.approx(0) and naive["gain_low"] == pytest.approx(-.1), "-.1 and .1, paired"
+    assert measured.loc["no_ssim"][["gain", "gain_low", "gain_high"]].tolist() == [0, 0, 0]
     assert report.same_rows(sweep) == [["full", "no_ssim"]]
 
 
@@ -89,6 +91,26 @@ def test_trivial_and_published_rows_stand_apart_and_are_the_papers(sweep):
     assert list(published.index) == list(TABLES["ablations"].rows)
     assert published.loc["no_mip", ["f1", "iou", "psnr", "ssim", "lpips"]].tolist() == [.363, .286, 9.08, .525, .512]
     assert published["finished"].isna().all() and published["f1_low"].isna().all()
+
+
+def test_the_order_of_rows_is_held_against_the_published_one():
+    def table(scores):
+        return pd.DataFrame([{"row": row, "source": "measured", "f1": f1} for row, f1 in scores.items()]
+                            + [{"row": row, "source": "published", "f1": values[0]}
+                               for row, values in TABLES["ablations"].rows.items()])
+
+    same = {"no_mip": .1, "no_gradients": .2, "naive": .3, "full": .4, "ours alone": .5}
+    assert report.agreement(table(same))[::2] == (pytest.approx(1), 4), "rows of one table alone do not count"
+    assert report.agreement(table({**same, "full": .2, "no_gradients": .4}))[0] == pytest.approx(0)
+    assert np.isnan(report.agreement(table({"full": .4, "naive": .3}))[0])
+
+
+def test_a_difference_that_excludes_zero_is_bold(sweep):
+    table = report.summary(sweep)
+    table.loc[table["row"] == "naive", ["gain", "gain_low", "gain_high"]] = -.1, -.15, -.05
+    rows = {line.split("|")[1].strip(): line for line in report_text.markdown(sweep, table).splitlines() if "|" in line}
+    assert "**-0.100 [-0.150, -0.050]**" in rows["naive"] and "**" not in rows["no_ssim"]
+    assert r"\textbf{-0.100 [-0.150, -0.050]}" in report_text.latex(sweep, table)
 
 
 def test_the_distance_fractal_has_a_column_beside_the_published_lpips(tmp_path, monkeypatch):

@@ -43,14 +43,14 @@ class Likeness:
     pixels; for a picture that others drew, at most the attractor's own, so that a camera cannot make a wrong code look
     right. noise_ratio: the error of the rendering over the error between two renderings of the code with different
     random points; about 1 for the true code. The error compares both images at several scales, see
-    `cameras.comparison`. colour: the mean CIEDE2000 difference between the code's colours and the picture's (see
-    `colouring.error`), or None for a code without colours.
+    `cameras.comparison`. A picture of dots has more noise, for which `cameras.grain` allows. colour: the mean CIEDE2000
+    difference between the code's colours and the picture's (see `colouring.error`), or None for a code without colours.
 
     ssim: SSIM inside the shape (`evaluation.inside`), which a slab in the place of branches lacks. ssim_chance: that of
-    two drawings of the code by its camera with different random points: about what the true code has. f1_dark: F1
-    within a pixel of what is dark inside the shape's outline, None if nothing is. ssim_share: ssim over ssim_chance,
-    both of images with pixels twice as large, in which the dots of a scatter plot weigh less. All four are None in
-    files of older versions.
+    two drawings of the code by its camera with different random points, or dots: about what the true code has. f1_dark:
+    F1 within a pixel of what is dark inside the shape's outline, None if nothing is. ssim_share: ssim over the same of
+    two drawings without dots, both of images with pixels twice as large, in which the dots of a scatter plot weigh
+    less. All four are None in files of older versions.
     """
 
     f1: float
@@ -78,9 +78,10 @@ class Likeness:
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
         again = comparison.shown(levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering))
-        return cls(f1, iou, comparison.error(rendering) / comparison.noise(code, rendering), f1_1px,
+        plot = comparison.shown(levels.plotted(code, rendering, derive(seed, "likeness", "again")).to(rendering))
+        return cls(f1, iou, comparison.noise_ratio(code, rendering), f1_1px,
                    ssim=ssim_inside(rendering, image, least, known),
-                   ssim_chance=ssim_inside(again, rendering, least, known),
+                   ssim_chance=ssim_inside(plot, rendering, least, known),
                    f1_dark=f1_dark(rendering, image, least),
                    ssim_share=share_inside(rendering, image, again, least, target.known))
 

@@ -37,7 +37,8 @@ class Levels(ABC):
     those that a camera of this kind has, first those without a unit. kinds: of the cameras that the picture may have,
     where nobody said which; params: what the user knows of it. beside: the kind beside which this one is tried, as
     strokes beside coverage, if it is not tried for its own sake. is_curved: whether grey levels pass a tone curve. A
-    search reads masses through such a curve from its start, or not at all. known: the part of the canvas that the
+    search reads masses through such a curve from its start, or not at all. is_grainy: whether an image may show single
+    dots, which have more noise than a rendering (`grain`). known: the part of the canvas that the
     picture shows, see `images.levels.TargetImage`."""
 
     kind: ClassVar[str]
@@ -48,6 +49,7 @@ class Levels(ABC):
     is_exact = True
     is_whole = True
     is_curved = False
+    is_grainy = False
     known: Known | None = None
     beside: ClassVar[str | None] = None
     values: ClassVar[tuple[str, ...]] = ()
@@ -158,6 +160,11 @@ class Levels(ABC):
     def noisy(self, code: IFS, resolution: int, seed: int) -> Tensor:
         """The image (R,R) of a code, with as much noise as the given image."""
         return self.render(code, resolution, seed)
+
+    def plotted(self, code: IFS, drawing: Tensor, seed: int) -> Tensor:
+        """A nearly right code, whose rendering this is (R,R), drawn again with as much noise as the image: from as many
+        dots, if it shows any."""
+        return self.noisy(code, len(drawing), seed)
 
     def subpixels(self, resolution: int, side: int) -> float:
         """n in `stabilized` for a cell, if an image of this resolution has `side` cells per side."""

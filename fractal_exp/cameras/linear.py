@@ -7,13 +7,12 @@ import math
 import torch
 from torch import Tensor
 
-from ..ifs import affine
 from ..ifs.code import IFS
 from .blur import LEAST_BLUR_PX, blurred, deblurred
 from .camera import Camera
 from .levels import ANSCOMBE, Levels, mean_of
 from .params import CameraParams
-from .points import attractor_points
+from .points import counted
 
 BOX = 1 / 12     # variance, pixels², of a point's position within its pixel
 LEAST_POINTS = 12.0     # per pixel, in a rendering that judges a code: less noise than most images have
@@ -95,13 +94,6 @@ class Linear(Levels):
         blur_px, side = self.blur_px(resolution), resolution
         if LEAST_BLUR_PX < blur_px < COARSE_BLUR_PX:
             side *= math.ceil(COARSE_BLUR_PX / blur_px)
-        counts = blurred(self._counted(code, side, seed, count), self.blur_px(resolution) * side / resolution)
+        counts = blurred(counted(code, side, count, seed), self.blur_px(resolution) * side / resolution)
         counts = counts if side == resolution else mean_of(counts, resolution)
         return counts * self.exposure(counts)
-
-    def _counted(self, code: IFS, resolution: int, seed: int, count: float) -> Tensor:
-        points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed)
-        column, row = ((points * points.new_tensor([1, -1]) + 1) * (resolution / 2)).floor().long().unbind(1)
-        inside = (column >= 0) & (column < resolution) & (row >= 0) & (row < resolution)
-        counts = torch.bincount((row * resolution + column)[inside], minlength=resolution**2)
-        return counts.view(resolution, resolution).to(points.dtype)

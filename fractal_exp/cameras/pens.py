@@ -17,7 +17,9 @@ from torch.nn.functional import avg_pool2d
 from ..ifs.code import IFS
 from .blur import blurred
 from .camera import Camera
+from .grain import grain
 from .levels import FAINT, Coverage, Density, may_be_density
+from .points import counted
 from .tiles import tiled
 
 # Values that are tried where the user knows none. Lengths are in pixels of the image.
@@ -31,6 +33,7 @@ CURVED_FROM = 2.0         # a tone curve is tried if the angle of dots is at mos
 USUAL_GAMMA = 2.2         # with which an image is searched before the estimate, as of sRGB
 HISTOGRAM_LEVELS = 4096   # by which the histograms of image and rendering are compared
 DOT_WINDOW_PX = 1.5       # standard deviation of the Gaussian over which dots are averaged before they are counted
+LEAST_DOT = 0.01          # pixels², of a dot whose noise is drawn
 PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
 DOT_SUPERSAMPLE = 2       # and where dots are blurred
 
@@ -102,6 +105,7 @@ class Dots(Density):
 
     kind = "dots"
     is_exact = False
+    is_grainy = True
     values = "gain", "blur"
 
     def measure(self, image: Tensor) -> Tensor:
@@ -123,6 +127,14 @@ class Dots(Density):
             return super().render(code, resolution, seed, independent=independent)
         sigma = (camera.blur or 0.0) * resolution * DOT_SUPERSAMPLE / 2
         return self.toned(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
+
+    def plotted(self, code: IFS, drawing: Tensor, seed: int) -> Tensor:
+        if not self.is_grainy or self.image is None or self.image.shape != drawing.shape:
+            return super().plotted(code, drawing, seed)
+        area = max(grain(self.image.to(drawing), drawing), LEAST_DOT)
+        count = float(self.hits(drawing).sum()) / area
+        counts = counted(code, len(drawing), count, seed, self.camera.blur or 0.0)
+        return 1 - (-area * counts).exp()
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
         """Pairs of a camera and the rendering (R,R) of the code with it."""
@@ -153,6 +165,7 @@ class ToneMapped(Dots):
 
     kind = "tonemapped"
     is_curved = True
+    is_grainy = False
     values = "gain", "gamma", "blur"
 
     @classmethod

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from .. import ops
+from ..ifs import affine
+from ..ifs.code import IFS
+from ..runtime.seeds import generator
 
 TRAJECTORY = 430   # points of each trajectory, including those of the warm-up
 WARMUP = 30        # points at its start that are dropped, which lie off the attractor
@@ -21,3 +25,15 @@ def attractor_points(maps: Tensor, probabilities: Tensor, count: int, seed: int)
 def trajectories(count: int) -> dict[str, Any]:
     """Settings of the chaos game for about `count` points."""
     return {"trajectories": count // (TRAJECTORY - WARMUP) + 1, "length": TRAJECTORY, "warmup": WARMUP}
+
+
+def counted(code: IFS, resolution: int, count: float, seed: int, spread: float = 0.0) -> Tensor:
+    """The number of points in each pixel (R,R), of about `count` on the canvas and beyond. spread: the standard
+    deviation, canvas units, by which each is moved at random."""
+    points = attractor_points(affine.from_code(code), code.sampling_probabilities(), max(1, round(count)), seed)
+    if spread:
+        points = points + spread * torch.randn(points.shape, generator=generator(seed, "spread"))
+    column, row = ((points * points.new_tensor([1, -1]) + 1) * (resolution / 2)).floor().long().unbind(1)
+    inside = (column >= 0) & (column < resolution) & (row >= 0) & (row < resolution)
+    counts = torch.bincount((row * resolution + column)[inside], minlength=resolution**2)
+    return counts.view(resolution, resolution).to(points.dtype)

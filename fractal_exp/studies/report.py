@@ -181,7 +181,7 @@ def _scores(jobs: pd.DataFrame, metrics: list[str], seed: int, prefix: str = "")
 
 
 def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
-    """Kendall's tau-b between the order of the measured rows by F1 and that of the published rows of the same names, its
+    """Kendall's tau-b between the orders by F1 of the measured rows and of the published rows of the same names, its
     two-sided p, and the number of these rows; NaN for fewer than three.
 
     table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree.

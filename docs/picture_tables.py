@@ -143,6 +143,9 @@ def fractaldb(*folders: Path) -> tuple[list[str], Rows]:
         rows += [[str(fits["set"].iloc[0]).removeprefix("fractaldb_"), str(which), f"{len(each)}",
                   short(each["f1_truth"].mean()), short(each["f1_input"].mean()), f"{each['density_sse'].mean():.1e}",
                   f"{each['floor_sse'].mean():.1e}", f"{each['recovered'].sum()}", f"{each['exact'].sum()}",
+                  *(share(verdict["kind"] == "recovered" for verdict in each["verdict"][each["recovered"] == right])
+                    for right in (True, False)),
                   f"{each['core_seconds'].mean():.0f}"] for which, each in groups]
     return ["picture", "codes", "number", "F1 with the true attractor", "F1 on the input", "density SSE",
-            "of the truth", "recovered", "of them exact", "seconds of a core"], rows
+            "of the truth", "recovered", "of them exact", "called recovered, of these", "of the others",
+            "seconds of a core"], rows

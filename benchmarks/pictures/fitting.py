@@ -15,13 +15,16 @@ import numpy as np
 from tqdm import tqdm
 
 from fractal_exp import invert
+from fractal_exp.cameras.params import CameraParams
 from fractal_exp.ifs.code import IFS
 from fractal_exp.images.reading import ReadImage, read_target
+from fractal_exp.likeness import Likeness
 from fractal_exp.methods.base import Progress
 from fractal_exp.methods.collage import given
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.runtime import parent, threads
 from fractal_exp.runtime.files import write_atomically
+from fractal_exp.verdict import Verdict
 
 from .. import archive
 from ..ablation import CoreTime
@@ -113,10 +116,16 @@ def run(kind: str, names: Iterable[str], setting: Setting, folder: Path, workers
 
 
 def judge(kind: str, folder: Path) -> None:
-    """Score the codes of a folder again, and write its lines anew."""
+    """Score the codes of a folder again, each with a verdict, and write its lines anew. The camera is estimated for the
+    code, as the files do not hold that of the search."""
     lines = read(folder)
     for line in tqdm([line for line in lines if "error" not in line], "judging", unit="code"):
-        line |= _scores(kind, line["picture"], code_of(line), target_of(kind, line))
+        code, target = code_of(line), target_of(kind, line)
+        options = {**SETS[kind].options, **line["options"]}
+        likeness = Likeness.of(code, target, params=CameraParams(**options.get("camera", {})))
+        verdict = Verdict.of(likeness, len(code), target, stopped=line.get("stopped") or "", options=options)
+        line |= {**_scores(kind, line["picture"], code, target), "verdict": asdict(verdict),
+                 "likeness": likeness.f1_1px}
     write_atomically(folder / FILE, "".join(f"{json.dumps(line)}\n" for line in lines))
 
 

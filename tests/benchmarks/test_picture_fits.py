@@ -110,4 +110,5 @@ def test_codes_that_are_there_are_judged_again(tmp_path):
     fitting.judge("textbook", tmp_path)
     again, failed = fitting.read(tmp_path)
     assert again["iou"] == pytest.approx(first["iou"]) and again["recovered"] == first["recovered"]
+    assert again["verdict"]["kind"] != "recovered" and again["likeness"] < .9, "two maps on a line"
     assert failed["error"] == "it was killed"

@@ -131,6 +131,14 @@ def test_a_table_of_results_states_what_its_files_hold(tmp_path, monkeypatch):
     assert hooks.on_page_markdown("[table: ablation parts]").splitlines()[2:] == [
         "| nothing | .900<br>3 of 3 | .900<br>3 of 3 |", "| `roots` | **−.100** [−.100, −.100]<br>−1 | +.000 [+.000, "
         "+.000]<br>−1 |"]
+    rows = {"full": (.6, .7), "no_mip": (.4, .5)}
+    (tmp_path / "paper").mkdir()
+    (tmp_path / "paper" / "fits.jsonl").write_text("\n".join(json.dumps(
+        {"row": row, "sample": f"fractal {k}", "seconds": 30, "scores": {"f1": f1, "iou": .5, "psnr": 9, "ssim": .4}})
+        for row, scores in rows.items() for k, f1 in enumerate(scores)))
+    assert results.table("paper_ablations", "paper").splitlines()[2:] == [
+        "| `full` | .650 | .500 | 9.0 | .400 |  | .611 |  | 30 |",
+        "| `no_mip` | .450 | .500 | 9.0 | .400 | **−.200** [−.200, −.200] | .363 | −.248 | 30 |"]
     (tmp_path / "times.jsonl").write_text(json.dumps({"figures": {"steps": [
         {"step": "a step", "seconds": 0.0123, "twin_seconds": 2.5, "twin_ratio": 203.2}]}}))
     assert results.table("speed", "times.jsonl").splitlines()[-1] == "| a step | 12.3 ms | 2.5 s | 203 |"

@@ -8,6 +8,7 @@ import numpy as np
 from torch import Tensor
 
 from .cameras.camera import Camera
+from .cameras.comparison import WITHIN_NOISE as WITHIN_NOISE
 from .cameras.comparison import Comparison
 from .cameras.estimate import estimated
 from .cameras.kinds import levels_of, with_camera
@@ -21,7 +22,6 @@ from .images.levels import TargetImage
 from .runtime.seeds import derive
 
 # What is good enough, for the search as for the verdict.
-WITHIN_NOISE = 1.2   # noise ratio below which a code cannot be told from the true one
 ALIKE = 0.985        # F1 within a pixel at which a code of few maps is no accident
 UNLIKE = 0.95        # F1 within a pixel from which the shape is right, though grey levels may be wrong
 ALIKE_DARK = 0.85    # F1 within a pixel of the dark inside an outline below which a shape lost what makes it

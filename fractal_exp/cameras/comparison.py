@@ -19,8 +19,9 @@ from .levels import Levels
 GRIDS = 4           # that are compared, each half as fine as the one before
 FINEST = 512        # greatest number of cells per side of the finest grid: a larger rendering only has less noise
 HALVED_FROM = 8     # cells per side from which on a coarser grid follows
+WITHIN_NOISE = 1.2  # noise ratio below which a code cannot be told from the true one
 LEAST_NOISE = 1e-3  # lower limit of the noise of a rendering
-NOISE_RENDERINGS = 4   # that estimate the noise of an image that has more than renderings do
+NOISE_RENDERINGS = 4   # that estimate the noise of a linear image, which has few independent parts under a blur
 
 
 class Comparison:
@@ -113,13 +114,9 @@ class Comparison:
 
     def noise_ratio(self, code: IFS, rendering: Tensor) -> float:
         """How far the rendering (R,R) of a code is from the image, beside what the true code has by chance: about 1 for
-        that. It is the error over `noise`, or the `misfit` of dots over that of plots of the code, if that is less."""
+        that. It is the error over `noise`, or the `misfit` of dots if that is less."""
         ratio = self.error(rendering) / self.noise(code, rendering)
-        if not self.levels.is_grainy:
-            return ratio
-        plots = (self.levels.plotted(code, rendering, derive(self.seed, "plot", n)) for n in range(NOISE_RENDERINGS))
-        chance = [misfit(self.shown(plot), rendering) for plot in plots]
-        return min(ratio, misfit(self.shown(self.image), rendering) * len(chance) / sum(chance))
+        return min(ratio, misfit(self.shown(self.image), rendering)) if self.levels.is_grainy else ratio
 
     def likeness(self, rendering: Tensor) -> float:
         """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `Levels.lit_above`."""

@@ -10,7 +10,7 @@ from ..ifs.code import IFS
 from ..runtime.deadline import check_time
 from ..runtime.seeds import derive
 from .camera import Camera
-from .comparison import Comparison
+from .comparison import WITHIN_NOISE, Comparison
 from .kinds import kind_of, of_others, with_camera
 from .levels import Levels, may_be_density, may_be_dots
 
@@ -28,7 +28,7 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
     chosen only if they explain the image much better than a pen that draws the attractor, and each other kind only if
     it explains it much better than those before: dots than pens and tiles, a tone curve than all of them. If the image
     is seen as a density or is grey inside, the camera that explains it best is chosen, of those that draw the
-    attractor."""
+    attractor. Dots are chosen in any case if they explain the image to its noise: no pen leaves that alone."""
     if levels.is_exact or not levels.params.estimate:
         return None
     angles, is_density = dict[str, float](), is_of_a_density(image, levels) or may_be_density(image)
@@ -38,10 +38,20 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
         kind = kind_of(name)(levels.params, image, kinds=levels.kinds).within(levels.known)
         if is_density or kind.is_worth_trying(angles):
             found = _likely(kind, nearest(image, kind, code, seed), tiled)
+            if found and kind.is_grainy and _explain(image, with_camera(kind, found[1]), code, seed):
+                return found[1]
             angles[name] = found[0] if found else math.inf
             if found and (likely is None or found[0] < below * likely[0]):
                 likely = found
     return likely and likely[1]
+
+
+def _explain(image: Tensor, dots: Levels, code: IFS, seed: int) -> bool:
+    """Whether nothing but their noise is left of an image (R,R) beside the dots of a code."""
+    if not may_be_dots(image):
+        return False
+    comparison = Comparison(image, dots, seed)
+    return comparison.noise_ratio(code, comparison.render(code)) < WITHIN_NOISE
 
 
 def is_of_a_density(image: Tensor, levels: Levels) -> bool:

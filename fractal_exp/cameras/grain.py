@@ -10,7 +10,7 @@ from torch.nn.functional import avg_pool2d
 
 from .levels import LEAST_VARIANCE
 
-FINE_PX, COARSE_PX = 2, 8   # sides of cells whose grain is compared; finer ones show how the picture was resized
+FINE_PX, COARSE_PX = 3, 8   # sides of cells whose grain is compared; finer ones show how the picture was resized
 LARGEST = 1.0               # pixels²: parts of a larger dot lie in several fine cells, which are not independent then
 LOCAL_PX = 8, 16            # sides of cells of which none may be far off
 FARTHEST = 4.0              # standard deviations by which the farthest of a thousand cells is off by chance

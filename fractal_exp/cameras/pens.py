@@ -33,7 +33,7 @@ CURVED_FROM = 2.0         # a tone curve is tried if the angle of dots is at mos
 USUAL_GAMMA = 2.2         # with which an image is searched before the estimate, as of sRGB
 HISTOGRAM_LEVELS = 4096   # by which the histograms of image and rendering are compared
 DOT_WINDOW_PX = 1.5       # standard deviation of the Gaussian over which dots are averaged before they are counted
-LEAST_DOT = 0.01          # pixels², of a dot whose noise is drawn
+LEAST_DOT, DOT_CELL = 0.01, 2   # of dots that are plotted: area, pixels², and side of the cells that tell it, pixels
 PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
 DOT_SUPERSAMPLE = 2       # and where dots are blurred
 
@@ -131,7 +131,7 @@ class Dots(Density):
     def plotted(self, code: IFS, drawing: Tensor, seed: int) -> Tensor:
         if not self.is_grainy or self.image is None or self.image.shape != drawing.shape:
             return super().plotted(code, drawing, seed)
-        area = max(grain(self.image.to(drawing), drawing), LEAST_DOT)
+        area = max(grain(self.image.to(drawing), drawing, DOT_CELL), LEAST_DOT)
         count = float(self.hits(drawing).sum()) / area
         counts = counted(code, len(drawing), count, seed, self.camera.blur or 0.0)
         return 1 - (-area * counts).exp()

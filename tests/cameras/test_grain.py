@@ -55,7 +55,7 @@ def test_the_true_code_explains_dots_to_their_noise_and_wrong_ones_do_not(code, 
     likeness = Likeness.of(code, target)
     assert 0.7 < likeness.noise_ratio < 1.2
     assert likeness.ssim < 0.8, "a drawing without dots is not like the plot pixel by pixel"
-    assert likeness.ssim_chance == pytest.approx(likeness.ssim, abs=.06), "but neither is another plot"
+    assert likeness.ssim_chance == pytest.approx(likeness.ssim, abs=.08), "but neither is another plot"
     assert Verdict.of(likeness, len(code), target).words == "recovered: the picture is explained to its noise"
     for what, other in wrong(code):
         likeness = Likeness.of(other, target)

@@ -119,11 +119,11 @@ def paper_ablations(folder: Path) -> tuple[list[str], Rows]:
     from fractal_exp.studies.published import TABLES
 
     fits = pd.DataFrame([{"row": line["row"], "sample": line["sample"], "seconds": line["seconds"], **line["scores"]}
-                         for line in lines_of(folder / "fits.jsonl")])
+                         for line in lines_of(folder)])
     f1, means = fits.pivot(index="sample", columns="row", values="f1"), fits.groupby("row").mean(numeric_only=True)
     published, rows = {row: scores[0] for row, scores in TABLES["ablations"].rows.items()}, []
     for row in means["f1"].sort_values(ascending=False).index:
-        gains = (f1[row] - f1["full"]).to_numpy(float)
+        gains = (f1[row] - f1["full"]).dropna().to_numpy(float)
         low, high = bootstrap_interval(gains)
         mark = "**" if low > 0 or high < 0 else ""
         ours, theirs = short(gains.mean(), sign="+"), short(published[row] - published["full"], sign="+")

@@ -43,7 +43,7 @@ class Likeness:
     pixels; for a picture that others drew, at most the attractor's own, so that a camera cannot make a wrong code look
     right. noise_ratio: the error of the rendering over the error between two renderings of the code with different
     random points; about 1 for the true code. The error compares both images at several scales, see
-    `cameras.comparison`. A picture of dots has more noise, for which `cameras.grain` allows. colour: the mean CIEDE2000
+    `cameras.comparison`. A picture of dots has more noise, which `cameras.grain` allows for. colour: the mean CIEDE2000
     difference between the code's colours and the picture's (see `colouring.error`), or None for a code without colours.
 
     ssim: SSIM inside the shape (`evaluation.inside`), which a slab in the place of branches lacks. ssim_chance: that of
@@ -78,7 +78,7 @@ class Likeness:
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
         again = comparison.shown(levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering))
-        plot = comparison.shown(levels.plotted(code, rendering, derive(seed, "likeness", "again")).to(rendering))
+        plot = comparison.shown(levels.plotted(code, len(image), derive(seed, "likeness", "again")).to(rendering))
         return cls(f1, iou, comparison.noise_ratio(code, rendering), f1_1px,
                    ssim=ssim_inside(rendering, image, least, known),
                    ssim_chance=ssim_inside(plot, rendering, least, known),

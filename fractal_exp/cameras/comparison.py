@@ -13,7 +13,7 @@ from ..evaluation import metrics
 from ..ifs.code import IFS
 from ..runtime.deadline import check_time
 from ..runtime.seeds import derive
-from .grain import misfit
+from .grain import noise_ratio_of_dots
 from .levels import Levels
 
 GRIDS = 4           # that are compared, each half as fine as the one before
@@ -113,10 +113,12 @@ class Comparison:
         return max(LEAST_NOISE, other.error(shown))
 
     def noise_ratio(self, code: IFS, rendering: Tensor) -> float:
-        """How far the rendering (R,R) of a code is from the image, beside what the true code has by chance: about 1 for
-        that. It is the error over `noise`, or the `misfit` of dots if that is less."""
+        """How far the rendering (R,R) of a code is from the image, beside what the true code is by chance: about 1 for
+        that. It is the error over `noise`; for a picture of dots, the ratio that allows for theirs if that is less."""
         ratio = self.error(rendering) / self.noise(code, rendering)
-        return min(ratio, misfit(self.shown(self.image), rendering)) if self.levels.is_grainy else ratio
+        if self.levels.is_grainy:
+            return min(ratio, noise_ratio_of_dots(self.shown(self.image), rendering))
+        return ratio
 
     def likeness(self, rendering: Tensor) -> float:
         """F1 within a pixel between a rendering (R,R) and the image, both thresholded at `Levels.lit_above`."""

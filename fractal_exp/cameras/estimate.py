@@ -28,7 +28,7 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
     chosen only if they explain the image much better than a pen that draws the attractor, and each other kind only if
     it explains it much better than those before: dots than pens and tiles, a tone curve than all of them. If the image
     is seen as a density or is grey inside, the camera that explains it best is chosen, of those that draw the
-    attractor. Dots are chosen in any case if they explain the image to its noise: no pen leaves that alone."""
+    attractor. Dots are chosen in any case if they explain the image to its noise."""
     if levels.is_exact or not levels.params.estimate:
         return None
     angles, is_density = dict[str, float](), is_of_a_density(image, levels) or may_be_density(image)
@@ -48,10 +48,8 @@ def estimated(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | N
 
 def _explain(image: Tensor, dots: Levels, code: IFS, seed: int) -> bool:
     """Whether nothing but their noise is left of an image (R,R) beside the dots of a code."""
-    if not may_be_dots(image):
-        return False
     comparison = Comparison(image, dots, seed)
-    return comparison.noise_ratio(code, comparison.render(code)) < WITHIN_NOISE
+    return may_be_dots(image) and comparison.noise_ratio(code, comparison.render(code)) < WITHIN_NOISE
 
 
 def is_of_a_density(image: Tensor, levels: Levels) -> bool:

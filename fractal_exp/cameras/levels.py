@@ -161,10 +161,10 @@ class Levels(ABC):
         """The image (R,R) of a code, with as much noise as the given image."""
         return self.render(code, resolution, seed)
 
-    def plotted(self, code: IFS, drawing: Tensor, seed: int) -> Tensor:
-        """A nearly right code, whose rendering this is (R,R), drawn again with as much noise as the image: from as many
-        dots, if it shows any."""
-        return self.noisy(code, len(drawing), seed)
+    def plotted(self, code: IFS, resolution: int, seed: int) -> Tensor:
+        """The image (R,R) of a nearly right code, with as much noise as the given image: from as many dots, if it shows
+        some."""
+        return self.noisy(code, resolution, seed)
 
     def subpixels(self, resolution: int, side: int) -> float:
         """n in `stabilized` for a cell, if an image of this resolution has `side` cells per side."""

@@ -17,7 +17,7 @@ from torch.nn.functional import avg_pool2d
 from ..ifs.code import IFS
 from .blur import blurred
 from .camera import Camera
-from .grain import grain
+from .grain import LARGEST, grain
 from .levels import FAINT, Coverage, Density, may_be_density
 from .points import counted
 from .tiles import tiled
@@ -33,7 +33,8 @@ CURVED_FROM = 2.0         # a tone curve is tried if the angle of dots is at mos
 USUAL_GAMMA = 2.2         # with which an image is searched before the estimate, as of sRGB
 HISTOGRAM_LEVELS = 4096   # by which the histograms of image and rendering are compared
 DOT_WINDOW_PX = 1.5       # standard deviation of the Gaussian over which dots are averaged before they are counted
-LEAST_DOT, DOT_CELL = 0.01, 2   # of dots that are plotted: area, pixels², and side of the cells that tell it, pixels
+LEAST_DOT = 0.05          # pixels², of a dot that is plotted, of which a picture needs few millions
+PLOTTED_PX = 2            # side of the cells that tell its area: a plot is to look like the picture close up
 PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
 DOT_SUPERSAMPLE = 2       # and where dots are blurred
 
@@ -128,13 +129,14 @@ class Dots(Density):
         sigma = (camera.blur or 0.0) * resolution * DOT_SUPERSAMPLE / 2
         return self.toned(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
 
-    def plotted(self, code: IFS, drawing: Tensor, seed: int) -> Tensor:
-        if not self.is_grainy or self.image is None or self.image.shape != drawing.shape:
-            return super().plotted(code, drawing, seed)
-        area = max(grain(self.image.to(drawing), drawing, DOT_CELL), LEAST_DOT)
-        count = float(self.hits(drawing).sum()) / area
-        counts = counted(code, len(drawing), count, seed, self.camera.blur or 0.0)
-        return 1 - (-area * counts).exp()
+    def plotted(self, code: IFS, resolution: int, seed: int) -> Tensor:
+        drawing = self.render(code, resolution, seed)
+        if self.image is None or len(self.image) != resolution:
+            return drawing
+        shown = 1.0 if self.known is None else self.known.mask(resolution).to(drawing)
+        area = min(max(grain(self.image.to(drawing) * shown, drawing * shown, PLOTTED_PX), LEAST_DOT), LARGEST)
+        count = float(self.hits(drawing).sum()) / (1 - math.exp(-area))
+        return 1 - (-area * counted(code, resolution, count, seed, self.camera.blur or 0.0)).exp()
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
         """Pairs of a camera and the rendering (R,R) of the code with it."""
@@ -181,6 +183,9 @@ class ToneMapped(Dots):
     @property
     def blurs_px(self) -> Sequence[float]:
         return CURVED_BLURS_PX
+
+    def plotted(self, code: IFS, resolution: int, seed: int) -> Tensor:
+        return self.noisy(code, resolution, seed)
 
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         return curved(super().render(code, resolution, seed, independent=independent), self.gamma)

@@ -188,6 +188,8 @@ def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
     """
     from scipy.stats import kendalltau
 
+    if "f1" not in table:
+        return np.nan, np.nan, 0
     ours, theirs = (table[(table["source"] == source) & table["f1"].notna()].set_index("row")["f1"]
                     for source in (MEASURED, PUBLISHED))
     common = ours.index.intersection(theirs.index)

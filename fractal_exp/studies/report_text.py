@@ -105,6 +105,13 @@ def failures(sweep: Sweep) -> list[str]:
             for line in lost.itertuples()]
 
 
+def order_of_rows(table: pd.DataFrame) -> list[str]:
+    """A line on how the order of the measured rows agrees with the published one, where that can be said."""
+    tau, chance, rows = agreement(table)
+    return [] if np.isnan(tau) else [f"Order of these {rows} rows by F1, against the published order: Kendall's tau "
+                                     f"{tau:.2f} (p = {chance:.2g})."]
+
+
 def markdown(sweep: Sweep, table: pd.DataFrame) -> str:
     """The whole table as Markdown: measured, trivial and published rows separately, then the unfinished jobs."""
     blocks = [f"# {sweep.title}"]
@@ -114,10 +121,7 @@ def markdown(sweep: Sweep, table: pd.DataFrame) -> str:
                   for line in (head, ["-" * width for width in widths], *rows)]
         blocks += [f"{caption[:1].upper()}{caption[1:]}:", "\n".join(f"| {' | '.join(line)} |" for line in padded)]
     blocks += [f"The same results, number for number: {', '.join(rows)}." for rows in same_rows(sweep)]
-    tau, chance, rows = agreement(table)
-    if np.isfinite(tau):
-        blocks.append(f"The order of these {rows} rows by F1, against the published order: Kendall's tau is {tau:.2f} "
-                      f"(p = {chance:.2g}).")
+    blocks += order_of_rows(table)
     if lost := failures(sweep):
         blocks.append("Not finished:\n\n" + "\n".join(f"- {line}" for line in lost))
     return "\n\n".join(blocks) + "\n"
@@ -139,6 +143,8 @@ def latex(sweep: Sweep, table: pd.DataFrame) -> str:
         for row in rows:
             known = dict(zip(head, row, strict=True))
             lines.append(" & ".join(_escape(known.get(title, "")) for title in heads) + r" \\")
+    for said in order_of_rows(table):
+        lines.append(rf"\midrule \multicolumn{{{len(heads)}}}{{l}}{{\footnotesize {_escape(said)}}} \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
 
 

@@ -103,6 +103,9 @@ def test_the_order_of_rows_is_held_against_the_published_one():
     assert report.agreement(table(same))[::2] == (pytest.approx(1), 4), "rows of one table alone do not count"
     assert report.agreement(table({**same, "full": .2, "no_gradients": .4}))[0] == pytest.approx(0)
     assert np.isnan(report.agreement(table({"full": .4, "naive": .3}))[0])
+    assert np.isnan(report.agreement(pd.DataFrame([{"row": "full", "source": "measured"}]))[0]), "no job has a score"
+    [said] = report_text.order_of_rows(table(same))
+    assert said.startswith("Order of these 4 rows by F1, against the published order: Kendall's tau 1.00")
 
 
 def test_a_difference_that_excludes_zero_is_bold(sweep):

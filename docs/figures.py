@@ -9,6 +9,7 @@
     python -m docs.figures elsewhere docs/images/elsewhere.png: pictures from elsewhere, and what was found in them
     python -m docs.figures failures  docs/images/failures.png: pictures that others drew, on which collage search fails
     python -m docs.figures comparisons  docs/images/comparisons*: all methods on six fractals, and quality over time
+    python -m docs.figures ablations  docs/images/ablations.png: the rows of the ablation table on three fractals
     python -m docs.figures retina outputs/fits   docs/images/retina.png and docs/codes/retina.json, from `make run`
 """
 
@@ -66,6 +67,7 @@ ELSEWHERE = [("a drawing in colour", "pictures_textbook_120s", "textbook", "pent
 RETINA = "a retina, 128 maps"
 ELSEWHERE_ZOOM = 20
 FAILED, MOST_FAILURES = 0.9, 8
+THREE_STRIPS = 623   # pixels: the names of the rows, and three fractals
 STAGES_SUITE, STAGES_INDEX = 101, 7
 
 
@@ -256,6 +258,12 @@ def comparisons() -> None:
     _save(IMAGES / "comparisons_course.png", np.asarray(Image.open(kept / "course.png").convert("RGB")), 64)
 
 
+def ablations() -> None:
+    """The first three of the six fractals on the strips that `benchmarks.comparisons --study ablations` keeps."""
+    strips = np.asarray(Image.open(RESULTS / "ablations_laptop" / "strips.png").convert("L"))
+    _save(IMAGES / "ablations.png", strips[:, :THREE_STRIPS], 12)
+
+
 def retina(folder: Path) -> None:
     """Target, result and difference of the fit of the retina's vessels; and its code."""
     fit = next(folder.glob("retina-collage-*-laptop-*"))
@@ -302,7 +310,8 @@ def _run(command: str, *arguments: str) -> None:
 
 if __name__ == "__main__":
     parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "morph": morph, "stages": stages,
-             "elsewhere": elsewhere, "failures": failures, "comparisons": comparisons, "retina": retina}
+             "elsewhere": elsewhere, "failures": failures, "comparisons": comparisons, "ablations": ablations,
+             "retina": retina}
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     parts[sys.argv[1]](*map(Path, sys.argv[2:]))

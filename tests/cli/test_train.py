@@ -174,7 +174,8 @@ def test_what_was_found_is_kept_where_the_terminal_is_closed(tmp_path):
     for _ in range(2):  # by the system and by the shell
         process.send_signal(signal.SIGHUP)
         time.sleep(0.2)
-    assert process.wait(60) == 0 and (tmp_path / "kept").read_text() == "kept"
+    # The second may come when all is kept and Python, as it ends, no longer hears signals.
+    assert process.wait(60) in (0, -signal.SIGHUP) and (tmp_path / "kept").read_text() == "kept"
 
 
 def test_an_interrupt_while_libraries_load_is_one_line(monkeypatch, capsys):

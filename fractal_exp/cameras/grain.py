@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, pad
@@ -47,8 +48,8 @@ def _exposed(density: Tensor, brightness: float) -> Tensor:
     def shown(doublings: float) -> Tensor:
         return 1 - (unlit * 2**doublings).exp()
 
-    best = minimize_scalar(lambda doublings: (float(shown(doublings).mean()) - brightness)**2,
-                           bounds=(-EXPOSED, EXPOSED), method="bounded", options={"xatol": 1e-3})
+    best: Any = minimize_scalar(lambda doublings: (float(shown(doublings).mean()) - brightness)**2,
+                                bounds=(-EXPOSED, EXPOSED), method="bounded", options={"xatol": 1e-3})
     return shown(float(best.x))
 
 

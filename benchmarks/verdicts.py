@@ -6,9 +6,10 @@
 
 Three groups of pairs of a picture and a code. *seen*: a person wrote "recovered", "approximation" or "not recovered"
 beside the picture and the code's drawing. *right*: codes of recorded fits that are the true ones, or the truth itself,
-on pictures of the random suite, textbook figures, trees and tone curves. *wrong*: made of every few of these by leaving
-out a map, moving one by a tenth of the figure's size, or taking a filled box or a paving of the outline instead. Where
-the package with Tux Paint's stamps is installed, photographs of plants are paved too.
+on pictures of the random suite, textbook figures, trees and tone curves, and the classics plotted as dots. *wrong*:
+made of every few of these by leaving out a map, moving one by a tenth of the figure's size, or taking a filled box or a
+paving of the outline instead, and for dots by sharing them out otherwise. Where the package with Tux Paint's stamps is
+installed, photographs of plants are paved too.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ from typing import Any
 import numpy as np
 import torch
 from PIL import Image, ImageDraw
+from torch.nn.functional import interpolate
 from tqdm import tqdm
 
-from fractal_exp import suite
+from fractal_exp import codes, suite
 from fractal_exp.cameras.estimate import angle_of, nearest
 from fractal_exp.cameras.kinds import beside, kind_of, levels_of
 from fractal_exp.cameras.params import CameraParams
+from fractal_exp.cameras.points import counted
 from fractal_exp.cameras.strokes import flat_maps
 from fractal_exp.evaluation.inside import outline
 from fractal_exp.ifs import attractor
@@ -50,6 +53,8 @@ RESULTS = Path(__file__).parent / "results"
 PLANTS = Path("/usr/share/tuxpaint/stamps/plants")
 SIDE, SIZE = 256, 1.5           # of a picture, pixels; of a figure on the canvas
 MOVED, SLAB, PAVED = 0.1, 12, 64   # share of the figure's size; maps of a slab, of which few look like no accident
+DOTS, PLOT_SIDE = 60_000, 362   # of a plot: dots of one pixel, and its side before it is shrunk
+OTHER_SHARES = 1.5              # power of the shares of maps in a plot whose dots are shared out otherwise
 EVERY = 3                       # right codes of drawn pictures, of which one is spoilt; of others, all are
 SOURCES = {"pictures_binary": ("binary", 1), "pictures_textbook": ("textbook", 3), "pictures_tone_curves":
            ("tone_curves", 3), "pictures_trees": ("trees", 3)}   # folder: set, and of how many fits one is taken
@@ -116,6 +121,11 @@ def right() -> Iterator[Pair]:
         for line in lines[::every]:
             yield Pair("right", f"{kind}/{line['picture']}", fitting.target_of(kind, line), fitting.code_of(line),
                        "true")
+    for number, name in enumerate(codes.names()):
+        code = attractor.normalize(codes.known(name))
+        dots = (counted(code, PLOT_SIDE, DOTS, number) > 0).float()
+        image = interpolate(dots[None, None], size=(SIDE, SIDE), mode="area")[0, 0]
+        yield Pair("right", f"plot/{name}", ReadImage.of_drawing(image, meaning_of(image)), code, "true")
 
 
 def wrong(pair: Pair, rng: random.Random) -> Iterator[Pair]:
@@ -130,6 +140,9 @@ def wrong(pair: Pair, rng: random.Random) -> Iterator[Pair]:
     angle, offset = rng.random() * 2 * np.pi, code.offset.clone()
     offset[rng.randrange(len(code))] += MOVED * SIZE * torch.tensor([np.cos(angle), np.sin(angle)]).to(offset)
     yield spoilt(name=f"{pair.name}/a map moved", code=replace(code, offset=offset))
+    if pair.name.startswith("plot/"):
+        shares = code.sampling_probabilities()**OTHER_SHARES
+        yield spoilt(name=f"{pair.name}/other shares", code=replace(code, probabilities=shares / shares.sum()))
     yield spoilt(name=f"{pair.name}/box", code=box(pair.target))
     yield spoilt(name=f"{pair.name}/slab", code=paving(outline((image > 0.25 * image.max()).numpy()), SLAB))
 

@@ -115,7 +115,6 @@ def ablation(*folders: Path) -> tuple[list[str], Rows]:
 def paper_ablations(folder: Path) -> tuple[list[str], Rows]:
     """The rows of the paper's Table 4 as a sweep measured them, the best F1 first: paired difference from the full
     method with its 95% interval, in bold if that lacks zero; then the published F1 and its difference."""
-    from fractal_exp.evaluation.summary import bootstrap_interval
     from fractal_exp.studies.published import TABLES
 
     fits = pd.DataFrame([{"row": line["row"], "sample": line["sample"], "seconds": line["seconds"], **line["scores"]}
@@ -123,29 +122,30 @@ def paper_ablations(folder: Path) -> tuple[list[str], Rows]:
     f1, means = fits.pivot(index="sample", columns="row", values="f1"), fits.groupby("row").mean(numeric_only=True)
     published, rows = {row: scores[0] for row, scores in TABLES["ablations"].rows.items()}, []
     for row in means["f1"].sort_values(ascending=False).index:
-        gains = (f1[row] - f1["full"]).dropna().to_numpy(float)
-        low, high = bootstrap_interval(gains)
-        mark = "**" if low > 0 or high < 0 else ""
-        ours, theirs = short(gains.mean(), sign="+"), short(published[row] - published["full"], sign="+")
+        is_full, theirs = row == "full", short(published[row] - published["full"], sign="+")
         rows.append([f"`{row}`", short(means.loc[row, "f1"]), short(means.loc[row, "iou"]),
                      f"{means.loc[row, 'psnr']:.1f}", short(means.loc[row, "ssim"]),
-                     "" if row == "full" else f"{mark}{ours}{mark}{interval(low, high, sign='+')}",
-                     short(published[row]), "" if row == "full" else theirs, f"{means.loc[row, 'seconds']:.0f}"])
+                     "" if is_full else _mean_change((f1[row] - f1["full"]).dropna()),
+                     short(published[row]), "" if is_full else theirs, f"{means.loc[row, 'seconds']:.0f}"])
     return ["row", "F1", "IoU", "PSNR", "SSIM", "F1 minus full", "published F1", "minus full", "seconds"], rows
 
 
 def _difference(without: pd.DataFrame, whole: pd.DataFrame) -> str:
-    from fractal_exp.evaluation.summary import bootstrap_interval
-
     both = without.index.intersection(whole.index)
     if both.empty:
         return ""
-    change = (without.loc[both, "f1"] - whole.loc[both, "f1"]).to_numpy(float)
-    low, high = bootstrap_interval(change)
-    mean, gained = short(change.mean(), sign="+"), int(without.loc[both, "recovered"].sum()
-                                                       - whole.loc[both, "recovered"].sum())
+    change = _mean_change(without.loc[both, "f1"] - whole.loc[both, "f1"])
+    gained = int(without.loc[both, "recovered"].sum() - whole.loc[both, "recovered"].sum())
+    return f"{change}<br>{short(gained, 0, '+') if gained else '±0'}"
+
+
+def _mean_change(changes: pd.Series) -> str:
+    """The mean of paired differences with its 95% interval, in bold if that lacks zero."""
+    from fractal_exp.evaluation.summary import bootstrap_interval
+
+    low, high = bootstrap_interval(changes.to_numpy(float))
     mark = "**" if low > 0 or high < 0 else ""
-    return f"{mark}{mean}{mark}{interval(low, high, sign='+')}<br>{short(gained, 0, '+') if gained else '±0'}"
+    return f"{mark}{short(changes.mean(), sign='+')}{mark}{interval(low, high, sign='+')}"
 
 
 def worked_example(path: Path) -> tuple[list[str], Rows]:

@@ -8,8 +8,7 @@ import numpy as np
 from torch import Tensor
 
 from .cameras.camera import Camera
-from .cameras.comparison import WITHIN_NOISE as WITHIN_NOISE
-from .cameras.comparison import Comparison
+from .cameras.comparison import WITHIN_NOISE, Comparison
 from .cameras.estimate import estimated
 from .cameras.kinds import levels_of, with_camera
 from .cameras.levels import Levels, mean_of
@@ -77,11 +76,14 @@ class Likeness:
         f1, iou, f1_1px = (float(metric(*masks)) for metric in (metrics.f1, metrics.iou, metrics.f1_1px))
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
-        again = comparison.shown(levels.noisy(code, len(image), derive(seed, "likeness", "again")).to(rendering))
-        plot = comparison.shown(levels.plotted(code, len(image), derive(seed, "likeness", "again")).to(rendering))
-        return cls(f1, iou, comparison.noise_ratio(code, rendering), f1_1px,
+        ratio, again_seed = comparison.noise_ratio(code, rendering), derive(seed, "likeness", "again")
+        again = comparison.shown(levels.noisy(code, len(image), again_seed).to(rendering))
+        # A picture that is farther off than dots allow is no plot of this code, so its grain says nothing of chance.
+        chance = again if ratio >= WITHIN_NOISE else comparison.shown(
+            levels.plotted(code, len(image), again_seed).to(rendering))
+        return cls(f1, iou, ratio, f1_1px,
                    ssim=ssim_inside(rendering, image, least, known),
-                   ssim_chance=ssim_inside(plot, rendering, least, known),
+                   ssim_chance=ssim_inside(chance, rendering, least, known),
                    f1_dark=f1_dark(rendering, image, least),
                    ssim_share=share_inside(rendering, image, again, least, target.known))
 

@@ -9,10 +9,11 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
+from .cameras.comparison import WITHIN_NOISE
 from .evaluation import metrics
 from .images.levels import DRAWN
 from .images.reading import ReadImage
-from .likeness import ALIKE, ALIKE_DARK, UNLIKE, WITHIN_NOISE, Likeness
+from .likeness import ALIKE, ALIKE_DARK, UNLIKE, Likeness
 from .runtime.deadline import USUAL
 
 Kind = Literal["recovered", "approximation", "not recovered"]

@@ -12,13 +12,14 @@ from typing import Any
 import torch
 
 from ..api import invert
+from ..cameras.comparison import WITHIN_NOISE
 from ..ifs.affine import from_code
 from ..ifs.code import IFS
 from ..images.painted import Painted
 from ..images.reading import ReadImage
 from ..inversion import Inversion, Work, coloured, conclude
 from ..inversion.road import INTERRUPTED
-from ..likeness import WITHIN_NOISE, Likeness
+from ..likeness import Likeness
 from ..methods.base import CodeReconstruction, Progress
 from ..methods.collage import given
 from ..runtime.checkpoint import Checkpoint

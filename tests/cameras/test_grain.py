@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch.nn.functional import interpolate
 
-from fractal_exp import suite
+from fractal_exp import codes, suite
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.grain import grain, noise_ratio_of_dots
 from fractal_exp.cameras.kinds import kind_of
@@ -61,6 +61,7 @@ def test_the_true_code_explains_dots_to_their_noise_and_wrong_ones_do_not(code, 
     for what, other in wrong(code):
         likeness = Likeness.of(other, target)
         assert likeness.noise_ratio > 1.25, what
+        assert likeness.ssim_chance > likeness.ssim + .1, f"{what}: a picture that is no plot of the code has no dots"
         assert Verdict.of(likeness, len(other), target).kind != "recovered", what
 
 
@@ -107,9 +108,27 @@ def test_an_even_image_is_explained_by_an_even_density_alone(grey):
     assert noise_ratio_of_dots(torch.full_like(image, .5), torch.full_like(image, .5)) < 1.2
 
 
-def test_large_dots_are_not_taken_for_the_noise_of_small_ones():
-    blocks = bernoulli(torch.full((32, 32), .3), 5).repeat_interleave(8, 0).repeat_interleave(8, 1)
-    assert noise_ratio_of_dots(blocks, torch.full((SMALL, SMALL), .3)) > 2
+@pytest.mark.parametrize("side", [3, 8])
+def test_large_dots_are_not_taken_for_the_noise_of_small_ones(side):
+    density = torch.full((SMALL, SMALL), .3)
+    blocks = bernoulli(torch.full((-(-SMALL // side),) * 2, .3), 5)
+    blocks = blocks.repeat_interleave(side, 0).repeat_interleave(side, 1)[:SMALL, :SMALL]
+    assert noise_ratio_of_dots(blocks, density) > 1.2
+
+
+def test_the_finest_texture_has_less_noise_than_dots():
+    checks = (torch.arange(SMALL)[:, None] + torch.arange(SMALL)) % 2
+    assert noise_ratio_of_dots(checks.float(), torch.full((SMALL, SMALL), .5)) < 1.2, "its mean is right everywhere"
+
+
+def test_a_filled_set_of_dots_is_seen_as_dots():
+    code = attractor.normalize(codes.known("heighway_dragon"))
+    dots = (counted(code, SIDE, 30_000, seed=5) > 0).float()
+    image = interpolate(dots[None, None], size=(SMALL, SMALL), mode="area")[0, 0]
+    target = ReadImage.of_drawing(image, meaning_of(image))
+    likeness = Likeness.of(code, target)
+    assert likeness.noise_ratio < 1.2
+    assert Verdict.of(likeness, len(code), target).kind == "recovered"
 
 
 def levels_of(kind, image):

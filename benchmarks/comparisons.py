@@ -3,17 +3,22 @@
     fractal-sweep comparisons launch=joblib sweep.count=20 seconds=180      the fits; hours, restartable
     python -m benchmarks.comparisons                                        benchmarks/results/comparisons_laptop
     python -m benchmarks.comparisons --study as_released                    benchmarks/results/as_released_laptop
+    python -m benchmarks.comparisons --study ablations --add                adds more fractals to those kept before
 
 Written: fits.jsonl, report.md, strips.png with the pictures of six fractals and, where the sweep has quality over time,
-course.png. Everything comes from the tracking store, so run this on the machine of the fits.
+course.png. Everything comes from the tracking store, so run this on the machine of the fits. With `--add`, a sweep of
+other fractals, from another day or machine, joins the lines of fits.jsonl, and the report is of all; pictures stay.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from fractal_exp import InputError, tracking
 from fractal_exp.images.pixels import write_image
@@ -25,6 +30,7 @@ from fractal_exp.tracking.addresses import store_uri
 from .record import RESULTS, machine
 
 STRIPS, SIDE = 6, 80  # fractals whose pictures are kept, and the pixels of a picture
+SETTINGS = "scale", "suite", "resolution", "limit"   # of fits that one report may hold
 
 
 def kept(uri: str, sweep: report.Sweep) -> list[dict[str, Any]]:
@@ -62,23 +68,50 @@ def _artifact(uri: str, run_id: str, name: str) -> dict[str, Any]:
         return {}
 
 
-def keep(output: Path, study: str, name: str | None, folder: Path) -> None:
-    """Write the newest sweep of a study, or the one of this name, into `folder`."""
+def jobs_of(records: list[dict[str, Any]]) -> pd.DataFrame:
+    """Records as jobs of `report.Sweep`, as far as the report needs them."""
+    return pd.DataFrame([{
+        "row": record["row"], "sample": record["sample"], "status": "FINISHED", "reason": "",
+        "seconds": record["seconds"], "evaluations": float("nan") if record["images"] is None else record["images"],
+        **{f"metric.{name}": value for name, value in record["scores"].items()}} for record in records])
+
+
+def joined(path: Path, records: list[dict[str, Any]], sweep: report.Sweep
+           ) -> tuple[list[dict[str, Any]], report.Sweep]:
+    """The records of a file with those of a sweep, which replace them where both have one, and the sweep of all."""
+    fitted = {(record["row"], record["sample"]) for record in records}
+    before = [record for record in map(json.loads, path.read_text().splitlines())
+              if (record["row"], record["sample"]) not in fitted]
+    settings = [{tuple(each[name] for name in SETTINGS) for each in group} for group in (before, records)]
+    if before and settings[0] != settings[1]:
+        raise InputError(f"{path} holds fits of ({', '.join(SETTINGS)}) {settings[0]}, and the sweep {sweep.name} has "
+                         f"{settings[1]}; keep it in another --folder")
+    return before + records, replace(sweep, jobs=pd.concat([jobs_of(before), sweep.jobs], ignore_index=True))
+
+
+def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool = False) -> None:
+    """Write the newest sweep of a study, or the one of this name, into `folder`; or add it to what is there."""
     uri = store_uri(output)
     sweep = report.read_sweep(uri, study, name)
     records = kept(uri, sweep)
     if len(records) < len(sweep.jobs):
         raise InputError(f"the sweep {sweep.name} has {len(records)} finished jobs of {len(sweep.jobs)}; the same "
                          f"fractal-sweep {study} command again goes on, or name another sweep with --sweep")
+    if add:
+        records, sweep = joined(folder / "fits.jsonl", records, sweep)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "fits.jsonl").write_text("".join(json.dumps(record) + "\n" for record in records))
     commits = sorted({str(record["commit"])[:9] for record in records})
     limits = sorted({f"{record['limit']:g} s" for record in records if record["limit"]})
     at_once = _artifact(uri, sweep.run_id, "sweep.json").get("workers")
-    about = (f"Fitted by {', '.join(commits)} on {machine()}, {at_once} at a time"
+    machines = sorted({record["machine"] for record in records})
+    about = (f"Fitted by {', '.join(commits)} on {', '.join(machines)}, {at_once} at a time"
              f"{', at most ' + ', '.join(limits) + ' each' if limits else ''}; fits.jsonl has every fit.")
     table = report_text.markdown(sweep, report.summary(sweep))
     (folder / "report.md").write_text(f"{table}\n{about}\n")
+    print((folder / "report.md").read_text())
+    if add:
+        return
     sheet = figure(uri, sweep, samples=STRIPS, side=SIDE)
     if sheet is not None:
         write_image(folder / "strips.png", sheet)
@@ -86,7 +119,6 @@ def keep(output: Path, study: str, name: str | None, folder: Path) -> None:
     (folder / "course.png").unlink(missing_ok=True)
     if len(courses):
         (folder / "course.png").write_bytes(course.drawn(sweep, courses))
-    print((folder / "report.md").read_text())
 
 
 def main() -> None:
@@ -95,10 +127,11 @@ def main() -> None:
     parser.add_argument("--sweep", help="name of the sweep's folder (default: the newest)")
     parser.add_argument("--output", type=Path, default=Path("outputs"), help="folder of the MLflow store")
     parser.add_argument("--folder", type=Path, help="where to write (default: benchmarks/results/STUDY_SCALE)")
+    parser.add_argument("--add", action="store_true", help="add to the fits that the folder holds, whatever the store")
     args = parser.parse_args()
     try:
         scale = report.read_sweep(store_uri(args.output), args.study, args.sweep).scale
-        keep(args.output, args.study, args.sweep, args.folder or RESULTS / f"{args.study}_{scale}")
+        keep(args.output, args.study, args.sweep, args.folder or RESULTS / f"{args.study}_{scale}", add=args.add)
     except InputError as error:
         raise SystemExit(str(error)) from error
 

@@ -53,6 +53,7 @@ RESULTS = Path(__file__).parent / "results"
 PLANTS = Path("/usr/share/tuxpaint/stamps/plants")
 SIDE, SIZE = 256, 1.5           # of a picture, pixels; of a figure on the canvas
 MOVED, SLAB, PAVED = 0.1, 12, 64   # share of the figure's size; maps of a slab, of which few look like no accident
+PLOT = "plot/"                  # begins the names of classics plotted as dots
 DOTS, PLOT_SIDE = 60_000, 362   # of a plot: dots of one pixel, and its side before it is shrunk
 OTHER_SHARES = 1.5              # power of the shares of maps in a plot whose dots are shared out otherwise
 EVERY = 3                       # right codes of drawn pictures, of which one is spoilt; of others, all are
@@ -125,7 +126,7 @@ def right() -> Iterator[Pair]:
         code = attractor.normalize(codes.known(name))
         dots = (counted(code, PLOT_SIDE, DOTS, number) > 0).float()
         image = interpolate(dots[None, None], size=(SIDE, SIDE), mode="area")[0, 0]
-        yield Pair("right", f"plot/{name}", ReadImage.of_drawing(image, meaning_of(image)), code, "true")
+        yield Pair("right", f"{PLOT}{name}", ReadImage.of_drawing(image, meaning_of(image)), code, "true")
 
 
 def wrong(pair: Pair, rng: random.Random) -> Iterator[Pair]:
@@ -140,7 +141,7 @@ def wrong(pair: Pair, rng: random.Random) -> Iterator[Pair]:
     angle, offset = rng.random() * 2 * np.pi, code.offset.clone()
     offset[rng.randrange(len(code))] += MOVED * SIZE * torch.tensor([np.cos(angle), np.sin(angle)]).to(offset)
     yield spoilt(name=f"{pair.name}/a map moved", code=replace(code, offset=offset))
-    if pair.name.startswith("plot/"):
+    if pair.name.startswith(PLOT):
         shares = code.sampling_probabilities()**OTHER_SHARES
         yield spoilt(name=f"{pair.name}/other shares", code=replace(code, probabilities=shares / shares.sum()))
     yield spoilt(name=f"{pair.name}/box", code=box(pair.target))
@@ -199,7 +200,7 @@ def pairs() -> Iterator[Pair]:
     yield from seen()
     for number, pair in enumerate(right()):
         yield pair
-        if pair.target.levels != DRAWN or number % EVERY == 0:
+        if pair.target.levels != DRAWN or pair.name.startswith(PLOT) or number % EVERY == 0:
             yield from wrong(pair, random.Random(number))
 
 

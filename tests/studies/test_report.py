@@ -279,6 +279,24 @@ def test_a_sweep_is_kept_fit_by_fit(tmp_path, monkeypatch):
     assert not (tmp_path / "kept").exists(), "an unfinished sweep takes no finished one's place"
 
 
+def test_fits_of_another_day_join_those_that_are_kept(tmp_path, sweep):
+    def record(row, sample, f1, resolution=256):
+        return {"row": row, "sample": sample, "scale": "smoke", "suite": 2025, "resolution": resolution, "limit": None,
+                "seconds": 9.0, "images": None, "scores": {"f1": f1}}
+
+    path = tmp_path / "fits.jsonl"
+    kept = [record("full", "fractal 0", .1), record("full", "fractal 5", .9), record("naive", "fractal 5", .5)]
+    path.write_text("".join(json.dumps(each) + "\n" for each in kept))
+    records, both = comparisons.joined(path, [record("full", "fractal 0", .6)], sweep)
+    assert [(each["row"], each["sample"], each["scores"]["f1"]) for each in records] == [
+        ("full", "fractal 5", .9), ("naive", "fractal 5", .5), ("full", "fractal 0", .6)]
+    table = report.summary(both).set_index("row")
+    assert table.loc["full", "f1"] == pytest.approx((.6 + .8 + .7 + .9) / 4)
+    assert table.loc["naive", "compared"] == 3 and table.loc["naive", "gain"] == pytest.approx((-.1 + .1 - .4) / 3)
+    with pytest.raises(InputError, match="keep it in another --folder"):
+        comparisons.joined(path, [record("full", "fractal 0", .6, resolution=1024)], sweep)
+
+
 def test_an_iteration_of_table_2_is_the_time_of_table_3_and_what_the_page_says():
     a40, rtx = (sum(ITERATION_MS[gpu].values()) for gpu in ("A40", "RTX 3090"))
     assert 15_000 * a40 / 1000 == pytest.approx(TABLES["comparisons"].seconds["chaotic"], rel=.01)

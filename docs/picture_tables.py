@@ -10,6 +10,20 @@ import pandas as pd
 
 from .cells import Rows, frame, interval, lines_of, percent, share, short
 
+# Pairs of `benchmarks.verdicts` that a page shows, and what they are.
+SHOWN_PAIRS = {
+    "crosses of 0.02, grey/true": "crosses at every scale, grey: the true code",
+    "crosses of 0.02, grey/filled square": "the same: a filled square",
+    "T-square of depth 7/filled square": "T-square of seven steps: a filled square",
+    "tone_curves/fern-gamma": "fern through a gamma: the true code",
+    "textbook/cantor_set-3-black": "Cantor set of three steps: the true code",
+    "tone_curves/fern-logarithm": "fern by logarithms: wrong fronds at the foot",
+    "textbook/maple_leaf_dots-red": "maple leaf of dots: the true code",
+    "textbook/cyclosorus_dots-green-jpeg": "cyclosorus of dots, as JPEG: one map too many",
+    "textbook/pythagoras-13-red": "Pythagoras tree, 13 steps: filled where squares are",
+    "tone_curves/maple_leaf-flame": "maple leaf as a flame: a white leaf",
+    "trees/birch/slab": "photographed birch: a slab", "trees/holm_oak/slab": "photographed oak: a slab"}
+
 
 def textbook(folder: Path) -> tuple[list[str], Rows]:
     """Textbook fractals with a true code, of depth four or more and the deepest of each."""
@@ -149,3 +163,32 @@ def fractaldb(*folders: Path) -> tuple[list[str], Rows]:
     return ["picture", "codes", "number", "F1 with the true attractor", "F1 on the input", "density SSE",
             "of the truth", "recovered", "of them exact", "called recovered, of these", "of the others",
             "seconds of a core"], rows
+
+
+def verdicts(path: Path) -> tuple[list[str], Rows]:
+    """Some of the pairs that a person looked at: the figures on which the verdict stands, both verdicts."""
+    pairs = {row["pair"]: row for row in lines_of(path)[-1]["figures"]["pairs"] if row["group"] == "seen"}
+    rows = []
+    for name, about in SHOWN_PAIRS.items():
+        pair = pairs[name]
+        dark = "–" if pair["f1_dark"] is None else short(pair["f1_dark"], 2)
+        differs = "" if pair["verdict"] == pair["person"] else f" (the program: {pair['verdict']})"
+        rows.append([about, short(pair["f1_1px"]), f"{short(pair['ssim'], 2)} of {short(pair['ssim_chance'], 2)}", dark,
+                     short(pair["ssim_share"], 2), f"{pair['person']}{differs}"])
+    return ["picture: drawing", "F1 within a pixel", "`ssim` of `ssim_chance`", "`f1_dark`", "`ssim_share`",
+            "a person says"], rows
+
+
+def misjudged(path: Path) -> tuple[list[str], Rows]:
+    """How many pairs of each kind the verdict and a person, or the truth, tell apart."""
+    pairs = pd.DataFrame(lines_of(path)[-1]["figures"]["pairs"])
+    is_plot, is_other = pairs["pair"].str.startswith("plot/"), pairs["pair"].str.endswith("other shares")
+    is_recovered, right = pairs["verdict"] == "recovered", pairs["group"] == "right"
+    wrong, seen = pairs["group"] == "wrong", pairs["group"] == "seen"
+    kinds = [("a person looked at both", seen, is_recovered != (pairs["person"] == "recovered")),
+             ("right codes", right & ~is_plot, ~is_recovered),
+             ("right codes, plots of dots", right & is_plot, ~is_recovered),
+             ("wrong codes", wrong & ~is_plot, is_recovered),
+             ("wrong codes, plots of dots", wrong & is_plot & ~is_other, is_recovered),
+             ("right maps that share out the dots wrongly", wrong & is_other, is_recovered)]
+    return ["pairs", "misjudged"], [[name, share(fails[chosen])] for name, chosen, fails in kinds]

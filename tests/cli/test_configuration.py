@@ -44,14 +44,18 @@ def test_every_ablation_is_listed_here():
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
-@pytest.mark.parametrize("scale", ["laptop", pytest.param("paper", marks=pytest.mark.slow)])
-def test_an_ablation_differs_from_the_full_method_by_what_it_names_alone(name, scale):
-    full, ablated = plain(f"scale={scale}"), plain(f"scale={scale}", f"ablation={name}")
+@pytest.mark.parametrize("words", [
+    ("scale=laptop",), ("scale=laptop", "method=chaotic_released"),
+    pytest.param(("scale=paper",), marks=pytest.mark.slow)], ids=" ".join)
+def test_an_ablation_differs_from_the_full_method_by_what_it_names_alone(name, words):
+    full, ablated = plain(*words), plain(*words, f"ablation={name}")
     full.pop("method"), ablated.pop("method")  # repeats model, loss and optimizer
     changed = {line.split(":")[0] for line in compare(full, ablated)}
     assert changed, "an ablation must change something"
+    named = ABLATIONS[name] | ({"loss.weights.mse"} if name == "no_mip" else set())  # released, of one level it is 10
     for key in changed:
-        assert any(key == named or key.startswith(named + ".") for named in ABLATIONS[name]), key
+        assert any(key == part or key.startswith(part + ".") for part in named), key
+    assert name == "moments" or ablated["loss"]["weights"]["mse"] in (10.0, full["loss"]["weights"]["mse"])
 
 
 def test_an_ablation_names_one_choice_and_has_no_settings_of_its_own():
@@ -88,6 +92,14 @@ def test_a_preset_is_the_same_method_at_every_scale(scale):
     same = {"laptop": ours, "paper": written}
     if scale in same:
         assert same[scale] == plain(f"scale={scale}")["method"], "what method=chaotic is at this scale"
+
+
+@pytest.mark.parametrize("scale", ["laptop", "paper"])
+def test_the_released_annealing_has_no_phase_where_the_first_half_ends(scale):
+    config = plain(f"scale={scale}", "method=chaotic_released")
+    total, every, until = config["iterations"], config["optimizer"]["every"], config["optimizer"]["until"]
+    ends = range(every, total + 1, every)
+    assert [end for end in ends if (end - 1) / total < until] == [end for end in ends if end < total / 2]
 
 
 def test_your_own_words_win_over_a_preset():

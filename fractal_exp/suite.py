@@ -47,10 +47,10 @@ def target(code: IFS, resolution: int = 1024, kind: str = "grey", *, seed: int =
     """The target image (R,R) in [0,1], float32, of a code: what a method is given to reconstruct.
 
     The code is brought to the canvas by `attractor.normalize`. It is rendered with its own probabilities (|det| + 0.01
-    if it has none), 16 × 16 subpixels a pixel and 50 million · (R/1024)² points (section 5 of the paper). So few points
-    leave the image unsaturated: a "grey" target I shows the density of the invariant measure, about -log(1 - I) points
-    a subpixel. A "binary" target is I > 0.25. Raises `InputError` on another kind, a resolution below 1
-    or a code that is not contractive.
+    if it has none), 50 million · (R/1024)² points (section 5 of the paper) and 16 × 16 subpixels a pixel (the paper's
+    program; section 5 has 8 × 8). So few points leave the image unsaturated: a "grey" target I shows the density of the
+    invariant measure, about -log(1 - I) points a subpixel. A "binary" target is I > 0.25. Raises `InputError` on
+    another kind, a resolution below 1 or a code that is not contractive.
     """
     if kind not in TARGET_KINDS:
         raise InputError(f"a target is one of {', '.join(TARGET_KINDS)}, got {kind!r}")

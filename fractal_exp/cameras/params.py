@@ -17,7 +17,7 @@ class CameraParams(Params):
     """How the image is assumed to have been rendered from a code. The defaults describe the suite's targets."""
 
     supersample: Positive = TARGET_SUPERSAMPLE
-    """Subpixels per side of a pixel of a density or a binary image (Section 5 of the paper)."""
+    """Subpixels per side of a pixel of a density or a binary image (16 in the paper's program)."""
     points_per_pixel: Annotated[float, Field(ge=0.1, allow_inf_nan=False)] = 50_000_000 / 1024**2
     """Points of the chaos game per pixel of the canvas (Section 5 of the paper)."""
     estimate: bool = True

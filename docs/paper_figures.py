@@ -50,7 +50,7 @@ def fits(folder: str) -> list[dict[str, Any]]:
 
 def code_of(fit: dict[str, Any]) -> IFS:
     """The code of a fit."""
-    return IFS(fit["code"]["linear"], fit["code"]["offset"], fit["code"].get("probabilities"))
+    return IFS.from_json(fit["code"])
 
 
 def closer() -> None:
@@ -104,17 +104,20 @@ def real() -> None:
 
     inputs = {"retina": samples.retina_vessels(256), "snowflake": samples.snowflake(256),
               "dahlia": read_target(shapes()["flower"].make(0), 256).image}
-    kept = {(fit["row"], fit["sample"]): fit
-            for folder in ("real_laptop", "real_dahlia_laptop") for fit in fits(folder)}
+    kept = {(fit["row"], fit["sample"], is_20): fit for is_20, study in enumerate(("real", "real_20"))
+            for folder in (f"{study}_laptop", f"{study}_dahlia_laptop") for fit in fits(folder)}
     rows = [("input", [Pair((Image.fromarray((255 * image).byte().numpy()), None), "") for image in inputs.values()])]
-    for method in ("chaotic", "collage"):
+    for title, method, is_20 in (
+            ("the paper's method, 20 maps", "chaotic", 0), ("collage search, 20 maps", "collage", 1),
+            ("collage search, its own number", "collage", 0)):
         pairs = []
         for name in inputs:
-            code, score = code_of(kept[method, name]), kept[method, name]["scores"]["f1"]
+            fit = kept[method, name, is_20]
+            code = code_of(fit)
             closest = View(rich_point(code, end_zoom=REAL_CLOSER), REAL_CLOSER)
             pairs.append(Pair(tuple(seen(code, view, 256) for view in (View(), closest)),
-                              f"{len(code)} maps, F1 {score:.3f}"))
-        rows.append((TITLES[method], pairs))
+                              f"{len(code)} maps, F1 {fit['scores']['f1']:.3f}"))
+        rows.append((title, pairs))
     save(IMAGES / "real.png", drawn(f"Whole, and {REAL_CLOSER} times closer", list(inputs), rows, 128), GREYS)
 
 

@@ -29,6 +29,7 @@ from fractal_exp.tracking.addresses import store_uri
 
 from .record import RESULTS, machine
 
+COURSE = "seconds", "f1", "step"  # of a code on the way; older fits have no step
 STRIPS, SIDE = 6, 80  # fractals whose pictures are kept, and the pixels of a picture
 SETTINGS = "scale", "suite", "resolution", "limit"   # of fits that one report may hold
 
@@ -48,7 +49,7 @@ def kept(uri: str, sweep: report.Sweep) -> list[dict[str, Any]]:
             "scale": sweep.scale, "resolution": _number(run, "resolution"), "limit": _number(run, "method.seconds"),
             "seconds": round(job["seconds"], 2),
             "images": None if job["evaluations"] != job["evaluations"] else int(job["evaluations"]),
-            "scores": scores, "course": points[["seconds", "f1"]].round(4).values.tolist(),
+            "scores": scores, "course": points[list(COURSE)].dropna(axis=1, how="all").round(4).values.tolist(),
             "stopped": _artifact(uri, job["run_id"], INVERSION).get("meta", {}).get("inversion", {}).get("stopped"),
             "code": _artifact(uri, job["run_id"], "code.json") or None,
             "commit": run.get("tags.git_commit"), "machine": machine(), "date": run["start_time"].strftime("%Y-%m-%d")})

@@ -8,9 +8,9 @@
     python -m docs.figures stages    docs/images/stages.png: a target, and the code after each stage of collage search
     python -m docs.figures elsewhere docs/images/elsewhere.png: pictures from elsewhere, and what was found in them
     python -m docs.figures failures  docs/images/failures.png: pictures that others drew, on which collage search fails
-    python -m docs.figures comparisons  docs/images/comparisons*: all methods on six fractals, and quality over time
-    python -m docs.figures ablations  docs/images/ablations.png: the rows of the ablation table on three fractals
     python -m docs.figures retina outputs/fits   docs/images/retina.png and docs/codes/retina.json, from `make run`
+
+`python -m docs.paper_figures` makes those of the paper's studies.
 """
 
 from __future__ import annotations
@@ -67,7 +67,6 @@ ELSEWHERE = [("a drawing in colour", "pictures_textbook_120s", "textbook", "pent
 RETINA = "a retina, 128 maps"
 ELSEWHERE_ZOOM = 20
 FAILED, MOST_FAILURES = 0.9, 8
-THREE_STRIPS = 623   # pixels: the names of the rows, and three fractals
 STAGES_SUITE, STAGES_INDEX = 101, 7
 
 
@@ -85,8 +84,8 @@ class Recovered:
         views = [View(), *(View(self.center(max(zooms)), zoom) for zoom in zooms)]
         drawn = [render(self.code, view, resolution=side, supersample=suite.TARGET_SUPERSAMPLE) for view in views]
         target = suite.target(self.truth, 256)
-        return [np.asarray(_picture(target).resize((side, side), Image.Resampling.LANCZOS).convert("RGB")),
-                *(np.asarray(_picture(image).convert("RGB")) for image in drawn)]
+        return [np.asarray(picture_of(target).resize((side, side), Image.Resampling.LANCZOS).convert("RGB")),
+                *(np.asarray(picture_of(image).convert("RGB")) for image in drawn)]
 
     def center(self, zoom: float) -> tuple[float, float]:
         """Where to zoom: a point with much to see around it, or the fixed point of the largest map."""
@@ -142,7 +141,7 @@ def gallery() -> None:
         each = find(key)
         panels = each.panels(240, ZOOMS)
         gap = np.full((240, 6, 3), 90, np.uint8)
-        _save(IMAGES / "gallery" / f"{each.name}.png",
+        save(IMAGES / "gallery" / f"{each.name}.png",
               np.concatenate([part for panel in panels for part in (gap, panel)][1:], 1))
 
 
@@ -157,7 +156,7 @@ def hero() -> None:
     for column, key in enumerate(HERO):
         for row, panel in enumerate(find(key).panels(side, (HERO_ZOOM,))):
             sheet.paste(Image.fromarray(panel), (left + column * (side + gap), row * (side + gap)))
-    _save(IMAGES / "hero.png", np.asarray(sheet))
+    save(IMAGES / "hero.png", np.asarray(sheet))
 
 
 def elsewhere() -> None:
@@ -181,12 +180,12 @@ def elsewhere() -> None:
     for column, (note, source, code) in enumerate(columns):
         drawn = Image.open(source) if isinstance(source, Path) else Image.fromarray(_bytes(source))
         closer = View(rich_point(code, end_zoom=ELSEWHERE_ZOOM), ELSEWHERE_ZOOM)
-        cells = [_square(drawn.convert("RGB")), *(_seen(code, view, 2 * side) for view in (View(), closer))]
+        cells = [_square(drawn.convert("RGB")), *(seen(code, view, 2 * side) for view in (View(), closer))]
         x = left + column * (side + gap)
         pen.text((x + side // 2, top - 6), note, fill=(205, 205, 205), font=small, anchor="ms")
         for row, cell in enumerate(cells):
             sheet.paste(cell.resize((side, side), Image.Resampling.BOX), (x, top + row * (side + gap)))
-    _save(IMAGES / "elsewhere.png", np.asarray(sheet), 48)
+    save(IMAGES / "elsewhere.png", np.asarray(sheet), 48)
 
 
 def zoom() -> None:
@@ -227,14 +226,14 @@ def stages() -> None:
     columns = [truth, *list(found.values())[:3]]
     images = [[render(code, view, resolution=400, seed=number) for number, code in enumerate(columns)]
               for view in views]
-    cells = [np.asarray(_picture(image).convert("RGB")) for row in images for image in row]
+    cells = [np.asarray(picture_of(image).convert("RGB")) for row in images for image in row]
     close = images[1]
     cells += [np.zeros_like(cells[0]), *(np.rint(255 * difference(image, close[0])).astype(np.uint8)
                                          for image in close[1:])]
     side = 200
     cells = [np.asarray(Image.fromarray(cell).resize((side, side), Image.Resampling.BOX)) for cell in cells]
     rows = [np.concatenate(cells[k:k + len(columns)], 1) for k in range(0, len(cells), len(columns))]
-    _save(IMAGES / "stages.png", np.concatenate(rows), 64)
+    save(IMAGES / "stages.png", np.concatenate(rows), 24)
 
 
 def failures() -> None:
@@ -248,20 +247,7 @@ def failures() -> None:
             if line["role"] == "reporting" and line[score] < min(FAILED, worst.get(family, (FAILED,))[0]):
                 worst[family] = line[score], kind, line
     chosen = sorted(worst.values(), key=lambda each: each[0])[:MOST_FAILURES]
-    _save(IMAGES / "failures.png", report.sheet([(kind, line) for _, kind, line in chosen], 180), 64)
-
-
-def comparisons() -> None:
-    """The two pictures that `benchmarks.comparisons` keeps, smaller."""
-    kept = ROOT / "benchmarks" / "results" / "comparisons_six_laptop"
-    _save(IMAGES / "comparisons.png", np.asarray(Image.open(kept / "strips.png").convert("L")), 12)
-    _save(IMAGES / "comparisons_course.png", np.asarray(Image.open(kept / "course.png").convert("RGB")), 64)
-
-
-def ablations() -> None:
-    """The first three of the six fractals on the strips that `benchmarks.comparisons --study ablations` keeps."""
-    strips = np.asarray(Image.open(RESULTS / "ablations_laptop" / "strips.png").convert("L"))
-    _save(IMAGES / "ablations.png", strips[:, :THREE_STRIPS], 12)
+    save(IMAGES / "failures.png", report.sheet([(kind, line) for _, kind, line in chosen], 180), 64)
 
 
 def retina(folder: Path) -> None:
@@ -269,18 +255,18 @@ def retina(folder: Path) -> None:
     fit = next(folder.glob("retina-collage-*-laptop-*"))
     image, truth = (torch.from_numpy(np.asarray(Image.open(fit / name).convert("L")) / np.float32(255))
                     for name in ("redrawn.png", "views/target.png"))
-    _save(IMAGES / "retina.png", comparison_strip(image[None], truth[None], ["blood vessels of a retina"]), 64)
+    save(IMAGES / "retina.png", comparison_strip(image[None], truth[None], ["blood vessels of a retina"]), 64)
     shutil.copy(fit / "code.json", CODES / "retina.json")
 
 
-def _seen(code: IFS, view: View, side: int) -> Image.Image:
+def seen(code: IFS, view: View, side: int) -> Image.Image:
     """A code as `fractal-render` shows it: in its own tone, if it has one."""
     if own_tone(code) is None:
-        return _picture(render(code, view, resolution=side))
+        return picture_of(render(code, view, resolution=side))
     return Image.fromarray(_bytes(render(code, view, resolution=side, mode="tone").numpy()))
 
 
-def _picture(image: Tensor) -> Image.Image:
+def picture_of(image: Tensor) -> Image.Image:
     """A grey image (R,R) in [0,1]. The square root lifts the faint parts, which a small picture would lose."""
     return Image.fromarray((image.sqrt() * 255).round().to(torch.uint8).numpy())
 
@@ -298,7 +284,7 @@ def _square(picture: Image.Image) -> Image.Image:
     return square
 
 
-def _save(path: Path, image: np.ndarray, colours: int = LEVELS) -> None:
+def save(path: Path, image: np.ndarray, colours: int = LEVELS) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(image).quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
     print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1024:.0f} KiB")
@@ -310,8 +296,7 @@ def _run(command: str, *arguments: str) -> None:
 
 if __name__ == "__main__":
     parts = {"fits": fits, "gallery": gallery, "hero": hero, "zoom": zoom, "morph": morph, "stages": stages,
-             "elsewhere": elsewhere, "failures": failures, "comparisons": comparisons, "ablations": ablations,
-             "retina": retina}
+             "elsewhere": elsewhere, "failures": failures, "retina": retina}
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     parts[sys.argv[1]](*map(Path, sys.argv[2:]))

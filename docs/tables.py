@@ -1,8 +1,8 @@
 """The tables of results on the site, from the files under benchmarks/results.
 
-A line `[table: MAKER FOLDER ...]` of a page becomes a table: the maker is a function of this module or of
-`docs.picture_tables`, and each folder or file is one under benchmarks/results. So a page never states a figure that its
-file does not hold.
+A line `[table: MAKER FOLDER ...]` of a page becomes a table: the maker is a function of this module, of
+`docs.picture_tables` or of `docs.paper_tables`, and each folder or file is one under benchmarks/results. So a page
+never states a figure that its file does not hold.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from . import paper_tables as paper
 from . import picture_tables as pictures
 from .cells import Rows, frame, interval, lines_of, percent, share, short
 
@@ -217,7 +218,7 @@ def dimensions(path: Path) -> tuple[list[str], Rows]:
 
 
 MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {each.__name__: each for each in (
-    suite, codes, parts, ablation, paper_ablations, worked_example, pictures.textbook, pictures.trees,
-    pictures.binary, pictures.shapes,
+    suite, codes, parts, ablation, paper_ablations, paper.function_count, paper.real, paper.convergence, worked_example,
+    pictures.textbook, pictures.trees, pictures.binary, pictures.shapes,
     pictures.photographs, pictures.photographs_in_colour, pictures.equal_bytes, pictures.density, pictures.tone_curves,
     pictures.windows, pictures.fractaldb, pictures.verdicts, pictures.misjudged, classics, datasets, speed, dimensions)}

@@ -98,9 +98,11 @@ class FitFolder:
         return write_image(kept, levels, bits=16)
 
     def keep_course(self, points: Sequence[Mapping[str, float]], seconds: float, f1: float) -> Path:
-        """Keep the F1 of the codes on the way, and that of the result, as course.json: a list of seconds and f1."""
+        """Keep the F1 of the codes on the way, and that of the result, as course.json: a list of seconds, step and f1.
+        The result has the last step, if any is known."""
         path = self.path / "course.json"
-        finite = [*points, {"seconds": seconds, "f1": f1}]
+        last = {"step": points[-1]["step"]} if points else {}
+        finite = [*points, {"seconds": seconds, **last, "f1": f1}]
         write_atomically(path, json.dumps([point for point in finite if np.isfinite(point["f1"])], indent=1) + "\n")
         return path
 

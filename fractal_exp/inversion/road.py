@@ -30,12 +30,12 @@ LAST_CODES = 4  # how many codes of an interrupted search are compared: a later 
 
 @dataclass(frozen=True)
 class Work:
-    """What a method did: what it found, its stages, the codes on the way with the seconds since the start, why it
-    stopped, how many seconds it took, and what its user knew of the camera."""
+    """What a method did: what it found, its stages, the codes on the way with the seconds since the start and the
+    step, why it stopped, how many seconds it took, and what its user knew of the camera."""
 
     found: Reconstruction
     stages: tuple[StageRecord, ...] = ()
-    course: tuple[tuple[float, IFS], ...] = ()
+    course: tuple[tuple[float, int, IFS], ...] = ()
     stopped: str = ""
     seconds: float = 0.0
     camera: CameraParams = CameraParams()

@@ -28,13 +28,13 @@ class StageRecord:
 class History:
     """An `on_step` that keeps a `StageRecord` of every stage and tells `others` what it is told.
 
-    course: the seconds since it was made and the code, wherever the method handed one over. A stage ends where the
-    method hands over its code, or where the next one begins.
+    course: the seconds since it was made, the number of the step and the code, wherever the method handed one over. A
+    stage ends where the method hands over its code, or where the next one begins.
     """
 
     def __init__(self, others: Sequence[OnStep] = ()):
         self.others = others
-        self.course: list[tuple[float, IFS]] = []
+        self.course: list[tuple[float, int, IFS]] = []
         self._ended: list[StageRecord] = []
         self._last: Progress | None = None
         self._first = self._began = time.monotonic()
@@ -44,7 +44,7 @@ class History:
             self._end(self._last)
         self._last = progress
         if progress.code is not None:
-            self.course.append((self.seconds(), progress.code))
+            self.course.append((self.seconds(), progress.step, progress.code))
             self._end(progress)
         for on_step in self.others:
             on_step(progress)

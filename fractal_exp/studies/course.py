@@ -15,13 +15,14 @@ from .report import Sweep
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = ("row", "sample", "seconds", "f1")
+COLUMNS = ("row", "sample", "seconds", "f1", "step")
 MOMENTS = 200  # at which a row's curves are averaged
 
 
 def read_courses(uri: str, sweep: Sweep) -> pd.DataFrame:
-    """A line for each code of each finished job: row, sample, the seconds of the fit until then, and its f1 on the
-    whole view. Empty if the sweep keeps no courses. Raises `InputError` on a damaged one."""
+    """A line for each code of each finished job: row, sample, the seconds of the fit until then, its f1 on the whole
+    view, and the number of the method's step (NaN where that is not known). Empty if the sweep keeps no courses. Raises
+    `InputError` on a damaged one."""
     import pandas as pd
 
     lines = []
@@ -34,7 +35,8 @@ def read_courses(uri: str, sweep: Sweep) -> pd.DataFrame:
         if not isinstance(points, list) or not all(isinstance(point, dict) and {"seconds", "f1"} <= set(point)
                                                    for point in points):
             raise InputError(f"the artifact course.json of the run {job.run_id} is damaged; fit that job again")
-        lines += [(job.row, job.sample, float(point["seconds"]), float(point["f1"])) for point in points]
+        lines += [(job.row, job.sample, float(point["seconds"]), float(point["f1"]), float(point.get("step", "nan")))
+                  for point in points]
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 

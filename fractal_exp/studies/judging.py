@@ -144,13 +144,15 @@ def _in_frame(reconstruction: Reconstruction, truth: IFS, options: Mapping[str, 
     return {f"eval/{name}_frame": float(framed[name].mean()) for name in ("f1", "iou")}
 
 
-def judge_course(course: Sequence[tuple[float, IFS]], truth: IFS, options: Mapping[str, Any]) -> list[dict[str, float]]:
-    """The F1 of the whole view of each code that a method came to on its way, with its seconds."""
+def judge_course(course: Sequence[tuple[float, int, IFS]], truth: IFS, options: Mapping[str, Any]
+                 ) -> list[dict[str, float]]:
+    """The F1 of the whole view of each code that a method came to on its way, with its seconds and its step."""
     size = {key: options[key] for key in ("resolution", "points_in_view", "supersample")}
     size["points_in_view"] = size["points_in_view"] or points_per_view(options["resolution"])
     whole = render(ALIGNMENTS["bbox"](truth), View(), **size, seed=1)[None]
-    return [{"seconds": seconds, "f1": float(metrics.compare(
-        render(ALIGNMENTS[options["align"]](code), View(), **size)[None], whole)["f1"])} for seconds, code in course]
+    return [{"seconds": seconds, "step": step, "f1": float(metrics.compare(
+        render(ALIGNMENTS[options["align"]](code), View(), **size)[None], whole)["f1"])}
+        for seconds, step, code in course]
 
 
 def f1_in_words(f1: float) -> str:

@@ -44,8 +44,6 @@ class Pair:
 def figure(uri: str, sweep: Sweep, *, samples: int = 2, side: int = 160) -> np.ndarray | None:
     """(H,W,3) uint8: the targets in the first row, then each row of the table, two pictures for each of the first
     `samples` samples. None if no job finished. The pictures come from the store."""
-    from PIL import Image, ImageDraw
-
     jobs = sweep.jobs[sweep.jobs["status"] == "FINISHED"]
     if not len(jobs):
         return None
@@ -54,7 +52,14 @@ def figure(uri: str, sweep: Sweep, *, samples: int = 2, side: int = 160) -> np.n
     for row in list(dict.fromkeys(jobs["row"]))[:LARGEST]:
         of_row = jobs[jobs["row"] == row]
         rows.append((str(row), [_pair(uri, of_row[of_row["sample"] == sample]) for sample in chosen]))
-    size, labels, places = layout(f"{sweep.title}, {sweep.scale} scale", [str(sample) for sample in chosen], rows, side)
+    return drawn(f"{sweep.title}, {sweep.scale} scale", [str(sample) for sample in chosen], rows, side)
+
+
+def drawn(title: str, samples: Sequence[str], rows: Sequence[tuple[str, list[Pair]]], side: int) -> np.ndarray:
+    """(H,W,3) uint8: a sheet with a name and a pair for each sample in every row, as `layout` says."""
+    from PIL import Image, ImageDraw
+
+    size, labels, places = layout(title, samples, rows, side)
     sheet = Image.new("RGB", size, BACKGROUND)
     for picture, x, y in places:
         sheet.paste(_scaled(picture, side), (x, y))

@@ -139,6 +139,16 @@ def test_a_table_of_results_states_what_its_files_hold(tmp_path, monkeypatch):
     assert results.table("paper_ablations", "paper").splitlines()[2:] == [
         "| `full` | .650 | .500 | 9.0 | .400 |  | .611 |  | 30 |",
         "| `no_mip` | .450 | .500 | 9.0 | .400 | **−.200** [−.200, −.200] | .363 | −.248 | 30 |"]
+    course = [[1, .3, 5], [2, .4, 10], [3, .6, 15], [4, .7, 20], [5, .8, 20]]
+    fit = {"row": "3 maps", "sample": "seed 0", "seconds": 40, "scores": {"f1": .6, "iou": .5, "psnr": 9, "ssim": .4},
+           "course": course, "code": {"linear": [[[.5, 0], [0, .5]], [[.05, 0], [0, .1]]]}}
+    (tmp_path / "paper" / "fits.jsonl").write_text(json.dumps(fit) + "\n" + json.dumps(fit | {"sample": "seed 1"}))
+    assert results.table("function_count", "paper").splitlines()[2:] == ["| 3 maps | .600 | .600, .600 | 1, 1 | 40 |"]
+    assert results.table("real", "paper").splitlines()[2] == (
+        "| seed 0 | `3 maps` | 2 | .600 | .500 | 9.0 | .400 | 40 |")
+    assert results.table("convergence", "paper").splitlines()[0::2] == [
+        "| row | 5 iterations | 10 iterations | 15 iterations | 20 iterations | all views | seconds |",
+        "| `3 maps` | .300 | .400 | .600 | .800 | .600 | 40 |"]
     (tmp_path / "times.jsonl").write_text(json.dumps({"figures": {"steps": [
         {"step": "a step", "seconds": 0.0123, "twin_seconds": 2.5, "twin_ratio": 203.2}]}}))
     assert results.table("speed", "times.jsonl").splitlines()[-1] == "| a step | 12.3 ms | 2.5 s | 203 |"

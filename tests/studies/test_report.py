@@ -246,11 +246,11 @@ def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch
     log(uri, tmp_path, "smoke-course", {"full": [.6]}, None)
     sweep = report.read_sweep(uri, "study")
     assert not len(course.read_courses(uri, sweep)), "this one keeps none"
-    points = [{"seconds": 1.0, "f1": .5}, {"seconds": 3.0, "f1": .6}]
+    points = [{"seconds": 1.0, "step": 4, "f1": .5}, {"seconds": 3.0, "step": 8, "f1": .6}]
     monkeypatch.setattr(tracking, "read_artifact", lambda *_: json.dumps(points).encode())
     courses = course.read_courses(uri, sweep)
     assert courses.to_dict("list") == {"row": ["full"] * 2, "sample": ["fractal 0"] * 2, "seconds": [1, 3],
-                                       "f1": [.5, .6]}
+                                       "f1": [.5, .6], "step": [4, 8]}
     (tmp_path / "course.png").write_bytes(course.drawn(sweep, courses))
     assert Image.open(tmp_path / "course.png").size == (960, 600)
     points = {"seconds": 1.0}

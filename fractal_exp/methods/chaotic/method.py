@@ -14,6 +14,7 @@ from pydantic import BaseModel, Field, model_validator
 from torch import Tensor
 
 from ...errors import InputError
+from ...ifs.code import IFS
 from ...runtime.checkpoint import Checkpoint, Snapshot, moments
 from ...runtime.checks import check_seconds
 from ...runtime.deadline import Deadline
@@ -72,9 +73,10 @@ class Chaotic(Method):
 
     match_target: compare with the target as the model itself would draw it (`ForwardModel.match`), which the paper
     does not. radii: of the splats, in units of the model's, each for an equal part of the run; with some above 1 a fit
-    goes from coarse to fine, and its best state is one of the last part. previews: how many preview images a run
-    reports. device: where tensors live; on a GPU the numbers of up to 32 steps are fetched together, and so are they
-    told to `on_step`. Raises `InputError` on values out of range.
+    goes from coarse to fine, and its best state is one of the last part. previews: how often a run reports a preview
+    image and the code of the lowest loss so far, evenly spread over its iterations. device: where tensors live; on a
+    GPU the numbers of up to 32 steps are fetched together, and so are they told to `on_step`. Raises `InputError` on
+    values out of range.
     """
 
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
@@ -111,7 +113,7 @@ class Chaotic(Method):
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))
         start_time = time.monotonic()
         first = self._start(best, checkpoint, image)
-        preview_every = math.ceil(total / self.previews) if self.previews else None
+        preview_every = self._preview_every
 
         iteration, fraction = first, first / total
         radius = self._radius(fraction * total)
@@ -230,8 +232,21 @@ class Chaotic(Method):
             if each.contractive:
                 best.offer(each.loss, each.iteration, each.step.raw)
             if on_step:
-                preview = draw() if draw and each is numbers[-1] else None
-                on_step(Progress(each.iteration + 1, each.fraction, each.scalars(), preview))
+                step, told = each.iteration + 1, draw is not None and each is numbers[-1]
+                on_step(Progress(step, each.fraction, each.scalars(), draw() if draw and told else None,
+                                 self._stage(step), self._code_so_far(best) if told else None))
+
+    @property
+    def _preview_every(self) -> int | None:
+        return math.ceil((self.scouted + self.iterations) / self.previews) if self.previews else None
+
+    def _stage(self, step: int) -> str | None:
+        """The name of the stage that a step belongs to: a stage ends with a preview."""
+        every, total = self._preview_every, self.scouted + self.iterations
+        return None if every is None else f"first {min(math.ceil(step / every) * every, total)} iterations"
+
+    def _code_so_far(self, best: BestStates) -> IFS | None:
+        return self.model.code(best.states[0], derive(self.seed, "frame")) if best.states else None
 
     @staticmethod
     def _break_off(failed: Numbers, good: Snapshot, checkpoint: Checkpoint | None) -> NoReturn:

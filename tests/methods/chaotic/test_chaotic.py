@@ -136,6 +136,22 @@ def test_progress_tells_loss_temperature_terms_and_previews(target):
     assert "accepted" in told[2].scalars and "accepted" not in told[3].scalars
     assert [p.step for p in told if p.preview is not None] == [4, 8, 12]
     assert told[3].preview.shape == (32, 32)
+    assert [p.step for p in told if p.code is not None] == [4, 8, 12] and len(told[3].code) == 3
+    assert [p.stage for p in told[3:5]] == ["first 4 iterations", "first 8 iterations"]
+
+
+def test_the_codes_on_the_way_are_those_of_the_lowest_loss_and_cost_the_fit_nothing(target):
+    told = []
+    chaotic = fit(starts=3, scouting=4, iterations=10, previews=22)
+    found = chaotic.reconstruct(target, on_step=told.append).code
+    assert torch.equal(found.linear, fit(starts=3, scouting=4, iterations=10).reconstruct(target).code.linear)
+    changes = 0
+    for before, now in zip(told, told[1:], strict=False):
+        lower = now.scalars["loss"] < min(p.scalars["loss"] for p in told[:now.step - 1])
+        changed = not torch.equal(now.code.linear, before.code.linear)
+        assert changed == (lower and now.step != 13), "which scores the best of all starts again, with other points"
+        changes += changed
+    assert changes > 3
 
 
 def test_seconds_end_a_fit_with_the_best_so_far(target):

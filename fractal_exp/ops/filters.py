@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
@@ -19,5 +18,5 @@ def filtered(images: Tensor, window: Sequence[float]) -> Tensor:
         wide, size = pad(images, margins), images.shape[axis]
         images = wide.narrow(axis, 0, size) * window[0]
         for shift, weight in enumerate(window[1:], 1):
-            images = torch.add(images, wide.narrow(axis, shift, size), alpha=weight)
+            images.add_(wide.narrow(axis, shift, size), alpha=weight)
     return images

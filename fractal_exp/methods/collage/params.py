@@ -236,7 +236,7 @@ class GrowthParams(Params):
     """Likeness at which growth stops if nothing is asked for."""
     at_once: Annotated[int, Field(ge=2)] = 21
     """Number of maps asked for (`maps`, `bytes`) from which they are grown without a search."""
-    steps: Steps = 1000
+    steps: Steps = 2000
     """Adam steps of all maps together, for 128 maps or more; fewer maps take fewer."""
 
     @model_validator(mode="after")

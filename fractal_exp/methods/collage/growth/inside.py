@@ -32,14 +32,17 @@ class InsideSsim:
 
     def slope(self, shown: Tensor) -> Tensor:
         """The gradient (R,R) of the sum by an image (R,R)."""
-        slope = torch.zeros_like(shown)
-        with torch.enable_grad():
-            part = shown[self.box].detach().clone().requires_grad_()
-            mean, square, product = self._averaged(torch.stack([part, part.square(), part * self.grey]))
-            variance, covariance = square - mean.square(), product - mean * self.mean
-            alike = (2 * mean * self.mean + C1) * (2 * covariance + C2)
-            ssim = alike / ((mean.square() + self.mean.square() + C1) * (variance + self.variance + C2))
-            slope[self.box], = torch.autograd.grad((ssim * self.inside).sum(), part)
+        slope, part = torch.zeros_like(shown), shown[self.box]
+        mean, square, product = self._averaged(torch.stack([part, part.square(), part * self.grey]))
+        of_means, of_both = 2 * mean * self.mean + C1, 2 * (product - mean * self.mean) + C2
+        means, both = mean.square() + self.mean.square() + C1, square - mean.square() + self.variance + C2
+        each = self.inside / (means * both)
+        ssim = each * of_means * of_both
+        by_square, by_product = -ssim / both, 2 * each * of_means
+        by_mean = 2 * each * self.mean * (of_both - of_means) + 2 * mean * ssim * (1 / both - 1 / means)
+        # The window is even, so its transpose is itself.
+        by_mean, by_square, by_product = self._averaged(torch.stack([by_mean, by_square, by_product]))
+        slope[self.box] = by_mean + 2 * part * by_square + self.grey * by_product
         return slope
 
     def _averaged(self, images: Tensor) -> Tensor:

@@ -245,6 +245,7 @@ SQUARE = np.pad(np.ones((32, 20), np.float32), ((16, 16), (22, 22)))
 @pytest.mark.parametrize(("options", "message"), [
     ({"map": 3}, "the method 'collage' has no option 'map'; did you mean 'maps'"),
     ({"restarts": 3}, "the method 'collage' has no option 'restarts'; did you mean search.restarts?"),
+    ({"image": {"last": 2}}, "there is no parameter image.last; choose one of finest, last_renderings"),
     ({"levels": "densty"}, "got 'densty'; did you mean 'density'?"),
     ({"seconds": "a"}, "seconds must be a number or None, got 'a'"),
     ({"seed": 1.5}, "seed must be a whole number, got 1.5"),

@@ -37,7 +37,7 @@ def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, 
     stage, state = ImageMoves(given, number), State(best=tied(maps), pool=maps)
     state = stage.open(state)
     assert stage.search.noise_ratio(state.current) < 2, "the true code"
-    stage.search.noise_ratio = lambda now: ratio
+    stage.search.finish, stage.search.noise_ratio = lambda now: now, lambda now: ratio
     stage.search.objective.angle = lambda error: angle
     after = stage.close(state)
     assert (after.best is None) == another and len(after.result.maps) == 3

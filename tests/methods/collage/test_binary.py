@@ -64,6 +64,13 @@ def pulled():
     return suite.target(code, 128, "binary"), maps, maps + 0.004 * torch.randn(maps.shape, generator=random(1))
 
 
+@pytest.fixture
+def unpolished(monkeypatch):
+    """The moves of a round begin and end without a polish of their code."""
+    monkeypatch.setattr(ImageSearch, "resume", lambda search, now: search.judged(now))
+    monkeypatch.setattr(ImageSearch, "finish", lambda search, now: now)
+
+
 def misfit(given, found) -> float:
     return float(given.objective.firm_frame().misfit(found.maps, found.probabilities).abs().max())
 
@@ -179,6 +186,7 @@ def test_a_fit_that_finds_the_true_code_is_not_the_end_of_its_round(pulled, monk
     assert len(told) == 1 and told[0] < 2
 
 
+@pytest.mark.usefixtures("unpolished")
 def test_another_round_of_a_binary_image_begins_from_nothing(pulled, monkeypatch):
     """Even after a hopeless one. With greys, a round continues from the rounds before."""
     image, right, wrong = pulled
@@ -281,13 +289,7 @@ def test_the_code_of_a_round_is_judged_even_if_its_part_of_the_time_is_over(tria
     assert ImageMoves(given, 0).latest_start.passed and not Rounding(given, 2).latest_start.passed
 
 
-@pytest.fixture
-def unfinished(monkeypatch):
-    """The moves of a round end without the last polish of their code."""
-    monkeypatch.setattr(ImageSearch, "finish", lambda search, now: now)
-
-
-@pytest.mark.usefixtures("unfinished")
+@pytest.mark.usefixtures("unpolished")
 @pytest.mark.parametrize(("levels", "growth", "share", "another"), [
     ("binary", True, 0.5, True), ("binary", True, 0.8, False), ("binary", False, 0.8, True),
     ("density", True, 0.5, False)])
@@ -303,7 +305,7 @@ def test_a_round_follows_a_hopeless_code_of_a_binary_image_if_growth_has_time_le
     assert (stage.close(state).best is None) == another
 
 
-@pytest.mark.usefixtures("unfinished")
+@pytest.mark.usefixtures("unpolished")
 def test_moves_that_the_time_limit_ends_say_so(triangle):
     seconds = [0.0]
     for number, late, stopped in ((1, 970, "the time limit of 1000 s was reached"),

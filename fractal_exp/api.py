@@ -28,7 +28,7 @@ OWN = ("method", "resolution", "frame", "invert", "threshold", "clean", "crop", 
        "progress", "on_step", "keep_interrupted", "checkpoint", "colour")  # arguments of `invert`, whatever the method
 
 
-def invert(image: str | Path | np.ndarray | Tensor | ReadImage, *, method: str = "collage", resolution: int = 256,
+def invert(image: str | Path | np.ndarray | Tensor | ReadImage, /, *, method: str = "collage", resolution: int = 256,
            frame: Literal["fit", "keep"] = "fit", invert: bool | Literal["auto"] = "auto",
            threshold: float | None = None, clean: bool = True, crop: Sequence[int] | None = None,
            levels: Levels = "auto", colour: bool = False, seed: int = 0, seconds: float | None = None,

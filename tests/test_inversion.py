@@ -57,19 +57,23 @@ class Knows(Method):
         return self.answer
 
 
-@pytest.fixture
-def known(monkeypatch):
+def known(image, stopped="", notes=(), code=None, **options) -> Inversion:
     """`invert` with a method whose answer is the triangle."""
-    def invert_knowing(image, stopped="", notes=(), code=None, **options):
-        code = attractor.normalize(codes.known("sierpinski_triangle")) if code is None else code
-        answer = Knows(CodeReconstruction(code, stopped, notes))
+    code = attractor.normalize(codes.known("sierpinski_triangle")) if code is None else code
+    answer = Knows(CodeReconstruction(code, stopped, notes))
 
-        def build(*, resolution: int, seed: int, seconds: float | None = None):
-            return answer
+    def build(*, resolution: int, seed: int, seconds: float | None = None):
+        return answer
 
-        monkeypatch.setattr("fractal_exp.api.load", lambda name: build)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fractal_exp.api.load", lambda name: build)
         return invert(image, **options)
-    return invert_knowing
+
+
+@pytest.fixture(scope="module")
+def kept(path) -> Inversion:
+    """The triangle of the picture's file, read as a drawing, with a note and a limit of time."""
+    return known(path, notes=("a note",), levels="coverage", seconds=np.float64(9))
 
 
 def test_collage_search_is_taken_unless_another_method_is_named(found):
@@ -86,15 +90,15 @@ def test_its_history_is_what_the_method_told(found, told):
     assert torch.equal(found.code.linear, ends[-1].code.linear)
 
 
-def test_it_says_why_it_stopped(known, found):
+def test_it_says_why_it_stopped(found):
     assert found.stopped == "the code draws the shape to within a pixel"
-    assert known(triangle_picture(), stopped="the error reached 0").stopped == "the error reached 0"
+    assert known(triangle_picture(), stopped="the error reached 0", resolution=64).stopped == "the error reached 0"
     code = CodeReconstruction(found.code)
     assert stop_reason(code, 60.0, 61.0) == "the time limit of 60 s was reached"
     assert stop_reason(code, 60.0, 20.0) == stop_reason(code, None, 61.0) == "all stages done"
 
 
-def test_a_code_that_is_far_off_is_warned_of(known):
+def test_a_code_that_is_far_off_is_warned_of():
     target = suite.target(codes.known("sierpinski_triangle"), 64).numpy()
     assert known(target, resolution=64, frame="keep").warnings == ()
     fern = attractor.normalize(codes.known("fern"))
@@ -102,7 +106,7 @@ def test_a_code_that_is_far_off_is_warned_of(known):
     assert found.warnings == (f"{found.verdict} (asked to)",) and found.verdict.kind == "not recovered"
 
 
-def test_notes_and_warnings_of_the_picture_and_of_the_method_are_kept(known):
+def test_notes_and_warnings_of_the_picture_and_of_the_method_are_kept():
     found = known(triangle_picture(), notes=("a symmetry was found",), resolution=256)
     assert "black shape on white: inverted" in found.notes and "a symmetry was found" in found.notes
     assert any("linear interpolation" in warning for warning in found.warnings)
@@ -120,9 +124,9 @@ def test_pixels_go_to_the_canvas_and_back(found):
 
 
 @pytest.mark.parametrize("of", [np.asarray, str])
-def test_the_overlay_marks_what_is_missing_and_what_is_too_much(of, path, known, tmp_path):
+def test_the_overlay_marks_what_is_missing_and_what_is_too_much(of, kept, tmp_path):
     picture = triangle_picture()
-    found = known(picture if of is np.asarray else path)
+    found = kept if of is str else known(picture)
     written = tmp_path / "overlay.png"
     for code in (found.code, found.code.similar(1.0, (0.3, 0.0))):
         overlay = np.asarray(replace(found, code=code).overlay(written, opacity=1.0))
@@ -135,7 +139,7 @@ def test_the_overlay_marks_what_is_missing_and_what_is_too_much(of, path, known,
     assert (picture[missing] < 192).mean() > 0.9 and (picture[extra] > 192).mean() > 0.7
 
 
-def test_the_overlay_of_a_coloured_picture_is_marked_on_greys(known):
+def test_the_overlay_of_a_coloured_picture_is_marked_on_greys():
     picture = np.zeros((*SIZE[::-1], 4), np.uint8)
     picture[..., 1], picture[..., 3] = 255 - triangle_picture(), 255
     picture[:5] = 0  # transparent, laid on black as the shape is white
@@ -144,8 +148,8 @@ def test_the_overlay_of_a_coloured_picture_is_marked_on_greys(known):
     assert np.corrcoef(overlay[..., 0].ravel(), picture[..., 1].ravel())[0, 1] > 0.999
 
 
-def test_it_is_rendered_and_judged_like_a_code(known):
-    found = known(triangle_picture(), levels="coverage")  # a drawing has no tone
+def test_it_is_rendered_and_judged_like_a_code():
+    found = known(triangle_picture(), levels="coverage", resolution=64)  # a drawing has no tone
     view = View((0.1, 0.2), 3.0)
     assert torch.equal(found.render(view, resolution=64), render(found.code, view, resolution=64))
     frame = evaluation.evaluate(found, codes.known("sierpinski_triangle"), resolution=64, points_in_view=20_000)
@@ -153,9 +157,8 @@ def test_it_is_rendered_and_judged_like_a_code(known):
 
 
 @pytest.mark.parametrize("name", ["folder", "leaf.json"])
-def test_it_is_saved_with_all_facts_and_read_as_a_code(known, path, tmp_path, name):
-    found = known(path, notes=("a note",), seconds=np.float64(9))
-    written = found.save(tmp_path / name)
+def test_it_is_saved_with_all_facts_and_read_as_a_code(kept, path, tmp_path, name):
+    found, written = kept, kept.save(tmp_path / name)
     whole = written / "inversion.json" if name == "folder" else written
     for file in [whole, *([written / "code.json"] if name == "folder" else [])]:
         assert torch.equal(IFS.load(file).linear, found.code.linear)
@@ -188,29 +191,28 @@ def test_a_notebook_shows_it_and_its_code(found):
     assert wild._repr_png_() is None and repr(wild) == "IFS(1 map)"
 
 
-def test_a_bar_is_shown_where_it_is_asked_for(known, capsys):
-    known(triangle_picture())
+def test_a_bar_is_shown_where_it_is_asked_for(capsys):
+    known(triangle_picture(), resolution=64)
     assert capsys.readouterr().err == ""
-    known(triangle_picture(), progress=True)
+    known(triangle_picture(), progress=True, resolution=64)
     assert "100%" in (shown := capsys.readouterr().err) and "polish" in shown
     with pytest.raises(InputError, match="progress must be True or False, got 'yes'"):
         invert(triangle_picture(), progress="yes")
 
 
-def test_a_saved_inversion_is_loaded(known, path, tmp_path):
-    found = known(path, notes=("a note",))
-    folder = found.save(tmp_path / "found")
+def test_a_saved_inversion_is_loaded(kept, tmp_path):
+    folder = kept.save(tmp_path / "found")
     for place in (folder, folder / "inversion.json"):
         loaded = Inversion.load(place)
-        assert torch.equal(loaded.code.linear, found.code.linear) and loaded.facts() == found.facts()
-        torch.testing.assert_close(loaded.target.image, found.target.image, atol=1e-5, rtol=0)
-    np.testing.assert_allclose(*(np.asarray(each.overlay()).astype(int) for each in (loaded, found)), atol=1)
+        assert torch.equal(loaded.code.linear, kept.code.linear) and loaded.facts() == kept.facts()
+        torch.testing.assert_close(loaded.target.image, kept.target.image, atol=1e-5, rtol=0)
+    np.testing.assert_allclose(*(np.asarray(each.overlay()).astype(int) for each in (loaded, kept)), atol=1)
     assert "inversion" not in loaded.code.meta
 
 
-def test_a_folder_of_an_older_version_is_read(known, path, tmp_path):
+def test_a_folder_of_an_older_version_is_read(kept, tmp_path):
     """It knew neither the meaning of the levels nor the camera nor the inside, and its curve had no codes."""
-    found = replace(known(path, levels="coverage"), curve=(CurvePoint(3, 0.9, 36, codes.known("sierpinski_triangle")),))
+    found = replace(kept, curve=(CurvePoint(3, 0.9, 36, codes.known("sierpinski_triangle")),))
     whole = found.save(tmp_path / "old") / "inversion.json"
     data = json.loads(whole.read_text())
     facts = data["meta"]["inversion"]
@@ -225,8 +227,8 @@ def test_a_folder_of_an_older_version_is_read(known, path, tmp_path):
     assert old.redrawn().shape == found.target.image.shape
 
 
-def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):
-    folder = known(path).save(tmp_path / "found")
+def test_what_is_no_saved_inversion_is_refused(kept, tmp_path):
+    folder = kept.save(tmp_path / "found")
     codes.known("fern").save(tmp_path / "inversion.json")
     with pytest.raises(InputError, match="is not an inversion of this version"):
         Inversion.load(tmp_path)
@@ -242,11 +244,11 @@ def test_what_is_no_saved_inversion_is_refused(known, path, tmp_path):
         Inversion.load(folder)
 
 
-def test_how_the_picture_is_read_can_be_told(known):
-    found = known(triangle_picture(), invert=True, threshold=0.5, clean=False)
+def test_how_the_picture_is_read_can_be_told():
+    found = known(triangle_picture(), invert=True, threshold=0.5, clean=False, resolution=64)
     assert "black shape on white: inverted, as asked" in found.notes and "binary at the threshold 0.5" in found.notes
     assert found.options["threshold"] == 0.5
-    found = known(triangle_picture(), crop=np.array([60, 4, 178, 118]))
+    found = known(triangle_picture(), crop=np.array([60, 4, 178, 118]), resolution=64)
     assert found.target.crop == found.options["crop"] == (60, 4, 178, 118)
     assert found.facts()["options"]["crop"] == [60, 4, 178, 118] and found.placement.size == SIZE
 
@@ -273,12 +275,12 @@ def test_an_interruption_returns_the_best_code_so_far(monkeypatch):
 
     monkeypatch.setattr("fractal_exp.api.load", lambda name: build([triangle, fern]))
     with pytest.raises(KeyboardInterrupt):
-        invert(triangle_picture())
-    found = invert(triangle_picture(), levels="coverage", keep_interrupted=True)
+        invert(triangle_picture(), resolution=64)
+    found = invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True)
     assert found.stopped == "interrupted" and found.code == triangle
     monkeypatch.setattr("fractal_exp.api.load", lambda name: build([]))
     with pytest.raises(KeyboardInterrupt):
-        invert(triangle_picture(), levels="coverage", keep_interrupted=True)
+        invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True)
 
 
 def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(monkeypatch):
@@ -291,5 +293,5 @@ def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(monkeypatch):
         return Interrupted([triangle])
 
     monkeypatch.setattr("fractal_exp.api.load", lambda name: method)
-    found = invert(triangle_picture(), levels="coverage", keep_interrupted=True, on_step=listen)
+    found = invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True, on_step=listen)
     assert found.stopped == "interrupted" and found.code == triangle

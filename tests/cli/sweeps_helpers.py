@@ -26,6 +26,8 @@ def jobs_of(name: str, *overrides: str) -> list[dict]:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as output:
         # To compose a job takes a fifth of a second. Hydra does so once more before it launches any.
         patch.setattr("hydra.plugins.sweeper.Sweeper.validate_batch_is_legal", lambda *_: None)
+        # What a sweep will take is told from the first steps of a fit of each method, of full size.
+        patch.setattr("fractal_exp.cli.cost.estimate", lambda *_: "")
         patch.setattr("fractal_exp.cli.jobs.run_job",
                       lambda config: found.append(OmegaConf.to_container(configuration.resolve(config))))
         status, printed = run_here(command, name, *overrides, "tracking=none", f"output={output}")

@@ -184,7 +184,8 @@ def test_colours_stand_on_the_ground_that_the_code_names(tmp_path, name):
         assert not pixels(file)[0, 0].any()
 
 
-@pytest.mark.parametrize("size", [(0, 0), (24, 40)], ids=["unknown", "known"])
+@pytest.mark.parametrize("size", [pytest.param((0, 0), id="unknown"),
+                                  pytest.param((24, 40), id="known", marks=pytest.mark.slow)])
 def test_a_film_counts_its_frames_on_any_terminal(tmp_path, size):
     """An interruption is answered soon, and leaves nothing of a film of one file."""
     pid, terminal = pty.fork()

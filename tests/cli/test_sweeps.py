@@ -59,15 +59,10 @@ def test_the_comparison_holds_every_method_there_is():
     assert all(job["seconds"] == job["method"]["seconds"] == 90 for job in jobs), "44 fits of 90 s are half an hour"
 
 
-@pytest.mark.parametrize("words, seconds", [(["scale=paper"], None), (["seconds=7"], 7)])
-def test_a_comparison_is_only_cut_off_where_the_scale_or_the_user_says_so(words, seconds):
-    assert {job["method"]["seconds"] for job in jobs_of("as_released", "sweep.count=1", *words)} == {seconds}
-
-
-def test_what_the_released_defects_cost_is_shown_beside_the_sound_search():
-    jobs = {job["sweep"]["row"]: job["method"] for job in jobs_of("as_released", "sweep.count=1")}
-    assert {row: method["as_released"] for row, method in jobs.items()} == {
-        f"{name}, as_released={odd}": odd for odd in (False, True)
+def test_what_the_released_defects_cost_is_shown_beside_the_sound_search_for_as_long_as_the_user_says():
+    jobs = {job["sweep"]["row"]: job["method"] for job in jobs_of("as_released", "sweep.count=1", "seconds=7")}
+    assert {row: (method["as_released"], method["seconds"]) for row, method in jobs.items()} == {
+        f"{name}, as_released={odd}": (odd, 7) for odd in (False, True)
         for name in ("evolutionary", "cuckoo", "learning_fractals_32", "learning_fractals_256")}
 
 
@@ -79,6 +74,10 @@ def test_real_pictures_have_twenty_maps_of_the_paper_and_may_be_ones_own(tmp_pat
     write_image(tmp_path / "a.png", samples.snowflake(64))
     own = jobs_of("real", "target=image", f"picture={tmp_path / 'a.png'}", "sweep.sample=${picture}")
     assert {(job["target"]["path"], job["sweep"]["sample"]) for job in own} == {(str(tmp_path / "a.png"),) * 2}
+
+
+def test_a_comparison_at_the_papers_scale_is_not_cut_off():
+    assert {job["method"]["seconds"] for job in jobs_of("as_released", "sweep.count=1", "scale=paper")} == {None}
 
 
 def test_names_of_jobs_say_what_varies_and_stay_apart():

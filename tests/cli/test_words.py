@@ -97,16 +97,20 @@ def test_a_worker_of_a_launcher_ends_with_the_command_that_started_it(failed, fo
     assert composed._fit(OmegaConf.create({"task": "os.getpid"})) == "done" and ends_with == followed
 
 
-@pytest.mark.parametrize("tracking", ["mlflow", "none"])
-def test_jobs_of_m_stand_below_one_run_with_their_table(tracking, tmp_path):
-    command = ["-m", "seed=0,1", "scale=smoke", "iterations=2", "resolution=32", "threads=1", f"output={tmp_path}",
-               f"tracking={tracking}"]
+TINY = ["scale=smoke", "iterations=2", "resolution=32", "threads=1", "evaluation.resolution=32",
+        "evaluation.points_in_view=20000"]
+SEVERAL = ["-m", "seed=0,1", *TINY]
+
+
+def test_jobs_of_m_need_no_store(tmp_path):
+    status, printed = run_here(composed, *SEVERAL, f"output={tmp_path}", "tracking=none")
+    assert status == 0 and not (tmp_path / "mlflow.db").exists(), printed
+
+
+def test_jobs_of_m_stand_below_one_run_with_their_table(tmp_path):
     for more in ([], ["resume=true"], []):
-        status, printed = run_here(composed, *command, *more)
+        status, printed = run_here(composed, *SEVERAL, f"output={tmp_path}", *more)
         assert status == 0, printed
-    if tracking == "none":
-        assert not (tmp_path / "mlflow.db").exists()
-        return
     frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
     parents = frame[frame["tags.kind"] == "several"]
     assert list(parents["name"]) == ["seed=0,1"] * 2, "a command that does not resume begins its own"
@@ -128,8 +132,7 @@ def test_a_parent_run_tells_of_fits_that_failed(tmp_path, monkeypatch):
 
 
 def test_jobs_of_m_are_named_by_what_they_vary_and_end_in_a_table(tmp_path):
-    status, printed = run_here(composed, "-m", "model=naive,svd", "model.maps=2,3", "scale=smoke", "iterations=2",
-                               "resolution=32", "threads=1", f"output={tmp_path}")
+    status, printed = run_here(composed, "-m", "model=naive,svd", "model.maps=2,3", *TINY, f"output={tmp_path}")
     assert status == 0, printed
     frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
     frame = frame[frame["tags.kind"] != "several"]
@@ -221,8 +224,8 @@ def test_a_study_of_the_suite_takes_a_picture_instead(tmp_path):
     image = np.full((64, 64), 255, np.uint8)
     image[10:54, 28:36] = image[28:36, 10:54] = 0
     Image.fromarray(image).save(path)
-    status, printed = run_here(sweep, "seeds", f"picture={path}", "scale=smoke", "seed=0,1", "iterations=2",
-                               "resolution=32", "tracking=none", f"output={tmp_path / 'out'}", "threads=1")
+    status, printed = run_here(sweep, "seeds", f"picture={path}", "seed=0,1", *TINY, "tracking=none",
+                               f"output={tmp_path / 'out'}")
     assert status == 0 and "2 of 2 jobs finished" in printed, printed
     assert {each.parent.name for each in (tmp_path / "out").rglob("code.json")} == {"seed=0", "seed=1"}
 
@@ -245,6 +248,7 @@ SQUARE = np.pad(np.ones((32, 20), np.float32), ((16, 16), (22, 22)))
 @pytest.mark.parametrize(("options", "message"), [
     ({"map": 3}, "the method 'collage' has no option 'map'; did you mean 'maps'"),
     ({"restarts": 3}, "the method 'collage' has no option 'restarts'; did you mean search.restarts?"),
+    ({"image": {"last": 2}}, "there is no parameter image.last; choose one of finest, last_renderings"),
     ({"levels": "densty"}, "got 'densty'; did you mean 'density'?"),
     ({"seconds": "a"}, "seconds must be a number or None, got 'a'"),
     ({"seed": 1.5}, "seed must be a whole number, got 1.5"),

@@ -39,16 +39,21 @@ def alike(found, expected, lit=0.25):
     return 2 * precise * complete / (precise + complete)
 
 
+@pytest.fixture(scope="module", params=[koch(), koch(pen="orangered"), leaf("black"), leaf((0, 100, 0))],
+                ids=["lines", "orange lines", "solid", "green solid"])
+def drawing(request):
+    """A drawing, and what is read of it without any paper."""
+    return request.param, read_target(np.asarray(request.param), 128)
+
+
 @pytest.mark.parametrize("format", ["array", "jpeg"])
 @pytest.mark.parametrize("light", LIGHTS)
-@pytest.mark.parametrize("picture", [koch(), koch(pen="orangered"), leaf("black"), leaf((0, 100, 0))],
-                         ids=["lines", "orange lines", "solid", "green solid"])
-def test_a_drawing_is_read_under_any_light(picture, light, format, tmp_path):
+def test_a_drawing_is_read_under_any_light(drawing, light, format, tmp_path):
+    picture, expected = drawing
     source = photographed(picture, light)
     if format == "jpeg":
         Image.fromarray(source).save(tmp_path / "photo.jpg", quality=80)
     found = read_target(source if format == "array" else tmp_path / "photo.jpg", 128)
-    expected = read_target(np.asarray(picture), 128)
     assert alike(found.image, expected.image) >= 0.98 and found.inverted and found.known is None
     np.testing.assert_allclose(found.crop_box, expected.crop_box, atol=3)
     assert any("the light on the paper is uneven" in note for note in found.notes) == (light != "even")

@@ -18,9 +18,11 @@ def studio(tmp_path_factory):
 
 @pytest.fixture(scope="module", autouse=True)
 def small_pictures():
-    """Pictures are brought to 64² instead of 256², which makes a search several times as quick."""
+    """Pictures are brought to 64² instead of 256², which makes a search several times as quick, and what is saved is
+    drawn at 128² instead of 1024²."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fractal_exp.studio.reading.RESOLUTION", SIDE)
+        patch.setattr("fractal_exp.inversion.writing.SIDE", 2 * SIDE)
         yield
 
 

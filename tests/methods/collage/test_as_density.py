@@ -17,6 +17,7 @@ from fractal_exp.images.levels import DRAWN, meaning_of
 from fractal_exp.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.bins import correction
 from fractal_exp.methods.collage.method import Collage
+from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
@@ -179,6 +180,7 @@ def test_the_camera_is_estimated_for_the_measure_of_the_search(kind, monkeypatch
     measures = []
     monkeypatch.setattr(SearchProblem, "camera", lambda self, code, measure=None:
                         measures.append(measure) or Camera("coverage"))
+    monkeypatch.setattr(ImageSearch, "resume", lambda search, now: now)  # without a polish
     for measure in (None, CURVE):
         best = Candidate(affine.from_code(FERN), None, 0.1, 1.0)
         kind(problem()).open(State(best=best, measured_through=measure))

@@ -9,6 +9,7 @@ from collage_helpers import small as few
 
 from fractal_exp import suite
 from fractal_exp.ifs import affine
+from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
 from fractal_exp.methods.collage.stages.plan import plan_of
@@ -31,13 +32,14 @@ def small(**options):
 @pytest.mark.parametrize(("number", "ratio", "angle", "another"), [
     (1, 1.5, 0.1, False), (0, 1, 0.1, False), (0, 10, 0.5, False), (0, 1.5, 0.1, True), (2, 10, 0.1, False),
     pytest.param(1, 2.5, 0.1, True, marks=pytest.mark.slow)])
-def test_another_round_begins_only_where_the_image_is_far_off(triangle, number, ratio, angle, another):
+def test_another_round_begins_only_where_the_image_is_far_off(triangle, monkeypatch, number, ratio, angle, another):
     code, image = triangle
     given, maps = problem(image, rounds=3), affine.from_code(code)
+    monkeypatch.setattr(ImageSearch, "resume", lambda search, now: search.judged(now))  # without a polish
     stage, state = ImageMoves(given, number), State(best=tied(maps), pool=maps)
     state = stage.open(state)
     assert stage.search.noise_ratio(state.current) < 2, "the true code"
-    stage.search.noise_ratio = lambda now: ratio
+    stage.search.finish, stage.search.noise_ratio = lambda now: now, lambda now: ratio
     stage.search.objective.angle = lambda error: angle
     after = stage.close(state)
     assert (after.best is None) == another and len(after.result.maps) == 3

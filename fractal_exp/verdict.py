@@ -21,7 +21,7 @@ Kind = Literal["recovered", "approximation", "not recovered"]
 TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
 OTHER_LEVELS = {"density": "coverage", "binary": "coverage", "coverage": "auto"}
 DENSITIES = "density", "linear"   # levels by which each grey counts
-FEW_MAPS = 12                 # with which a code that draws the shape to within a pixel is no accident
+FEW_MAPS = 12                 # with which a code that draws the shape, or its dots, is no accident
 ALIKE_INSIDE = 0.88           # likeness inside from which gaps and tone are right, too
 ALIKE_DENSITY = 0.98          # the same in a density, which differs from the true code's only by chance
 NOT_ALIKE = 0.5               # F1 within a pixel below which a code is not like the picture at all
@@ -58,7 +58,7 @@ class Verdict:
         seconds.
         """
         part = "" if target.known is None else ", as far as the picture shows it"
-        if likeness.noise_ratio < WITHIN_NOISE:
+        if likeness.noise_ratio < WITHIN_NOISE and (maps <= FEW_MAPS or target.levels != DRAWN):
             return cls("recovered", f"recovered: the picture is explained to its noise{part}")
         unclear = target.unclear
         inside = _is_alike_inside(likeness, target)

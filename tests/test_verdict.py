@@ -57,6 +57,12 @@ def read(image=SHAPE, **facts):
     return replace(ReadImage.of_drawing(image, meaning_of(image)), **facts)
 
 
+def test_many_maps_that_fit_what_looks_like_noise_recover_nothing_in_a_picture_that_others_drew():
+    plot, own = read(levels="drawn"), read(levels="density")
+    assert [Verdict.of(likeness(.99, 1.0), maps, plot).kind for maps in (8, 128)] == ["recovered", "approximation"]
+    assert Verdict.of(likeness(.99, 1.0), 20, own).kind == "recovered", "our own renderings have no other noise"
+
+
 @pytest.mark.parametrize("kind", ["grey", "binary"])
 def test_the_true_code_is_as_like_as_another_rendering_of_it(kind):
     code = attractor.normalize(codes.known("heighway_dragon"))

@@ -1,5 +1,7 @@
 """Pavings of pictures of no code, and the descent of all their maps."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from growth_helpers import BRANCH, clouds, grower, target_of
@@ -7,12 +9,15 @@ from growth_helpers import BRANCH, clouds, grower, target_of
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cameras.pens import Dots
+from fractal_exp.cameras.points import counted
 from fractal_exp.evaluation.inside import ssim_inside
 from fractal_exp.ifs import affine
 from fractal_exp.ifs.canvas import canvas_to_pixel
+from fractal_exp.images.known import Known
 from fractal_exp.methods.collage.growth.descent import descended
 from fractal_exp.methods.collage.growth.inside import InsideSsim
 from fractal_exp.methods.collage.growth.paving import paving
+from fractal_exp.runtime.deadline import Deadline
 from fractal_exp.runtime.seeds import generator
 
 
@@ -42,7 +47,7 @@ def test_ssim_inside_is_that_of_the_likeness_and_so_is_its_slope():
     g = torch.Generator().manual_seed(0)
     picture = clouds(48)
     shown = (picture + 0.1 * torch.randn(48, 48, generator=g)).clamp(0, 1)
-    part = InsideSsim(picture)
+    part = InsideSsim(picture, torch.ones_like(picture))
     slope, count = part.slope(shown), int(part.inside.sum())
     step = 1e-3 * slope / slope.norm()
     rise = ssim_inside(shown + step, picture) - ssim_inside(shown - step, picture)
@@ -87,3 +92,26 @@ def test_a_descent_repeats_bit_for_bit():
     seen = target_of(clouds())
     one, two = (descended(paving(seen, 8), seen, 20, 3)[0].maps for _ in range(2))
     assert torch.equal(one, two)
+
+
+def test_a_descent_that_begins_late_goes_through_all_of_its_phases():
+    seen, start = target_of(clouds()), paving(target_of(clouds()), 8)
+    late = Deadline(10, clock=iter([0.0, *[6.0] * 1000]).__next__)
+    assert late.used == 0.6
+    assert torch.equal(descended(start, seen, 40, 3, late)[0].maps, descended(start, seen, 40, 3)[0].maps)
+
+
+def test_what_lies_beyond_the_part_that_is_shown_counts_in_no_error():
+    image, known = clouds(), Known(-1, -1, 1, 0.25)
+    cut = image * known.mask(len(image))
+    part, whole = (replace(target_of(cut), known=each) for each in (known, None))
+    start = paving(target_of(image), 24)
+    beyond = ~known.mask(len(image))
+    drawn = [drawing(descended(start, each, 200, 3), len(image))[beyond].mean() for each in (part, whole)]
+    assert drawn[0] > 2 * drawn[1], "what is drawn beyond is taken away only where the picture says that it is empty"
+
+
+def drawing(found, side):
+    """The masses (R,R) of maps and the mass of their drawing."""
+    maps, mass = found
+    return counted(maps.code, side, 200_000, seed=1) * (mass / 200_000)

@@ -35,6 +35,7 @@ OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps
 SIMILARITY = 0.1        # weight of SSIM inside the shape beside the squared error, each summed over pixels
 BLUR, BLUR_PX = (0.25, 0.5, 0.25), 0.7   # of the drawing along both axes, and the Gaussian that is like it
 LEAST_WEIGHT = 1e-6     # of a map
+NEARLY_ALL = 0.999      # of the time may have passed before
 TOLD = 10               # steps from one set that is told to the next
 
 Found = tuple[WeightedMaps, float]  # maps and weights, and the mass of their drawing
@@ -52,11 +53,11 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
     moving = {MATRIX_RATE: linear, OFFSET_RATE: centre, MASS_RATE: logs}
     groups = [{"params": [each], "lr": rate} for rate, each in moving.items()]
     adam = torch.optim.Adam(groups, MATRIX_RATE, (BETA_1, BETA_2), EPSILON)
-    mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey)
+    mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey, target.shows)
     shares, average = torch.full((SAMPLES, 1), 1 / SAMPLES), None
-    own = torch.empty(0, 2)
+    own, begun = torch.empty(0, 2), min(deadline.used, NEARLY_ALL)
     for k in range(steps):
-        done = max((k + 1) / steps, deadline.used)
+        done = max((k + 1) / steps, (deadline.used - begun) / (1 - begun))
         if deadline.passed:
             break
         if k % TOLD == 0:
@@ -75,9 +76,9 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
         with torch.no_grad():
             drawing = filtered(drawn, BLUR)
             average = drawing if average is None else average.lerp(drawing, max(1 - MEMORY, 1 / (k + 1)))
-            shown = target.shown(average)
+            shown = target.shown(average) * target.shows
             slope = 2 * (shown - target.grey) - SIMILARITY * similarity.slope(shown)
-            slope = filtered(slope * target.slope(average), BLUR)
+            slope = filtered(slope * target.slope(average) * target.shows, BLUR)
         adam.zero_grad()
         drawn.backward(slope)
         for group, rate in zip(adam.param_groups, moving, strict=True):

@@ -11,6 +11,7 @@ from torch.nn.functional import adaptive_avg_pool2d
 
 from ....cameras.levels import Levels
 from ....ifs.canvas import pixel_to_canvas
+from ....images.known import Known
 
 SIDE = 256          # maximum side, pixels, of the picture at which growth aims; a larger one is shrunk
 WHITEST = 0.985     # grey level from which a pixel counts as white, which would take infinite mass
@@ -19,23 +20,31 @@ WHITEST = 0.985     # grey level from which a pixel counts as white, which would
 @dataclass(frozen=True)
 class Exposed:
     """A picture `grey` (R,R) in [0,1], with grey levels I = 1 - exp(-m), or I = m if it `is_linear`, for the mass m
-    of a pixel. mass: the whole mass that a code's drawing has; None: any, for pictures whose exposure is not known."""
+    of a pixel. mass: the whole mass that a code's drawing has; None: any, for pictures whose exposure is not known.
+    known: the part of the canvas that the picture shows; None: all of it."""
 
     grey: Tensor
     is_linear: bool = False
     mass: float | None = None
+    known: Known | None = None
 
     @classmethod
     def of(cls, image: Tensor, levels: Levels) -> Exposed:
         """What an image (R,R) shows, on at most `SIDE` pixels a side."""
         image = image.cpu().float()
         grey = adaptive_avg_pool2d(image[None], SIDE)[0] if len(image) > SIDE else image
-        return cls(grey, levels.is_linear, levels.whole_mass(len(grey)))
+        mass = levels.whole_mass(len(grey)) if levels.known is None else None
+        return cls(grey, levels.is_linear, mass, levels.known)
 
     @property
     def side(self) -> int:
         """R."""
         return len(self.grey)
+
+    @cached_property
+    def shows(self) -> Tensor:
+        """1 where the picture shows the canvas, and 0 where it does not, (R,R)."""
+        return torch.ones_like(self.grey) if self.known is None else self.known.mask(self.side).to(self.grey)
 
     @cached_property
     def masses(self) -> Tensor:

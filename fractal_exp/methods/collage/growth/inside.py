@@ -14,16 +14,16 @@ RADIUS = round(REACH * SIGMA_PX)   # of the window, pixels
 
 class InsideSsim:
     """The sum of the SSIM map of images against a picture `grey` (R,R), over the pixels within `AROUND_PX` of the
-    picture's shape. What the map takes from the picture alone is computed once."""
+    picture's shape, of those that it `shows` (R,R). What the map takes from the picture alone is computed once."""
 
-    def __init__(self, grey: Tensor):
+    def __init__(self, grey: Tensor, shows: Tensor):
         from scipy.ndimage import distance_transform_edt
 
         shape = (grey > min(LIT, float(grey.max()) / 2)).numpy()
         mask = torch.from_numpy(np.asarray(distance_transform_edt(~shape)) <= AROUND_PX)
         rows, columns = (mask.any(axis).nonzero().flatten() for axis in (1, 0))
         self.box = tuple(slice(max(0, int(each[0]) - RADIUS), int(each[-1]) + 1 + RADIUS) for each in (rows, columns))
-        self.grey, self.inside = grey[self.box], mask[self.box].float()
+        self.grey, self.inside = grey[self.box], mask[self.box] * shows[self.box]
         along = torch.arange(-RADIUS, RADIUS + 1) / SIGMA_PX
         window = (-along.square() / 2).exp()
         self.window = (window / window.sum()).tolist()

@@ -141,9 +141,8 @@ class Sketch(Growth):
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
-        """Whether the image, which others drew, is grey inside and shows a whole shape."""
-        is_whole = problem.levels.known is None
-        return problem.params.growth.enabled and is_whole and may_be_density(problem.image)
+        """Whether the image, which others drew, is grey inside."""
+        return problem.params.growth.enabled and may_be_density(problem.image)
 
     def _counts(self) -> list[int]:
         """Those that `Promise` compares. The others are grown at the end, if the search finds no code."""

@@ -80,6 +80,8 @@ def jobs_of(records: list[dict[str, Any]]) -> pd.DataFrame:
 def joined(path: Path, records: list[dict[str, Any]], sweep: report.Sweep
            ) -> tuple[list[dict[str, Any]], report.Sweep]:
     """The records of a file with those of a sweep, which replace them where both have one, and the sweep of all."""
+    if not path.exists():
+        raise InputError(f"{path} is not there, so there is nothing to add to; leave out --add")
     fitted = {(record["row"], record["sample"]) for record in records}
     before = [record for record in map(json.loads, path.read_text().splitlines())
               if (record["row"], record["sample"]) not in fitted]
@@ -106,7 +108,8 @@ def keep(output: Path, study: str, name: str | None, folder: Path, *, add: bool 
     limits = sorted({f"{record['limit']:g} s" for record in records if record["limit"]})
     at_once = _artifact(uri, sweep.run_id, "sweep.json").get("workers")
     machines = sorted({record["machine"] for record in records})
-    about = (f"Fitted by {', '.join(commits)} on {', '.join(machines)}, {at_once} at a time"
+    together = "" if add else f", {at_once} at a time"
+    about = (f"Fitted by {', '.join(commits)} on {'; '.join(machines)}{together}"
              f"{', at most ' + ', '.join(limits) + ' each' if limits else ''}; fits.jsonl has every fit.")
     table = report_text.markdown(sweep, report.summary(sweep))
     (folder / "report.md").write_text(f"{table}\n{about}\n")

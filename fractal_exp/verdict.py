@@ -21,6 +21,7 @@ Kind = Literal["recovered", "approximation", "not recovered"]
 TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
 OTHER_LEVELS = {"density": "coverage", "binary": "coverage", "coverage": "auto"}
 DENSITIES = "density", "linear"   # levels by which each grey counts
+OWN = *DENSITIES, "binary"    # levels of drawings of codes, in which nothing but noise is left by chance
 FEW_MAPS = 12                 # with which a code that draws the shape, or its dots, is no accident
 ALIKE_INSIDE = 0.88           # likeness inside from which gaps and tone are right, too
 ALIKE_DENSITY = 0.98          # the same in a density, which differs from the true code's only by chance
@@ -37,11 +38,12 @@ OTHER_COLOURS = 10.0          # mean CIEDE2000 difference from which anybody cal
 class Verdict:
     """What a code is worth.
 
-    kind: "recovered" if the picture is explained to its noise, or its shape to within a pixel by few maps, with its
-    gaps and its tone; "approximation" if the code draws something like it; "not recovered" if the code is hardly like
-    it, or no more than a filled box. Whether the picture is self-similar, no search can say. words: the same in one
-    line, with figures; of colours too, where they are clearly off. remedy: what is most likely to help; empty if
-    nothing is needed. change: the same as an argument of `invert` and its value, where it is one.
+    kind: "recovered" if few maps explain the picture to its noise, or its shape to within a pixel with its gaps and its
+    tone; our own drawings of codes may also be explained to their noise by many. "approximation" if the code draws
+    something like it; "not recovered" if the code is hardly like it, or no more than a filled box. Whether the picture
+    is self-similar, no search can say. words: the same in one line, with figures; of colours too, where they are
+    clearly off. remedy: what is most likely to help; empty if nothing is needed. change: the same as an argument of
+    `invert` and its value, where it is one.
     """
 
     kind: Kind
@@ -58,7 +60,7 @@ class Verdict:
         seconds.
         """
         part = "" if target.known is None else ", as far as the picture shows it"
-        if likeness.noise_ratio < WITHIN_NOISE and (maps <= FEW_MAPS or target.levels != DRAWN):
+        if likeness.noise_ratio < WITHIN_NOISE and (maps <= FEW_MAPS or target.levels in OWN):
             return cls("recovered", f"recovered: the picture is explained to its noise{part}")
         unclear = target.unclear
         inside = _is_alike_inside(likeness, target)
@@ -133,6 +135,9 @@ def _remedies(likeness: Likeness, maps: int, target: ReadImage, stopped: str, op
     if TIME_LIMIT in stopped:
         seconds = MORE_TIME * float(options.get("seconds") or USUAL)
         yield "more time", f"more time: seconds={seconds:g}", {"seconds": seconds}
+    if likeness.noise_ratio < WITHIN_NOISE:
+        yield ("fewer maps", f"fewer maps: at_most={FEW_MAPS}, since nothing but noise is left and more maps fit any",
+               {"at_most": FEW_MAPS})
     if target.scale > SMALL:
         yield "a larger picture", f"a larger picture: the shape was enlarged {target.scale:.2g} times", {}
     if likeness.f1_1px >= UNLIKE:

@@ -58,9 +58,11 @@ def read(image=SHAPE, **facts):
 
 
 def test_many_maps_that_fit_what_looks_like_noise_recover_nothing_in_a_picture_that_others_drew():
-    plot, own = read(levels="drawn"), read(levels="density")
-    assert [Verdict.of(likeness(.99, 1.0), maps, plot).kind for maps in (8, 128)] == ["recovered", "approximation"]
-    assert Verdict.of(likeness(.99, 1.0), 20, own).kind == "recovered", "our own renderings have no other noise"
+    for levels in ("drawn", "dots", "tonemapped", "coverage"):
+        few, many = (Verdict.of(likeness(.9, 1.0), maps, read(levels=levels)) for maps in (8, 128))
+        assert (few.kind, many.kind, many.change) == ("recovered", "approximation", {"at_most": 12})
+    for levels in ("density", "linear", "binary"):
+        assert Verdict.of(likeness(.9, 1.0), 20, read(levels=levels)).kind == "recovered", "no other noise is there"
 
 
 @pytest.mark.parametrize("kind", ["grey", "binary"])

@@ -52,7 +52,7 @@ def test_a_picture_is_fitted_scored_kept_and_tracked(picture, tmp_path, capsys):
     printed = capsys.readouterr().out
     found = Inversion.load(folder)
     assert found.stopped == "all 6 iterations done"
-    assert [stage.name for stage in found.history] == [f"first {k} iterations" for k in range(1, 7)]
+    assert [stage.name for stage in found.history] == [f"iterations from {k}" for k in range(1, 7)]
     assert "stopped    all 6 iterations done" in printed
     assert found.verdict.kind != "recovered" and f"verdict    {found.verdict.words}\n" in printed
     assert "may help" not in printed, "no command made this fit that could be typed again"

@@ -294,6 +294,8 @@ def test_fits_of_another_day_join_those_that_are_kept(tmp_path, sweep):
     table = table[table["source"] == report.MEASURED].set_index("row")
     assert table.loc["full", "f1"] == pytest.approx((.6 + .8 + .7 + .9) / 4)
     assert table.loc["naive", "compared"] == 3 and table.loc["naive", "gain"] == pytest.approx((-.1 + .1 - .4) / 3)
+    with pytest.raises(InputError, match="leave out --add"):
+        comparisons.joined(tmp_path / "none.jsonl", [], sweep)
     with pytest.raises(InputError, match="keep it in another --folder"):
         comparisons.joined(path, [record("full", "fractal 0", .6, resolution=1024)], sweep)
 

@@ -241,9 +241,9 @@ class Chaotic(Method):
         return math.ceil((self.scouted + self.iterations) / self.previews) if self.previews else None
 
     def _stage(self, step: int) -> str | None:
-        """The name of the stage that a step belongs to: a stage ends with a preview."""
-        every, total = self._preview_every, self.scouted + self.iterations
-        return None if every is None else f"first {min(math.ceil(step / every) * every, total)} iterations"
+        """The name of the stage that a step belongs to, by its first one: a stage ends with a preview."""
+        every = self._preview_every
+        return None if every is None else f"iterations from {(step - 1) // every * every + 1}"
 
     def _code_so_far(self, best: BestStates) -> IFS | None:
         return self.model.code(best.states[0], derive(self.seed, "frame")) if best.states else None

@@ -137,7 +137,7 @@ def test_progress_tells_loss_temperature_terms_and_previews(target):
     assert [p.step for p in told if p.preview is not None] == [4, 8, 12]
     assert told[3].preview.shape == (32, 32)
     assert [p.step for p in told if p.code is not None] == [4, 8, 12] and len(told[3].code) == 3
-    assert [p.stage for p in told[3:5]] == ["first 4 iterations", "first 8 iterations"]
+    assert [p.stage for p in told[3:5]] == ["iterations from 1", "iterations from 5"]
 
 
 def test_the_codes_on_the_way_are_those_of_the_lowest_loss_and_cost_the_fit_nothing(target):

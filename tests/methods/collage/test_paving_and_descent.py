@@ -15,6 +15,7 @@ from fractal_exp.ifs import affine
 from fractal_exp.ifs.canvas import canvas_to_pixel
 from fractal_exp.images.known import Known
 from fractal_exp.methods.collage.growth.descent import descended
+from fractal_exp.methods.collage.growth.exposed import Exposed
 from fractal_exp.methods.collage.growth.inside import InsideSsim
 from fractal_exp.methods.collage.growth.paving import paving
 from fractal_exp.runtime.deadline import Deadline
@@ -109,6 +110,11 @@ def test_what_lies_beyond_the_part_that_is_shown_counts_in_no_error():
     beyond = ~known.mask(len(image))
     drawn = [drawing(descended(start, each, 200, 3), len(image))[beyond].mean() for each in (part, whole)]
     assert drawn[0] > 2 * drawn[1], "what is drawn beyond is taken away only where the picture says that it is empty"
+
+
+def test_an_exposure_that_is_known_is_kept_where_a_picture_is_cut_off():
+    dots = Dots(CameraParams(gain=0.5), clouds()).within(Known(-1, -1, 1, 0.25))
+    assert Exposed.of(clouds(), dots).mass == dots.whole_mass(96) > 0
 
 
 def drawing(found, side):

@@ -33,8 +33,7 @@ class Exposed:
         """What an image (R,R) shows, on at most `SIDE` pixels a side."""
         image = image.cpu().float()
         grey = adaptive_avg_pool2d(image[None], SIDE)[0] if len(image) > SIDE else image
-        mass = levels.whole_mass(len(grey)) if levels.known is None else None
-        return cls(grey, levels.is_linear, mass, levels.known)
+        return cls(grey, levels.is_linear, levels.whole_mass(len(grey)), levels.known)
 
     @property
     def side(self) -> int:

@@ -35,7 +35,6 @@ OWN_POINTS, OWN_STEPS = 200_000, 10   # how many of them, and for how many steps
 SIMILARITY = 0.1        # weight of SSIM inside the shape beside the squared error, each summed over pixels
 BLUR, BLUR_PX = (0.25, 0.5, 0.25), 0.7   # of the drawing along both axes, and the Gaussian that is like it
 LEAST_WEIGHT = 1e-6     # of a map
-NEARLY_ALL = 0.999      # of the time may have passed before
 TOLD = 10               # steps from one set that is told to the next
 
 Found = tuple[WeightedMaps, float]  # maps and weights, and the mass of their drawing
@@ -55,11 +54,11 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
     adam = torch.optim.Adam(groups, MATRIX_RATE, (BETA_1, BETA_2), EPSILON)
     mass, similarity = target.mass or float(target.masses.sum()), InsideSsim(target.grey, target.shows)
     shares, average = torch.full((SAMPLES, 1), 1 / SAMPLES), None
-    own, begun = torch.empty(0, 2), min(deadline.used, NEARLY_ALL)
+    own, begun = torch.empty(0, 2), deadline.used
     for k in range(steps):
-        done = max((k + 1) / steps, (deadline.used - begun) / (1 - begun))
         if deadline.passed:
             break
+        done = max((k + 1) / steps, (deadline.used - begun) / (1 - begun))
         if k % TOLD == 0:
             tell(_found(linear, centre, logs, mean, target.mass, mass))
         if done <= OWN_FROM:

@@ -9,6 +9,7 @@ import sys
 from types import ModuleType
 
 import pytest
+from hydra.core.hydra_config import HydraConfig
 
 
 def run_here(program: ModuleType, *words: str, server: str | None = None) -> tuple[int, str]:
@@ -18,6 +19,7 @@ def run_here(program: ModuleType, *words: str, server: str | None = None) -> tup
     with (pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed),
           contextlib.redirect_stderr(printed)):
         patch.setattr(sys, "argv", [program.__name__, *words])
+        patch.setattr(HydraConfig.instance(), "cfg", None)  # a later fit in this process is made by no command
         patch.setattr("fractal_exp.cli.interruption.listen", lambda answer: None)  # the signals are pytest's
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         if server is not None:

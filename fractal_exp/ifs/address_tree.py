@@ -1,4 +1,5 @@
-"""numba kernels on the address tree of an IFS: how far it can reach at most, and the word that reaches farthest."""
+"""numba kernels on the address tree of an IFS: how far it can reach at most, the word that reaches farthest, and the
+points that chaos games visit."""
 
 from __future__ import annotations
 
@@ -110,3 +111,19 @@ def farthest_word(u, linear, offset, chance, mean, table, least, tolerance):
         length -= 1
         word[length], last = letters[last], before[last]
     return best, word
+
+
+@kernel(error_model="numpy")
+def visited(linear, offset, letters, start, skipped):
+    """The points (S - skipped, K, 2) of K chaos games from one start (2,), which take the maps of letters (S,K)."""
+    steps, games = letters.shape
+    points, now = np.empty((steps - skipped, games, 2)), np.empty((games, 2))
+    now[:] = start
+    for step in range(steps):
+        for k in range(games):
+            i, x, y = letters[step, k], now[k, 0], now[k, 1]
+            now[k, 0] = linear[i, 0, 0] * x + linear[i, 0, 1] * y + offset[i, 0]
+            now[k, 1] = linear[i, 1, 0] * x + linear[i, 1, 1] * y + offset[i, 1]
+        if step >= skipped:
+            points[step - skipped] = now
+    return points

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..errors import InputError
-from .address_tree import farthest_word, lowered, raised
+from .address_tree import farthest_word, lowered, raised, visited
 from .code import IFS
 from .contraction import AVERAGE
 
@@ -178,11 +178,7 @@ def random_points(code: IFS, count: int, seed: int | Sequence[int] = 0) -> tuple
     start = random_point(code, seed)
     linear, offset = _float64(code)
     letters = random_letters(code, count, seed)
-    points, now = np.empty((len(letters) - WARM_UP, TRAJECTORIES, 2)), np.tile(start, (TRAJECTORIES, 1))
-    for step, maps in enumerate(letters):
-        now = np.einsum("kij,kj->ki", linear[maps], now) + offset[maps]
-        if step >= WARM_UP:
-            points[step - WARM_UP] = now
+    points = visited(linear, offset, letters, np.array(start), WARM_UP)
     return points.reshape(-1, 2)[:count], letters[WARM_UP:].reshape(-1)[:count]
 
 

@@ -127,3 +127,16 @@ def visited(linear, offset, letters, start, skipped):
         if step >= skipped:
             points[step - skipped] = now
     return points
+
+
+@kernel(error_model="numpy")
+def chosen(cumulative, uniform):
+    """The numbers (S,K) of the first cumulated chance (N,) above each uniform number (S,K)."""
+    letters = np.empty(uniform.shape, np.int64)
+    for s in range(uniform.shape[0]):
+        for k in range(uniform.shape[1]):
+            i = 0
+            while cumulative[i] <= uniform[s, k]:
+                i += 1
+            letters[s, k] = i
+    return letters

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..errors import InputError
-from .address_tree import farthest_word, lowered, raised, visited
+from .address_tree import chosen, farthest_word, lowered, raised, visited
 from .code import IFS
 from .contraction import AVERAGE
 
@@ -58,9 +58,11 @@ def _sampled(code: IFS) -> np.ndarray:
     return random_points(code, SAMPLE)[0]
 
 
+@lru_cache(maxsize=32)
 def _likely_box(code: IFS) -> tuple[np.ndarray, np.ndarray]:
     """The lower left and upper right corner (2,) of a box beyond which a code hardly has a point."""
-    low, high = _sampled(code).min(0), _sampled(code).max(0)
+    x, y = _sampled(code).T  # numpy takes ten times as long for both columns at once
+    low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
     return (low + high - BEYOND * (high - low)) / 2, (low + high + BEYOND * (high - low)) / 2
 
 
@@ -152,10 +154,8 @@ def random_point(code: IFS, seed: int | Sequence[int] = 0) -> tuple[float, float
     p, x, y = _chances(code), 0.0, 0.0
     if code.contraction.kind != AVERAGE:  # a fixed point lies on the attractor, and so do all its images
         x, y = np.linalg.solve(np.eye(2) - linear[p.argmax()], offset[p.argmax()]).tolist()
-    letters = np.random.Generator(np.random.PCG64(seed)).choice(len(p), LETTERS, p=p / p.sum())
-    for a, b, c, d, e, f in np.hstack([linear.reshape(-1, 4), offset])[letters].tolist():
-        x, y = a * x + b * y + e, c * x + d * y + f
-    return x, y
+    letters = _chosen(p, (LETTERS, 1), seed)
+    return tuple(visited(linear, offset, letters, np.array([x, y]), LETTERS - 1)[0, 0].tolist())
 
 
 def random_letters(code: IFS, count: int, seed: int | Sequence[int] = 0) -> np.ndarray:
@@ -163,9 +163,14 @@ def random_letters(code: IFS, count: int, seed: int | Sequence[int] = 0) -> np.n
 
     `random_points` with the same seed plays these games.
     """
-    p = _chances(code)
     steps = WARM_UP - (-count // TRAJECTORIES)
-    return np.random.Generator(np.random.PCG64(seed)).choice(len(p), (steps, TRAJECTORIES), p=p / p.sum())
+    return _chosen(_chances(code), (steps, TRAJECTORIES), seed)
+
+
+def _chosen(chances: np.ndarray, shape: tuple[int, int], seed: int | Sequence[int]) -> np.ndarray:
+    """Random maps (shape), as numpy's `choice` would take them."""
+    cumulative = np.cumsum(chances / chances.sum())
+    return chosen(cumulative / cumulative[-1], np.random.Generator(np.random.PCG64(seed)).random(shape))
 
 
 def random_points(code: IFS, count: int, seed: int | Sequence[int] = 0) -> tuple[np.ndarray, np.ndarray]:

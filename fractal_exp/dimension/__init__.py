@@ -27,9 +27,11 @@ class Dimension:
     condition: str
 
     def __str__(self) -> str:
-        """Such as "1.5850, exact" or "1.71 [1.68, 1.74], estimate"."""
+        """Such as "1.5850, exact", "1.71 [1.68, 1.74], estimate" or "at most 2, pieces overlap (3.8 by formula)"."""
         wide = self.high - self.low > 1e-3
         number = f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]" if wide else f"{self.value:.4f}"
+        if self.standing == "upper bound" and self.low > 2:
+            return f"at most 2, pieces overlap ({self.value:.3g} by formula)"
         return f"{number}, {self.standing}"
 
 

@@ -58,6 +58,8 @@ def test_the_similarity_dimension_is_exact_where_the_pieces_do_not_overlap(code,
 def test_where_pieces_overlap_or_may_it_is_an_upper_bound(code, why):
     found = code.dimension()
     assert found.standing == "upper bound" and why in found.condition
+    assert str(found) == ("at most 2, pieces overlap (2.15 by formula)" if found.value > 2 else
+                          f"{found.value:.4f}, upper bound")
     assert sum(float(r) ** found.value for r in code.singular_values()[:, 0]) == pytest.approx(1, abs=1e-5)
 
 

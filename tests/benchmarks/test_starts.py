@@ -17,7 +17,7 @@ def test_the_search_begins_with_the_answer_of_the_network(monkeypatch):
     answer = normalize(codes.known("sierpinski_triangle"))
     monkeypatch.setattr(Amortized, "reconstruct", lambda self, image: CodeReconstruction(answer))
     image = suite.target(answer, 64, "grey")
-    method = CoreTime(seconds=None, previews=0, search={"pruning": False, "merging": False})
+    method = CoreTime(seconds=None, previews=0, search={"pruning": False})
     state = State.of(starts.network(image, method).load(), "cpu")
     assert state.done is None and state.step == 0, "the first restart is the one that goes on"
     assert torch.allclose(state.now.maps, from_code(answer), atol=.05)

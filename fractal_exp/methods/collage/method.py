@@ -15,8 +15,8 @@ from ...runtime.deadline import Deadline
 from ..base import AnyTarget, CodeReconstruction, CurvePoint, Method, OnStep, check_device, check_target
 from .params import BYTES_OF_A_MAP, CollageParams
 from .pipeline import Pipeline, Teller
+from .stages import plan_of
 from .stages.base import SearchProblem
-from .stages.plan import plan_of
 from .state import State
 
 SMALLEST_INPUT = 32

@@ -51,8 +51,6 @@ class SearchParams(Params):
     """Cells per side of the grid of stage 2; at least `grid`."""
     slack: Annotated[float, Field(ge=0, lt=1)] = 0.5
     """Share of the measure that counts as covered from the start. 0: the maps must cover all of it."""
-    merging: bool = True
-    """Whether maps with nearly the same image are merged."""
     pruning: bool = True
     """Whether maps that are not worth their price are removed; false: only while a set has more maps than asked for."""
 
@@ -253,9 +251,7 @@ class StageParams(Params):
     independent_rounds: Count = 4
     """Maximum number of rounds on a binary image. Each begins from nothing. 0: rounds continue from each other."""
     avoid_isometries: bool = True
-    """Whether every other round avoids near-isometries: the first, third … of a picture that others drew, and of a
-    binary image that may have more than one; the second, fourth … of another image, if a code with a near-isometry has
-    failed."""
+    """Whether the first, third … round avoids near-isometries, in a picture that others drew and in a binary image."""
     largest_side: Annotated[int, Field(ge=64)] = 512
     """Maximum side, pixels, of the image that is searched. A larger one is shrunk."""
     full_side: Annotated[int, Field(ge=64)] = 1024

@@ -19,13 +19,13 @@ from fractal_exp.methods.collage.bins import correction
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.params import CollageParams
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.drawn import AsDensity, DrawnMoves
 from fractal_exp.methods.collage.stages.growth import Sketch
 from fractal_exp.methods.collage.stages.image import Approach
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
-from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -16,9 +16,9 @@ from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.moves.tools import MISSING
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.simplify.rounding import begun, rounded
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.image import FullSize, ImageMoves, Rounding
 from fractal_exp.methods.collage.stages.measure import Restart
-from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Key, State
 from fractal_exp.runtime.deadline import Deadline
 

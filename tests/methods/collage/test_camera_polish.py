@@ -16,7 +16,8 @@ from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage.image import camera
 from fractal_exp.methods.collage.image.camera import angle_of, polish_under, sharpened
-from fractal_exp.methods.collage.image.gauss_newton import FromPoints, FromRenderings, polished
+from fractal_exp.methods.collage.image.gauss_newton import polished
+from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages.base import SearchProblem

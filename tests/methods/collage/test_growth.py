@@ -14,10 +14,10 @@ from fractal_exp.cameras.pens import Dots
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.pipeline import Pipeline
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.growing import Grower
 from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch, is_worth_its_maps
-from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Candidate, Grown, Key, State, WeightedMaps
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline

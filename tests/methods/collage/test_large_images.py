@@ -7,7 +7,7 @@ from collage_helpers import distances, problem, small, tied
 from fractal_exp import codes, suite
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.stages.plan import plan_of
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 

@@ -7,7 +7,7 @@ from collage_helpers import PARAMS
 from fractal_exp import IFS, invert, suite
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.ifs import affine, attractor
-from fractal_exp.methods.collage.image.gauss_newton import FromPoints
+from fractal_exp.methods.collage.image.jacobian import FromPoints
 from fractal_exp.methods.collage.image.objective import Frame, ImageObjective
 from fractal_exp.methods.collage.limits import LARGEST, SMALLER, largest_for, limited
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime

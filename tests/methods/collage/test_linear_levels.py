@@ -15,7 +15,7 @@ from fractal_exp.ifs.code import IFS
 from fractal_exp.images.levels import TargetImage
 from fractal_exp.likeness import Likeness
 from fractal_exp.methods.collage.image.counts import FromCounts
-from fractal_exp.methods.collage.image.gauss_newton import WEIGHT
+from fractal_exp.methods.collage.image.jacobian import WEIGHT
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.measure.population import Population
 from fractal_exp.methods.collage.method import Collage

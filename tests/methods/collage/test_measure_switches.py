@@ -41,11 +41,9 @@ def test_maps_are_pruned_unless_that_is_off_and_there_are_no_more_than_asked_for
     assert len(search.pruned(maps, weights, 1.0).maps) == left
 
 
-@pytest.mark.parametrize(("merging", "left"), [(True, 4), (False, 5)])
-def test_maps_with_one_image_are_merged_unless_that_is_off(merging, left, triangle):
-    search = measure_search(DENSITY.measure(triangle[1]), search={"merging": merging})
-    now = search.judged(*crowded(triangle), 1.0)
-    assert len(search.merged(now).maps) == left
+def test_maps_with_one_image_are_merged(triangle):
+    search = measure_search(DENSITY.measure(triangle[1]))
+    assert len(search.merged(search.judged(*crowded(triangle), 1.0)).maps) == 4
 
 
 @pytest.mark.parametrize("reflections", [True, False])

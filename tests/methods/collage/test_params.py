@@ -77,7 +77,7 @@ def test_a_search_without_a_part_ends_with_a_code(part, triangle):
 
 
 AT_THE_END = {  # of their ranges: what is off, one, or as small as it may be
-    "few": {"search": {"restarts": 1, "proposals": 1, "mixture": False, "merging": False, "pruning": False, "moves": 3,
+    "few": {"search": {"restarts": 1, "proposals": 1, "mixture": False, "pruning": False, "moves": 3,
                        "detail_moves": 0, "slack": 0}, "births": {"count": 8},
             "moves": {"count": 0}, "refine": {"steps": 0}, "image": {"finest": 8}},
     "coarse": {"search": {"grid": 16, "detail_grid": 16}, "moves": {"grid": 16},

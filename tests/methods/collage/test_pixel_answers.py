@@ -9,7 +9,7 @@ from collage_helpers import PARAMS, measure_search, objective
 
 from fractal_exp import codes
 from fractal_exp.ifs import affine, attractor
-from fractal_exp.methods.collage.image.gauss_newton import FromPoints
+from fractal_exp.methods.collage.image.jacobian import FromPoints
 from fractal_exp.methods.collage.image.objective import Frame, stabilize
 from fractal_exp.methods.collage.simplify.loop import Price, pruned
 from fractal_exp.methods.collage.simplify.simple_maps import RENDERED, Spread

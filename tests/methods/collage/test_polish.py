@@ -9,7 +9,8 @@ from collage_helpers import DENSITY, PARAMS, distances, image_search, objective
 from fractal_exp import codes, suite
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.bins import binned
-from fractal_exp.methods.collage.image.gauss_newton import FromPoints, FromRenderings, polished
+from fractal_exp.methods.collage.image.gauss_newton import polished
+from fractal_exp.methods.collage.image.jacobian import FromPoints, FromRenderings
 from fractal_exp.methods.collage.image.objective import Frame
 from fractal_exp.methods.collage.measure.births import reoriented, thinness
 from fractal_exp.methods.collage.moves import reorient

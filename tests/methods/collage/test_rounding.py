@@ -18,7 +18,7 @@ from fractal_exp.methods.collage.simplify.simple_maps import (
     mirrored_offsets,
     simple_matrices,
 )
-from fractal_exp.methods.collage.stages.plan import plan_of
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -10,9 +10,9 @@ from collage_helpers import small as few
 from fractal_exp import suite
 from fractal_exp.ifs import affine
 from fractal_exp.methods.collage.moves.search import ImageSearch
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Detail, Restart
-from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import State
 from fractal_exp.runtime.checkpoint import Checkpoint
 
@@ -62,24 +62,6 @@ def test_the_stages_of_a_round_come_in_order(triangle):
     assert stages[-1].name == "rounding"
 
 
-@pytest.mark.slow
-def test_a_round_after_an_isometry_does_without(triangle):
-    code, image = triangle
-    given, right = problem(image, rounds=4), affine.from_code(code)
-
-    def limits(maps, **options):
-        before = tied(maps, 1.0)
-        for number, stages in enumerate(plan_of(problem(image, rounds=4, **options)).rounds):
-            for stage in stages:
-                stage.open(State(best=before, before=before if number else None, current=before))
-                yield getattr(stage.search, "smaller_limit", None)  # what is judged by renderings has no such limit
-
-    assert given.rounds == 4
-    assert list(limits(torch.cat([right, TURN]))) == 2 * [1, 1, 1, None, 0.9, 0.9, 0.9, None]
-    assert list(limits(right)) == 4 * [1, 1, 1, None]
-    assert list(limits(torch.cat([right, TURN]), stages={"avoid_isometries": False})) == 4 * [1, 1, 1, None]
-
-
 def test_a_search_without_isometries_finds_and_takes_none():
     """A turn of a square explains its measure as well as the identity does."""
     masses = torch.zeros(64, 64)
@@ -97,7 +79,7 @@ def test_a_search_without_isometries_finds_and_takes_none():
 def test_how_many_rounds_there_are_depends_on_what_the_greys_mean(triangle):
     _, image = triangle
     assert [problem(image, **({"rounds": None} | options)).rounds
-            for options in ({}, {"levels": "coverage"}, {"levels": "binary"}, {"rounds": 2})] == [4, 3, 4, 2]
+            for options in ({}, {"levels": "coverage"}, {"levels": "binary"}, {"rounds": 2})] == [2, 3, 4, 2]
     assert problem(image, rounds=None, levels="binary", stages={"independent_rounds": 0}).rounds == 2
 
 

@@ -24,10 +24,10 @@ from fractal_exp.methods.collage.image.camera import MOST_MAPS, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.simplify.drawn import simplest, without_width
 from fractal_exp.methods.collage.simplify.loop import Draft
+from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction, is_construction
 from fractal_exp.methods.collage.stages.drawn import DrawnMoves
-from fractal_exp.methods.collage.stages.plan import plan_of
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime.deadline import Deadline
 

@@ -78,9 +78,16 @@ def test_a_reduced_image_is_only_shrunk_if_nothing_is_to_be_rendered(doubled):
                                                 ((1.5, 1.5), True)])
 def test_a_restart_is_left_out_once_two_have_agreed_on_a_right_number_of_maps(doubled, scores, wanted):
     maps, image = doubled
-    best = tied(maps, 0.0)
-    state = State(best=best if not scores else type(best)(maps, None, 0.0, scores[0]), scores=scores)
-    assert Restart(problem(image), 0, 2).is_wanted(state) == wanted
+    far = replace(tied(0.5 * maps, 0.0), score=min(scores, default=0.0))
+    assert Restart(problem(image), 0, 2).is_wanted(State(best=far, scores=scores)) == wanted
+
+
+def test_no_restart_follows_once_a_set_draws_a_density_well(doubled):
+    maps, image = doubled
+    near, far = (State(best=tied(each, 0.0), scores=(0.5,)) for each in (maps[:3], 0.5 * maps[:3]))
+    assert Restart(problem(image), 0, 1).is_wanted(far) and not Restart(problem(image), 0, 1).is_wanted(near)
+    binary = Restart(problem((image > 0).float(), levels="binary"), 0, 1)
+    assert binary.is_wanted(near), "a wrong code may draw it well"
 
 
 def test_later_rounds_have_half_of_the_restarts(doubled):

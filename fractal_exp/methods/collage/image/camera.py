@@ -5,7 +5,8 @@ from __future__ import annotations
 from ....cameras.estimate import is_of_a_density, nearest
 from ....cameras.kinds import beside, kind_of, with_camera
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from .gauss_newton import FromRenderings, polished
+from .gauss_newton import polished
+from .jacobian import FromRenderings
 from .objective import ImageObjective, Rendered
 
 LIKELIEST = 3      # cameras of each kind with which a code is polished first

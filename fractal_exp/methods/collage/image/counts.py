@@ -12,7 +12,7 @@ from torch.nn.functional import avg_pool2d
 from ....cameras.blur import blurred
 from ....cameras.linear import Linear
 from ....ops.collage import orbit_bins, pushforward
-from .gauss_newton import LOG_STEP, STEP_PX, WEIGHT, Jacobian
+from .jacobian import LOG_STEP, STEP_PX, WEIGHT, Jacobian
 from .objective import ImageObjective, Rendered
 
 BILINEAR = 1 / 12          # variance, cells², that bilinear bins add, compared with sharp bins

@@ -6,23 +6,15 @@ renderings, so a true code stays where it is. Only the Jacobian is approximate.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import torch
 from torch import Tensor
-from torch.nn.functional import avg_pool2d
 
-from ....cameras.camera import LENGTHS
 from ....cameras.levels import Levels
-from ....cameras.points import attractor_points, trajectories
-from ....ifs import affine
-from ....ops.collage import orbit_bins
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ....runtime.seeds import derive
-from ..bins import point_bins
-from ..limits import limited
+from .jacobian import FromPoints, Jacobian
 from .objective import FIRM_ABOVE, Frame, ImageObjective, Rendered
 
 DAMPING = 1e-2           # of the first step, relative to the diagonal of the normal equations
@@ -35,19 +27,6 @@ PATIENCE = 1             # steps without gain, in a row, after which a polish en
 FRAME_WORSE = 1.05       # factor on the error up to which a code fitted into the frame is kept
 FIRM_WORSE = 2.0         # the same for firm polishes, of binary images that hardly show tips
 FIRM_STEPS = 6           # of each firm polish
-# Of a Jacobian.
-WEIGHT = 6                 # the column of a map's probability, after its six entries
-CAMERA = 7                 # stands for a value of the camera: (index of the value, CAMERA, step)
-LONGEST_PX = 2.0           # maximum step of a parameter, pixels of displacement
-LEAST_SPREAD = 1e-3        # canvas units, of the attractor's standard deviation: the unit of steps of a matrix
-LOG_STEP = 0.1             # in the logarithm of a probability, a gain or a gamma: counts as much as a pixel
-WINDOW = 3                 # cells per side of the window in which grey levels are related to masses
-STEP_PX = 0.05             # finite difference of a parameter in a Jacobian from points
-STROKE_EFFECT = 1e-3       # share of the largest sum of squared derivatives below which a parameter of strokes stays:
-#                            the width of a stroke has no effect until the map is no longer flat
-NUDGE_PX = 0.05            # finite difference of a parameter in a Jacobian from renderings
-BINARY_NUDGE_PX = 0.3      # the same for a binary image, which changes by whole pixels
-ROWS = 2**21               # numbers of a Jacobian that are multiplied at once, to limit the memory
 
 
 def polished(objective: ImageObjective, rendered: Rendered, steps: int, moving: Sequence[int] | None = None, *,
@@ -163,163 +142,3 @@ def _one_by_one(objective: ImageObjective, rendered: Rendered, jacobian: Jacobia
                 break
             rendered, taken = tried, further
     return rendered
-
-
-class Jacobian(ABC):
-    """Derivatives of the stabilised rendering by the parameters of some maps, each in units of a pixel's displacement.
-    They are kept as normal equations over all grids, and over the frame if the objective has one. fixed: entries (map,
-    column) that stay; camera: whether the open values of the camera move as well."""
-
-    def __init__(self, objective: ImageObjective, rendered: Rendered, moving: Sequence[int], number: int,
-                 fixed: Collection[tuple[int, int]] = (), camera: bool = False):
-        self.params, self.largest = objective.params.gauss_newton, objective.largest
-        self.maps, self.side = rendered.maps, objective.side
-        self.least_effect = 0.0 if objective.levels.is_whole else STROKE_EFFECT
-        self.seed = derive(objective.seed, "jacobian", number)
-        self.count = int(self.params.points_per_cell * self.side**2)
-        self.points = attractor_points(rendered.maps, rendered.probabilities, self.count, self.seed)
-        self.game = trajectories(self.count)
-        self.mean = self.points.mean(0).tolist()
-        spread = self.points.std(0).clamp_min(LEAST_SPREAD).tolist()
-        pixel = 2 / objective.side
-        self.weights = rendered.weights
-        self.units = [(i, j, pixel if j > 3 else pixel / spread[j % 2]) for i in moving for j in range(6)
-                      if (i, j) not in fixed] + self.weight_units(moving)
-        self.units += self.camera_units(rendered.levels) if camera else []
-        count = len(self.units)
-        self.square, self.gradient = torch.zeros(count, count).double(), torch.zeros(count).double()
-        grids = self.grids(objective, rendered)
-        for residual, (columns, slope) in zip(objective.residuals(rendered.image), grids, strict=True):
-            rows = max(1, ROWS // (count * len(residual)))
-            for part in range(0, len(residual), rows):  # in pieces, to save memory
-                piece = slice(part, part + rows)
-                scaled = (columns[:, piece] * slope[piece]).flatten(1).double()
-                self.square += (scaled @ scaled.T).cpu()
-                self.gradient += (scaled @ residual[piece].flatten().double()).cpu()
-        if objective.frame is not None:
-            self._add_frame(objective, objective.frame, rendered)
-
-    def weight_units(self, moving: Sequence[int]) -> list[tuple[int, int, float]]:
-        """Probabilities that move too: (map, 6, step of their logarithm). None if the rendering saturates."""
-        return []
-
-    def camera_units(self, levels: Levels) -> list[tuple[int, int, float]]:
-        """Open values of the camera, by their places in `Levels.values`: lengths move by pixels, logarithms of other
-        values by steps of `LOG_STEP`."""
-        pixel = 2 / self.side
-        return [(levels.values.index(name), CAMERA, pixel if name in LENGTHS else LOG_STEP)
-                for name in levels.open_values]
-
-    def weighed(self, step: Tensor) -> Tensor | None:
-        """The weights (N,) after a step; None if they are tied."""
-        return self.weights
-
-    def seen(self, objective: ImageObjective, step: Tensor) -> ImageObjective:
-        """The objective after a step of the camera."""
-        levels = objective.levels
-        moved = {levels.values[k]: value * unit for value, (k, j, unit) in zip(step.tolist(), self.units, strict=True)
-                 if j == CAMERA}
-        return objective.seen_with(levels.adjusted(moved)) if moved else objective
-
-    @abstractmethod
-    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        """For each grid, the derivatives (parameters,h,w) and a factor (h,w) still to be applied to them."""
-
-    def _add_frame(self, objective: ImageObjective, frame: Frame, rendered: Rendered) -> None:
-        misfit = frame.misfit(rendered.maps, rendered.probabilities)
-        _, weights = frame.penalty(misfit)
-        slopes = frame.jacobian(rendered.maps, rendered.probabilities) * weights[:, None, None]
-        columns = torch.stack([
-            unit * (slopes[:, i, j] - (self.mean[j % 2] * slopes[:, i, 4 + j // 2] if j < 4 else 0))
-            for i, j, unit in self.units])
-        counted = 2 * objective.subpixels  # residuals of the image have variance 1 / 2n, residuals of the frame 1
-        self.square += columns @ columns.T / counted
-        self.gradient -= columns @ (misfit * weights) / counted
-
-    def solve(self, damping: float) -> Tensor:
-        """The step of each parameter: pixels, or multiples of `LOG_STEP` for logarithms."""
-        effects = self.square.diagonal()
-        ridge = damping * effects + 1e-9 * effects.max() + 1e-12
-        ridge[effects < self.least_effect * effects.max()] = 1e6 * effects.max()  # these stay
-        return self._limited(torch.linalg.solve(self.square + ridge.diag(), self.gradient))
-
-    def solve_alone(self) -> Tensor:
-        """The step of each parameter if only that one moves."""
-        return self._limited(self.gradient / self.square.diagonal().clamp_min(1e-12))
-
-    def _limited(self, step: Tensor) -> Tensor:
-        return step.clamp(-LONGEST_PX, LONGEST_PX)
-
-    def moved(self, step: Tensor) -> Tensor:
-        """The maps (N,6) after a step. A matrix acts about the attractor's mean."""
-        maps = self.maps.tolist()  # tensors are slow number by number, and slower still on a GPU
-        for value, (i, j, unit) in zip(step.tolist(), self.units, strict=True):
-            if j >= WEIGHT:
-                continue
-            maps[i][j] += value * unit
-            if j < 4:
-                maps[i][4 + j // 2] -= value * unit * self.mean[j % 2]
-        return limited(self.maps.new_tensor(maps), self.weights, self.largest)
-
-    def nudged(self, parameter: int, step: float) -> Tensor:
-        """The maps (N,6) after a step of one parameter."""
-        return self.moved(self._alone(parameter, step))
-
-    def rendering(self, objective: ImageObjective, parameter: int, step: float) -> Tensor:
-        """The rendering (R,R) after a step of one parameter."""
-        alone = self._alone(parameter, step)
-        return self.seen(objective, alone).render(affine.to_code(self.moved(alone), self.weights))
-
-    def _alone(self, parameter: int, step: float) -> Tensor:
-        alone = torch.zeros(len(self.units))
-        alone[parameter] = step
-        return alone
-
-
-class FromPoints(Jacobian):
-    """From one run of the chaos game with common random numbers and fixed probabilities. The grey level of a cell of
-    mass m is I = 1 - exp(-kappa m), with kappa fitted to the rendering around the cell."""
-
-    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        known = point_bins(self.points, self.side)
-        greys, step = objective.grids(rendered.image), STEP_PX
-        smooth = self._smooth(greys[0]).clamp(max=1 - 0.5 / objective.subpixels)
-        kappa = -(1 - smooth).log() / self._smooth(known).clamp_min(1e-12)
-        kappa = torch.where(known > 0, kappa, 0)
-        slope = objective.levels.unlit(greys[0], smooth) * kappa
-        entries = [k for k, (_, j, _) in enumerate(self.units) if j < WEIGHT]
-        moved = torch.stack([self.nudged(k, step) for k in entries])
-        columns = orbit_bins(moved, rendered.probabilities, self.side, seed=self.seed, **self.game)
-        columns.sub_(known).div_(step).mul_(slope)
-        camera = [(objective.grids(self.rendering(objective, k, step))[0] - greys[0]) / step
-                  for k in range(len(entries), len(self.units))]
-        columns = torch.cat([columns, *(column[None] for column in camera)])
-        for k, grey in enumerate(greys):
-            if k:
-                columns = avg_pool2d(columns, 2, ceil_mode=True)
-            yield columns, objective.levels.stabilizing_slope(grey, objective.subpixels * 4**k)
-
-    def _smooth(self, image: Tensor) -> Tensor:
-        return avg_pool2d(image[None], WINDOW, 1, WINDOW // 2)[0]
-
-
-class FromRenderings(Jacobian):
-    """From renderings of the code with each parameter moved both ways. This is several times slower than `FromPoints`,
-    but also correct where an image ends at the edge of a pixel, which bins cannot show."""
-
-    def grids(self, objective: ImageObjective, rendered: Rendered) -> Iterator[tuple[Tensor, Tensor]]:
-        nudge = NUDGE_PX if objective.levels.is_graded else BINARY_NUDGE_PX
-        columns = [grid.new_empty(len(self.units), *grid.shape) for grid in objective.stable]
-        for k in range(len(self.units)):
-            fro, to = (objective.stabilized(self.rendering(objective, k, step)) for step in (-nudge, nudge))
-            for column, before, after in zip(columns, fro, to, strict=True):
-                column[k] = (after - before) / (self._back(objective.levels, k, nudge) + nudge)
-        for column in columns:
-            yield column, torch.ones_like(column[0])
-
-    def _back(self, levels: Levels, parameter: int, nudge: float) -> float:
-        """How far a step back really goes: a length of the camera does not become negative."""
-        k, j, unit = self.units[parameter]
-        if j != CAMERA or levels.values[k] not in LENGTHS:
-            return nudge
-        return min(nudge, getattr(levels.camera, levels.values[k]) / unit)

@@ -295,8 +295,6 @@ class MeasureSearch:
     def merged(self, now: Candidate) -> Candidate:
         """Merge maps with nearly the same image, if that is better. Two halves of a map hold each other in place, as do
         a map and its composition with a symmetry: removing only one of them would never pay."""
-        if not self.params.search.merging:
-            return now
         one = torch.ones(len(now.maps), 1, device=now.maps.device)
         images = pushforward(now.maps[:, None].contiguous(), one, self.coarse.samples, self.coarse.size)
         roots = images.flatten(1).clamp_min(0).sqrt()

@@ -15,7 +15,8 @@ from torch import Tensor
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import generator
-from ..image.gauss_newton import FromRenderings, firmly_framed, fitted_into_frame, polished
+from ..image.gauss_newton import firmly_framed, fitted_into_frame, polished
+from ..image.jacobian import FromRenderings
 from ..image.objective import FAR, FIRM_ABOVE, FIRM_ONLY, ImageObjective, Rendered, error_of
 from ..simplify.loop import Draft, Proposer, Way, maps_polished, pruned_in_frame, simplified
 from ..simplify.rounding import begun, with_simple_numbers

@@ -15,7 +15,8 @@ from torch import Tensor
 
 from ....likeness import UNLIKE
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ..image.gauss_newton import FromPoints, FromRenderings, polished
+from ..image.gauss_newton import polished
+from ..image.jacobian import FromPoints, FromRenderings
 from ..image.objective import Frame, ImageObjective, Rendered
 from ..params import CollageParams
 

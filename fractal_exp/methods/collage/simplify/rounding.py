@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from ....runtime.deadline import NO_DEADLINE, Deadline
-from ..image.gauss_newton import FromPoints, FromRenderings, fitted_into_frame, framed, polished
+from ..image.gauss_newton import fitted_into_frame, framed, polished
+from ..image.jacobian import FromPoints, FromRenderings
 from ..image.objective import Frame, ImageObjective, Rendered, error_of
 from .loop import Draft, Price, Proposer, simplified
 from .simple_maps import OFF_MIDDLE, Line, Precision, Spread, mirrored_offsets

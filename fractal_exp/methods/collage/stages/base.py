@@ -22,11 +22,11 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..image.objective import Frame, ImageObjective, reduced
 from ..moves.search import ImageSearch
+from ..moves.tools import Latest
 from ..params import CollageParams
-from ..state import Candidate, Key, State
+from ..state import Candidate, Key, State, WeightedMaps
 
-DENSITY_ROUNDS = 4      # where grey levels are a density
-BINARY_ROUNDS = 2       # on a binary image, if rounds continue from each other
+EXACT_ROUNDS = 2        # on renderings, if rounds continue from each other
 DRAWN_ROUNDS = 3        # on pictures that others drew
 ROUND_SECONDS = 30.0    # in which a round finds something, on an image of at most ROUND_SIDE pixels per side
 ROUND_SIDE = 256
@@ -98,7 +98,7 @@ class SearchProblem:
 
     @property
     def kind(self) -> str:
-        """Which stages the image needs, a name in `plan.PLANS`."""
+        """Which stages the image needs, a name in `stages.PLANS`."""
         return "drawn" if not self.levels.is_exact else "crossed" if self.is_crossed else "rendered"
 
     @property
@@ -121,9 +121,9 @@ class SearchProblem:
     @property
     def rounds(self) -> int:
         """Maximum number of rounds."""
-        other = self.params.stages.independent_rounds if self.has_independent_rounds else BINARY_ROUNDS
-        most = 1 if self.is_crossed else DENSITY_ROUNDS if self.levels.is_density else other
-        return self.params.rounds or (most if self.levels.is_exact else DRAWN_ROUNDS)
+        exact = self.params.stages.independent_rounds if self.has_independent_rounds else EXACT_ROUNDS
+        usual = 1 if self.is_crossed else exact if self.levels.is_exact else DRAWN_ROUNDS
+        return self.params.rounds or usual
 
     @property
     def full_rounds(self) -> int:
@@ -188,6 +188,16 @@ class SearchProblem:
         if size != image.shape[0]:
             image = reduced(image, size, code, levels, self.params, seed)
         return ImageObjective(image, levels, self.params, seed, renderings)
+
+    @cached_property
+    def noise_ratio(self) -> Latest[float]:
+        """Of a candidate: the error of its maps, drawn with tied weights, relative to that of the true code."""
+        return Latest(self._noise_ratio)
+
+    def _noise_ratio(self, found: WeightedMaps) -> float:
+        objective = self.objective(len(self.image), found.code, derive(self.seed, "near"))
+        shown = objective.judge(found.maps)
+        return shown.error / objective.noise(shown.code)
 
     def image_search(self, code: IFS, deadline: Deadline, *path: str | int,
                      camera: Camera | None = None, measured_through: Camera | None = None) -> ImageSearch:

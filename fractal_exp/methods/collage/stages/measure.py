@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....cameras.kinds import with_camera
-from ....ifs import affine
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ..bins import saturation_corrected
@@ -14,11 +13,11 @@ from ..measure.windows import search_on
 from ..state import Candidate, State
 from .base import Stage
 
-ISOMETRY = 0.95      # smaller singular value above which a map counts as a near-isometry
 CONTRACTION = 0.9    # upper limit of the smaller singular value in rounds that avoid near-isometries
 # Shares of a round's part of the time at which restarts, the search from their mixture, and stage 2 end
 RESTARTS_END, MIXTURE_ENDS, DETAIL_ENDS = 0.35, 0.45, 0.65
 AGREEMENT = 0.02        # relative difference of scores below which two restarts agree; the others are then skipped
+NEAR = 12.0             # noise ratio of a set below which the moves that follow find what it lacks sooner than restarts
 
 
 class MeasureStage(Stage):
@@ -32,26 +31,17 @@ class MeasureStage(Stage):
         if found is not None:
             levels = with_camera(self.problem.levels, state.measured_through)
             masses = saturation_corrected(masses, found.code, levels, self.params.saturation, seed)
-        return search_on(masses, self.problem.levels.known, regime, self.params, seed, self._smaller_limit(state))
+        return search_on(masses, self.problem.levels.known, regime, self.params, seed, self._smaller_limit)
 
-    def _smaller_limit(self, state: State) -> float:
+    @property
+    def _smaller_limit(self) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
-        identity does, so after a code with a near-isometry has failed, every other round avoids near-isometries. The
-        first and third rounds avoid them in pictures that others drew, and in binary images that may have several
-        rounds."""
+        identity does, so the first and third rounds avoid near-isometries in pictures that others drew, and in binary
+        images that may have several rounds."""
         levels = self.problem.levels
-        if not levels.is_exact:
-            avoided = self.round % 2 == 0
-        elif not levels.is_graded:
-            avoided = self.round % 2 == 0 and self.problem.rounds > 1
-        else:
-            avoided = self.round % 2 == 1 and self._has_failed_with_isometry(state)
-        return CONTRACTION if self.params.stages.avoid_isometries and avoided else 1.0
-
-    @staticmethod
-    def _has_failed_with_isometry(state: State) -> bool:
-        """Whether the code of an earlier round has a near-isometry."""
-        return state.before is not None and bool((affine.smaller_singular(state.before.maps) > ISOMETRY).any())
+        may_mislead = not levels.is_exact or not levels.is_graded and self.problem.rounds > 1
+        avoided = self.params.stages.avoid_isometries and may_mislead and self.round % 2 == 0
+        return CONTRACTION if avoided else 1.0
 
 
 class Restart(MeasureStage):
@@ -70,12 +60,17 @@ class Restart(MeasureStage):
         return self.deadline if self.restart else self.problem.times.round_end(self.round)
 
     def is_wanted(self, state: State) -> bool:
-        """False once two restarts of the round agree."""
-        if len(state.scores) < 2:
-            return True
+        """False once two restarts of the round agree, or one is near."""
         # above WRONG_NUMBER, the number of maps is wrong
-        limit = min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
-        return state.scores[1] >= limit
+        agree = len(state.scores) > 1 and state.scores[1] < min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
+        return not agree and not self._is_near(state)
+
+    def _is_near(self, state: State) -> bool:
+        """Whether the best set of the round, of a right number of maps, draws the image so well that no further one is
+        needed. Other levels than densities do not tell: a wrong code may draw them well, or their camera is unknown."""
+        levels = self.problem.levels
+        is_judged = levels.is_exact and levels.is_density and state.best and state.best.score < WRONG_NUMBER
+        return bool(is_judged) and self.problem.noise_ratio(state.leader) < NEAR
 
     def open(self, state: State) -> State:
         # the words in seed paths name random streams: another word gives other numbers

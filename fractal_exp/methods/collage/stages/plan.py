@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import chain
 
 from .base import SearchProblem, Stage
@@ -13,7 +12,7 @@ from .measure import Detail, FromMixture, Restart
 class Plan:
     """All stages that a search may have, one instance of each: `rounds` of them, and the `last` ones, after all rounds.
 
-    Pictures of another kind have a subclass, see `PLANS`.
+    Pictures of another kind have a subclass, see `stages.PLANS`.
     """
 
     rounding: type[Stage] = Rounding
@@ -51,24 +50,3 @@ class Plan:
         problem = self.problem
         full = [FullSize(problem, problem.rounds)] if problem.full_side > len(problem.image) else []
         return [*full, *([self.rounding(problem, problem.rounds)] if problem.params.rounding.enabled else [])]
-
-
-def plan_of(problem: SearchProblem) -> Plan:
-    """The stages of a search on this image."""
-    return PLANS[problem.kind](problem)
-
-
-def _crossed(problem: SearchProblem) -> Plan:
-    from .crossing import CrossedPlan
-
-    return CrossedPlan(problem)
-
-
-def _drawn(problem: SearchProblem) -> Plan:
-    from .drawn import DrawnPlan
-
-    return DrawnPlan(problem)
-
-
-# By the kind of the image. What only some images need is imported for them alone.
-PLANS: dict[str, Callable[[SearchProblem], Plan]] = {"rendered": Plan, "crossed": _crossed, "drawn": _drawn}

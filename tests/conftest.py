@@ -21,8 +21,9 @@ from fractal_exp.tracking import building
 
 LEFT_OUT = pytest.StashKey[int]()
 MAKES = building._make
-LONGEST = ("test_studio_session.py", "test_words.py", "test_in_chromium.py", "test_sweeps.py", "test_simpler_codes.py",
-           "test_collage.py", "test_train.py", "test_editing.py", "test_inversion.py", "test_evaluate_fits.py")
+LONGEST = ("test_studio_session.py", "test_words.py", "test_in_chromium.py", "test_collage.py", "test_train.py",
+           "test_sweeps.py", "test_simpler_codes.py", "test_editing.py", "test_inversion.py", "test_configuration.py",
+           "test_evaluate_fits.py")
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,7 @@
 """The paper's method at sizes that take moments."""
 
+import torch
+
 from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic.method import Chaotic
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
@@ -16,3 +18,7 @@ def fit(optimizer=None, *, iterations=12, parameterization=None, **options) -> C
     objective = WeightedSum({"mse": 10, "ssim": 1, "regularizer": 0.01},
                             {"mse": MipMSE(), "ssim": DSSIM(), "regularizer": Regularizer()})
     return Chaotic(model, objective, optimizer or GradientDescent(), iterations=iterations, **options)
+
+
+def random(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)

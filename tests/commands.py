@@ -21,7 +21,6 @@ def run_here(program: ModuleType, *words: str, server: str | None = None) -> tup
         patch.setattr(sys, "argv", [program.__name__, *words])
         patch.setattr(HydraConfig.instance(), "cfg", None)  # a later fit in this process is made by no command
         patch.setattr("fractal_exp.cli.interruption.listen", lambda answer: None)  # the signals are pytest's
-        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         if server is not None:
             patch.setenv("MLFLOW_TRACKING_URI", server)
         try:

@@ -23,10 +23,10 @@ ABLATIONS = {  # the keys by which each row of the paper's ablation table may di
 }
 
 
-def composed(*overrides: str):
+def composed(*overrides: str, hydra: bool = False):
     configuration.register()
     with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return compose("train", list(overrides))
+        return compose("train", list(overrides), return_hydra_config=hydra)
 
 
 @cache

@@ -5,6 +5,7 @@ import os
 # Before numpy is loaded, and for all processes that tests start: where each core has a test process already, OpenBLAS
 # spends more on waking its threads, even for a system of six equations, than they save.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.pop("MLFLOW_TRACKING_URI", None)  # the server that keeps the runs of whoever runs the tests is not theirs
 
 import shutil
 import sqlite3
@@ -20,8 +21,9 @@ from fractal_exp.tracking import building
 
 LEFT_OUT = pytest.StashKey[int]()
 MAKES = building._make
-LONGEST = ("test_studio_session.py", "test_words.py", "test_in_chromium.py", "test_sweeps.py", "test_simpler_codes.py",
-           "test_collage.py", "test_train.py", "test_editing.py", "test_inversion.py", "test_evaluate_fits.py")
+LONGEST = ("test_studio_session.py", "test_words.py", "test_in_chromium.py", "test_collage.py", "test_train.py",
+           "test_sweeps.py", "test_simpler_codes.py", "test_editing.py", "test_inversion.py", "test_configuration.py",
+           "test_evaluate_fits.py")
 
 
 @pytest.fixture(scope="session")

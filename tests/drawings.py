@@ -2,9 +2,12 @@
 
 import io
 import math
+import struct
+import zlib
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import binary_dilation
 
 FERN = ((0.01, 0, 0, 0, 0.16, 0, 0), (0.85, 0.85, 0.04, -0.04, 0.85, 0, 1.6), (0.07, 0.2, -0.26, 0.23, 0.22, 0, 1.6),
         (0.07, -0.15, 0.28, 0.26, 0.24, 0, 0.44))  # probability a b c d e f
@@ -80,3 +83,22 @@ def leaf(colour, paper="white", fine=4):
     """A star with smooth edges: a Pillow image of 300²."""
     large = star(Image.new("RGB", (300 * fine, 300 * fine), paper), 150, 150, 80, colour, fine)
     return large.resize((300, 300), Image.Resampling.BOX)
+
+
+def declared(side, rows, colour=6):
+    """A PNG that declares side² pixels of a colour type and holds some rows of them, all black, or transparent."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[colour]
+    palette = chunk(b"PLTE", bytes(6)) + chunk(b"tRNS", b"\0") if colour == 3 else b""
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, colour, 0, 0, 0)) + palette
+            + chunk(b"IDAT", zlib.compress(bytes(rows * (1 + channels * side)))) + chunk(b"IEND", b""))
+
+
+def alike(found, expected, lit=0.25):
+    """F1 within a pixel of what is brighter than a level in two images (R,R), by SciPy."""
+    found, expected = (image.numpy() > lit for image in (found, expected))
+    precise, complete = ((one & binary_dilation(other, np.ones((3, 3)))).sum() / one.sum()
+                         for one, other in ((found, expected), (expected, found)))
+    return 2 * precise * complete / (precise + complete)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from known import loading
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, Colours, InputError, codes, invert, render
@@ -14,7 +15,7 @@ from fractal_exp.ifs import affine, attractor
 from fractal_exp.images import read_target
 from fractal_exp.images.painted import Painted
 from fractal_exp.inversion import Inversion, write
-from fractal_exp.methods.base import CodeReconstruction, Method
+from fractal_exp.methods.base import CodeReconstruction
 from fractal_exp.rendering.colour import on_ground, own_ground
 
 FERN = attractor.normalize(codes.known("fern"))
@@ -54,6 +55,7 @@ def test_the_true_colours_are_found(drawn):
     assert colour_error(wrong, seen) > 10
 
 
+@pytest.mark.slow
 def test_sixteen_maps_have_the_colours_of_four(drawn):
     """A code of all words of two letters: no colours of such maps are quite those of the letters."""
     words = replace(affine.to_code(affine.compositions(affine.from_code(FERN), affine.from_code(FERN))),
@@ -117,20 +119,20 @@ def test_no_colours_where_code_and_picture_share_no_pixel(picture):
     assert fitted(point, painted(picture)) is None
 
 
-class Knows(Method):
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        return CodeReconstruction(FERN, "asked to")
+def known(picture, colour: bool) -> Inversion:
+    """`invert` with a method whose answer is the fern."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fractal_exp.api.load", loading(CodeReconstruction(FERN, "asked to")))
+        return invert(picture, resolution=192, frame="keep", colour=colour)
 
 
-@pytest.fixture
-def knows(monkeypatch):
-    def build(*, resolution: int, seed: int, seconds: float | None = None):
-        return Knows()
-    monkeypatch.setattr("fractal_exp.api.load", lambda name: build)
+@pytest.fixture(scope="module")
+def coloured(picture) -> Inversion:
+    return known(picture, colour=True)
 
 
-def test_invert_with_colour_keeps_the_shape(knows, picture, tmp_path):
-    plain, coloured = (invert(picture, resolution=192, frame="keep", colour=colour) for colour in (False, True))
+def test_invert_with_colour_keeps_the_shape(picture, coloured, tmp_path):
+    plain = known(picture, colour=False)
     assert plain.code.colours is None and plain.likeness.colour is None and "CIEDE2000" not in str(plain)
     assert torch.equal(plain.code.linear, coloured.code.linear) and plain.likeness.f1 == coloured.likeness.f1
     assert 0 < coloured.likeness.colour < 6 and "apart (CIEDE2000)" in str(coloured)
@@ -142,8 +144,8 @@ def test_invert_with_colour_keeps_the_shape(knows, picture, tmp_path):
     assert pixels.shape == (64, 64, 3) and pixels[0, 0].tolist() == [255, 255, 255]
 
 
-def test_a_code_with_colours_is_redrawn_in_them_on_the_ground_of_its_picture(knows, picture, tmp_path):
-    found = invert(picture, resolution=192, frame="keep", colour=True)
+def test_a_code_with_colours_is_redrawn_in_them_on_the_ground_of_its_picture(coloured, picture, tmp_path):
+    found = coloured
     write(found, tmp_path)
     redrawn = np.asarray(Image.open(tmp_path / "redrawn.png")).astype(float)
     assert redrawn.shape == picture.shape and redrawn[0, 0].tolist() == [255, 255, 255]

@@ -7,12 +7,13 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 import torch
+from known import loading
 from PIL import Image
 
 from fractal_exp import IFS, InputError, Inversion, View, codes, evaluation, invert, render, suite
+from fractal_exp.cameras.camera import Camera
 from fractal_exp.ifs import attractor
-from fractal_exp.likeness import camera_for
-from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Method, Progress, stop_reason
+from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Progress, stop_reason
 
 QUICK = {"resolution": 64, "rounds": 1,
          "search": {"restarts": 1, "moves": 2, "detail_moves": 1}, "moves": {"count": 1},
@@ -45,28 +46,13 @@ def found(path, told) -> Inversion:
     return invert(path, **QUICK, on_step=told.append)
 
 
-class Knows(Method):
-    """A method that knows its answer."""
-
-    def __init__(self, answer: CodeReconstruction):
-        self.answer = answer
-
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        for step, stage in enumerate(("look", "look", "polish"), 1):
-            on_step(Progress(step, step / 3, {"score": 1 / step, "maps": 3.0}, stage=stage))
-        return self.answer
-
-
 def known(image, stopped="", notes=(), code=None, **options) -> Inversion:
     """`invert` with a method whose answer is the triangle."""
     code = attractor.normalize(codes.known("sierpinski_triangle")) if code is None else code
-    answer = Knows(CodeReconstruction(code, stopped, notes))
-
-    def build(*, resolution: int, seed: int, seconds: float | None = None):
-        return answer
-
+    told = [Progress(step, step / 3, {"score": 1 / step, "maps": 3.0}, stage=stage)
+            for step, stage in enumerate(("look", "look", "polish"), 1)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fractal_exp.api.load", lambda name: build)
+        patch.setattr("fractal_exp.api.load", loading(CodeReconstruction(code, stopped, notes), told))
         return invert(image, **options)
 
 
@@ -253,32 +239,22 @@ def test_how_the_picture_is_read_can_be_told():
     assert found.facts()["options"]["crop"] == [60, 4, 178, 118] and found.placement.size == SIZE
 
 
-class Interrupted(Method):
-    """A method that is interrupted after it has told some codes."""
-
-    def __init__(self, told):
-        self.told = told
-
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        for step, code in enumerate(self.told, 1):
-            on_step(Progress(step, 0.1 * step, stage=str(step), code=code, camera=camera_for(code, target)))
-        raise KeyboardInterrupt
+def interrupted(*told):
+    """What loads a method that tells these codes and is interrupted."""
+    camera = Camera("coverage", tile=0.0, pen=1 / 64, blur=1 / 128)
+    return loading(None, [Progress(step, 0.1 * step, stage=str(step), code=code, camera=camera)
+                          for step, code in enumerate(told, 1)])
 
 
 def test_an_interruption_returns_the_best_code_so_far(monkeypatch):
     triangle, fern = (attractor.normalize(codes.known(name)) for name in ("sierpinski_triangle", "fern"))
 
-    def build(told):
-        def method(*, resolution: int, seed: int, seconds: float | None = None):
-            return Interrupted(told)
-        return method
-
-    monkeypatch.setattr("fractal_exp.api.load", lambda name: build([triangle, fern]))
+    monkeypatch.setattr("fractal_exp.api.load", interrupted(triangle, fern))
     with pytest.raises(KeyboardInterrupt):
         invert(triangle_picture(), resolution=64)
     found = invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True)
     assert found.stopped == "interrupted" and found.code == triangle
-    monkeypatch.setattr("fractal_exp.api.load", lambda name: build([]))
+    monkeypatch.setattr("fractal_exp.api.load", interrupted())
     with pytest.raises(KeyboardInterrupt):
         invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True)
 
@@ -289,9 +265,6 @@ def test_a_code_is_kept_though_whom_it_is_told_is_interrupted(monkeypatch):
     def listen(progress):
         raise KeyboardInterrupt  # as `interruption.check` does once a signal came
 
-    def method(*, resolution: int, seed: int, seconds: float | None = None):
-        return Interrupted([triangle])
-
-    monkeypatch.setattr("fractal_exp.api.load", lambda name: method)
+    monkeypatch.setattr("fractal_exp.api.load", interrupted(triangle))
     found = invert(triangle_picture(), levels="coverage", resolution=64, keep_interrupted=True, on_step=listen)
     assert found.stopped == "interrupted" and found.code == triangle

@@ -8,6 +8,7 @@ import random
 import numpy as np
 import pytest
 from crafted import HUGE, crafted
+from known import Known
 
 from fractal_exp import InputError, Inversion, codes
 from fractal_exp.cli.folders import FitFolder
@@ -15,7 +16,7 @@ from fractal_exp.cli.jobs import Outcome, describe_scores
 from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import run
-from fractal_exp.methods.base import CodeReconstruction, Method, Progress
+from fractal_exp.methods.base import CodeReconstruction, Progress
 from fractal_exp.rendering.still import render
 
 FEW = 40  # crafted files of each kind in the quick tests
@@ -40,20 +41,15 @@ def attack(data, read, few, below=()):
 FEW_OR_ALL = pytest.mark.parametrize("few", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["few", "all"])
 
 
-class Known(Method):
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        code = attractor.normalize(codes.known("sierpinski_triangle"))
-        on_step(Progress(1, 0.5, {"error": 1.0}, stage="first", code=code))
-        return CodeReconstruction(code)
-
-
 @pytest.fixture(scope="module")
 def inversion(tmp_path_factory):
     """The folder of an inversion, which has a value in every place."""
     folder = tmp_path_factory.mktemp("inversion")
-    image = render(attractor.normalize(codes.known("sierpinski_triangle")), resolution=64, points_in_view=20_000)
+    code = attractor.normalize(codes.known("sierpinski_triangle"))
+    image = render(code, resolution=64, points_in_view=20_000)
+    method = Known(CodeReconstruction(code), [Progress(1, 0.5, {"error": 1.0}, stage="first", code=code)])
     target = ReadImage.of_drawing(image, "density")
-    run(target, Known(), name="known", options={"camera": {"pen_px": None}, "levels": "auto"}).save(folder)
+    run(target, method, name="known", options={"camera": {"pen_px": None}, "levels": "auto"}).save(folder)
     data = json.loads((folder / "inversion.json").read_text())
     facts = data["meta"]["inversion"]
     facts |= {"notes": ["a"], "warnings": ["b"], "source": str(folder / "target.png"),

@@ -48,15 +48,6 @@ def test_colours_that_are_none_are_refused(place, number, tmp_path):
         IFS.load(tmp_path / "wrong.json")
 
 
-@pytest.mark.parametrize("colours", [
-    [], 3, "red", {}, {"rgb": [[1, 0, 0]], "blends": [0.5]}, {"rgb": [[1, 0], [0, 1]], "blends": [0.5, 0.5]},
-    {"rgb": [[1, 0, 0], [0, 1, 0]], "blends": [[0.5], [0.5]]}, CODE["colours"] | {"more": 1}])
-def test_colours_of_another_form_are_refused(colours, tmp_path):
-    (tmp_path / "wrong.json").write_text(json.dumps(CODE | {"colours": colours}))
-    with pytest.raises(InputError):
-        IFS.load(tmp_path / "wrong.json")
-
-
 def test_notes_about_colours_of_any_kind_do_not_hinder_a_drawing(tmp_path, capsys):
     for note in ("x", [], [1], [7, 0, 0], {"a": 1}, None, True, "\n", ["a", "b", "c"], [[1], 0, 0], float("nan")):
         (tmp_path / "noted.json").write_text(json.dumps(CODE | {"meta": {"ground": note, "background": note}}))

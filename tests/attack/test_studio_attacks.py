@@ -4,39 +4,27 @@ They are slow tests. Their seeds are fixed, the moments come as they fall.
 """
 
 import contextlib
-import io
-import os
 import random
 import re
 import resource
 import signal
-import struct
 import subprocess
 import sys
 import time
-import zlib
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
-import numpy as np
 import psutil
 import pytest
+from drawings import declared
 from PIL import Image, ImageDraw
+from studio_helpers import COMMAND, Studio, free, picture_of, plain, png
 
-from fractal_exp import IFS, codes, suite
+from fractal_exp import IFS, codes
 from fractal_exp.ifs import attractor
 
 pytestmark = pytest.mark.slow
 
-SIDE, SEED, KILLS = 64, 21, 8
-SMALL = f"""
-from fractal_exp.cli import studio
-from fractal_exp.studio import reading
-
-if __name__ == "__main__":
-    reading.RESOLUTION = {SIDE}
-    studio.main()
-"""
+SEED, KILLS = 21, 8
 SAVED = {"code.json", "inversion.json", "target.png", "redrawn.png", "rendering.png", "code.html", "overlay.png"}
 
 
@@ -44,13 +32,9 @@ class Command:
     """The command in a process of its own, and what a page would do."""
 
     def __init__(self, output):
-        sys.path.insert(0, str(Path(__file__).parents[1] / "studio"))
-        from studio_helpers import Studio
-
-        arguments = [sys.executable, "-c", SMALL, "--port", "0", "--no-browser", "--output", str(output)]
-        environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"}
+        arguments = [sys.executable, "-c", COMMAND, "--port", "0", "--no-browser", "--output", str(output)]
         self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                                        env=environment, start_new_session=True,
+                                        start_new_session=True,
                                         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
         found = re.search(r"http://127.0.0.1:(\d+)/([\w-]+)/", self.process.stdout.readline())
         self.token, self.page = found[2], Studio(int(found[1]), output)
@@ -88,24 +72,9 @@ def start(tmp_path):
         yield started
 
 
-def png(image):
-    buffer = io.BytesIO()
-    image.save(buffer, "PNG")
-    return buffer.getvalue()
-
-
 @pytest.fixture(scope="module")
 def fern():
-    drawn = suite.target(attractor.normalize(codes.known("fern")), SIDE).numpy()
-    return png(Image.fromarray(np.rint(255 * drawn).astype(np.uint8)))
-
-
-def idle(state):
-    return state["task"] == ""
-
-
-def plain(code):
-    return {name: part for name, part in code.to_json().items() if name != "meta"}
+    return picture_of("fern")
 
 
 def whole(folder):
@@ -119,20 +88,20 @@ def test_a_page_that_is_killed_again_and_again_leaves_no_process_and_loses_no_co
     for number in range(KILLS):
         command = start()
         with command.tab() as tab:
-            state = tab.until(lambda state: state["ready"] and idle(state))
+            state = tab.until(lambda state: state["ready"] and free(state))
             if seen is not None:
                 assert state["offer"], f"what kill {number} met was not offered"
                 tab.do("resume")
-                state = tab.until(lambda state: idle(state) and state["code"])
+                state = tab.until(lambda state: free(state) and state["code"])
                 assert state["likeness"] >= seen - 0.02, (state["likeness"], seen)
             else:
                 command.send(fern)
-                tab.until(lambda state: idle(state) and state["picture"])
+                tab.until(lambda state: free(state) and state["picture"])
             tab.do(*(("go_on",) if state["can_go_on"] else ("find",)))
             state = tab.until(lambda state: state["task"] == "find" and state["likeness"])
             end = time.monotonic() + chance.uniform(0, 5)
             while time.monotonic() < end:
-                state = tab.until(lambda state: True) if not idle(state) else state
+                state = tab.until(lambda state: True) if not free(state) else state
             seen = state["likeness"]
             time.sleep(0.5)  # of what a page was told in the last moments, nothing is promised
         command.end(signal.SIGKILL)
@@ -146,16 +115,16 @@ def test_a_save_that_is_killed_leaves_a_whole_folder_or_an_offer(start, fern, tm
         command = start(output)
         with command.tab() as tab:
             command.send(fern)
-            tab.until(lambda state: idle(state) and state["picture"])
+            tab.until(lambda state: free(state) and state["picture"])
             tab.do("edit", code=plain(attractor.normalize(codes.known("fern"))))
-            tab.until(lambda state: idle(state) and state["judged"])
+            tab.until(lambda state: free(state) and state["judged"])
             time.sleep(0.5)
             tab.do("save")
             time.sleep(chance.uniform(0, 3))
             command.end(signal.SIGKILL)
         again = start(output)
         with again.tab() as tab:
-            offer = tab.until(idle)["offer"]
+            offer = tab.until(free)["offer"]
         assert whole(output) or offer, f"kill {number}"
         tried += offer is not None
         again.end(signal.SIGKILL)
@@ -167,7 +136,7 @@ def test_the_end_of_a_terminal_keeps_the_code_and_says_so_without_a_traceback(st
     command = start()
     with command.tab() as tab:
         command.send(fern)
-        tab.until(lambda state: idle(state) and state["picture"])
+        tab.until(lambda state: free(state) and state["picture"])
         tab.do("find", settings={})
         tab.until(lambda state: state["likeness"])
         said = command.end(number)
@@ -175,18 +144,7 @@ def test_the_end_of_a_terminal_keeps_the_code_and_says_so_without_a_traceback(st
     assert str(kept) in said and "Traceback" not in said and len(IFS.load(kept)) > 0
     again = start()
     with again.tab() as tab:
-        assert tab.until(idle)["offer"]["maps"] == len(IFS.load(kept))
-
-
-def chunk(kind, data):
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
-def declared(side, rows, colour=6):
-    """A PNG that declares side² pixels and holds some rows."""
-    data = zlib.compress(bytes(rows * (1 + 4 * side)), 9)
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, colour, 0, 0, 0))
-            + chunk(b"IDAT", data) + chunk(b"IEND", b""))
+        assert tab.until(free)["offer"]["maps"] == len(IFS.load(kept))
 
 
 def test_the_memory_that_a_picture_takes_is_bounded_whatever_it_declares(start):
@@ -216,9 +174,9 @@ def test_a_disk_that_takes_no_more_is_told_and_no_code_is_lost(start, fern, tmp_
     command, code = start(), plain(attractor.normalize(codes.known("fern")))
     with command.tab() as tab:
         command.send(fern)
-        tab.until(lambda state: idle(state) and state["picture"])
+        tab.until(lambda state: free(state) and state["picture"])
         tab.do("edit", code=code)
-        tab.until(lambda state: idle(state) and state["judged"])
+        tab.until(lambda state: free(state) and state["judged"])
         time.sleep(1)
         before = {path for path in tmp_path.rglob("*") if path.is_file()}
         resource.prlimit(command.process.pid, resource.RLIMIT_FSIZE, (10, resource.RLIM_INFINITY))
@@ -227,7 +185,7 @@ def test_a_disk_that_takes_no_more_is_told_and_no_code_is_lost(start, fern, tmp_
         assert "ulimit" in tab.refused("save")
         other = code | {"offset": [[x + 0.01, y] for x, y in code["offset"]]}
         tab.do("edit", code=other)
-        tab.until(lambda state: idle(state) and state["judged"] and "ulimit" in state["why"])
+        tab.until(lambda state: free(state) and state["judged"] and "ulimit" in state["why"])
         assert {path for path in tmp_path.rglob("*") if path.is_file()} <= before
     said = command.end(signal.SIGINT)
     assert "Traceback" not in said and '"linear"' in said

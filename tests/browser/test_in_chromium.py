@@ -71,7 +71,7 @@ def test_the_picture_fills_a_window_of_any_format_as_render_draws_it(fern, open_
                       View((0.1, 0.2), 2), (height, width))
 
 
-@pytest.mark.parametrize("window", [(700, 500), (420, 640)])
+@pytest.mark.parametrize("window", [(700, 500), pytest.param((420, 640), marks=pytest.mark.slow)])
 def test_a_picture_of_a_given_size_is_scaled_into_any_window(fern, tmp_path, open_page, window):
     code, view = fern[0], View((0.1, 0.2), 2)
     path = code.save_html(tmp_path / "wide.html", view=view, resolution=(90, 160))

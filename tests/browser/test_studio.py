@@ -7,13 +7,12 @@ import re
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from browser_helpers import COARSE, settled_box
 from PIL import Image, ImageDraw
+from studio_helpers import COMMAND, SIDE, picture_of
 
-from fractal_exp import IFS, codes, suite
-from fractal_exp.ifs import attractor
+from fractal_exp import IFS, codes
 
 PATIENCE = 90_000  # ms
 DROP = """([data, name]) => {
@@ -22,15 +21,6 @@ DROP = """([data, name]) => {
   given.items.add(file);
   document.querySelector("#drop").dispatchEvent(new DragEvent("drop", { dataTransfer: given, bubbles: true }));
 }"""
-SIDE = 64
-SMALL = f"""
-from fractal_exp.cli import studio
-from fractal_exp.studio import reading
-
-if __name__ == "__main__":
-    reading.RESOLUTION = {SIDE}
-    studio.main()
-"""
 WILD = "<img src=x onerror=\"document.title='taken'\">.png"
 
 
@@ -39,7 +29,7 @@ def studio(tmp_path_factory):
     """The command itself, which brings pictures to 64² instead of 256² for a quick search: its address and folder."""
     pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
     output = tmp_path_factory.mktemp("studio")
-    command = [sys.executable, "-c", SMALL, "--port", "0", "--no-browser", "--output", output]
+    command = [sys.executable, "-c", COMMAND, "--port", "0", "--no-browser", "--output", output]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     yield re.search(r"http://\S+", process.stdout.readline())[0], output
     process.terminate()
@@ -56,18 +46,15 @@ def until(page, name: str, pattern: str) -> str:
 
 
 @pytest.mark.slow
-def test_from_a_dropped_picture_to_a_saved_run(studio, open_page, tmp_path):
+def test_from_a_dropped_picture_to_a_saved_run(studio, open_page):
     address, output = studio
-    triangle = attractor.normalize(codes.known("sierpinski_triangle"))
-    picture = np.rint(255 * suite.target(triangle, SIDE).numpy()).astype(np.uint8)
-    Image.fromarray(picture).save(tmp_path / "triangle.png")
     opened = open_page((1280, 860), **COARSE)
     page = opened.page
     page.goto(address)
     page.wait_for_selector("#drop span")
     assert page.is_disabled("#do-find") and page.is_disabled("#do-save")
     page.wait_for_selector("#file:enabled")
-    page.evaluate(DROP, [base64.b64encode((tmp_path / "triangle.png").read_bytes()).decode(), WILD])
+    page.evaluate(DROP, [base64.b64encode(picture_of("sierpinski_triangle")).decode(), WILD])
     page.wait_for_selector("#understood:not([hidden])")
     assert page.inner_text("#picture-name") == f"{WILD}, {SIDE} × {SIDE} px" and page.title() == "Fractal studio"
     page.wait_for_selector("#do-find:enabled")

@@ -1,6 +1,27 @@
 """What the tests of the commands begin with."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
+from PIL import Image
+
+
+@pytest.fixture(scope="session")
+def picture(tmp_path_factory) -> Path:
+    """A black cross on white, 64² pixels."""
+    path = tmp_path_factory.mktemp("picture") / "cross.png"
+    image = np.full((64, 64), 255, np.uint8)
+    image[10:54, 28:36] = image[28:36, 10:54] = 0
+    Image.fromarray(image).save(path)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """Where the test works."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture

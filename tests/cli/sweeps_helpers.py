@@ -5,10 +5,12 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 from commands import run_here
+from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
 from fractal_exp import tracking
@@ -24,9 +26,13 @@ def jobs_of(name: str, *overrides: str) -> list[dict]:
     """The resolved configuration of every job of a sweep."""
     found = []
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as output:
-        # To compose a job takes a fifth of a second. Hydra does so once more before it launches any.
+        # To compose a job takes a fifth of a second. Here only the launcher does so: not Hydra before it launches any,
+        # and neither the check of the words nor the estimate of the cost, which would try a fit of each method too.
         patch.setattr("hydra.plugins.sweeper.Sweeper.validate_batch_is_legal", lambda *_: None)
-        # What a sweep will take is told from the first steps of a fit of each method, of full size.
+        loader = SimpleNamespace(load_sweep_config=lambda *_: None, get_group_options=lambda *given, **more:
+                                 GlobalHydra.instance().config_loader().get_group_options(*given, **more))
+        patch.setattr("fractal_exp.cli.sweeps.GlobalHydra", SimpleNamespace(
+            instance=lambda: SimpleNamespace(config_loader=lambda: loader)))
         patch.setattr("fractal_exp.cli.cost.estimate", lambda *_: "")
         patch.setattr("fractal_exp.cli.jobs.run_job",
                       lambda config: found.append(OmegaConf.to_container(configuration.resolve(config))))
@@ -36,9 +42,9 @@ def jobs_of(name: str, *overrides: str) -> list[dict]:
 
 
 def start(output: Path, *words: str, **environment: str) -> subprocess.Popen:
-    environment = {name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"} | environment
     line = [sys.executable, "-m", "fractal_exp.cli", "sweep", words[0], *TINY, f"output={output}", *words[1:]]
-    return subprocess.Popen(line, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
+    return subprocess.Popen(line, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                            env=os.environ | environment)
 
 
 def run(output: Path, *words: str) -> tuple[int, str]:

@@ -19,13 +19,6 @@ from fractal_exp.suite import random_suite
 SMALL = ["--resolution", "64", "--points", "200000"]
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    return tmp_path
-
-
 def save_two(folder):
     """Fractal 0 as it is, fractal 3 without its last map, which everybody can see."""
     (folder / "mine").mkdir()

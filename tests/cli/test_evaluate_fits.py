@@ -1,42 +1,30 @@
 """What a fit leaves behind is judged by what its target was drawn with, or by its picture, and is data alone."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
-from hydra import compose, initialize_config_module
+from configured import composed
 from networks_helpers import saved
 from PIL import Image
+from train_helpers import train as tiny_fit
 
 from fractal_exp import IFS, InputError, codes, tracking
-from fractal_exp.cli import candidates, configuration
+from fractal_exp.cli import candidates
 from fractal_exp.cli import evaluate as app
 from fractal_exp.cli.candidates import gather
 from fractal_exp.cli.folders import FitFolder
-from fractal_exp.cli.train import fit
 from fractal_exp.ifs import attractor
 from fractal_exp.suite import random_suite, target
 from fractal_exp.targets import KnownCode
 
-TINY = ["scale=smoke", "iterations=4", "threads=1", "checkpoint_every=10"]
+train = partial(tiny_fit, "resolution=64")
 COARSE = ["evaluation.resolution=32", "evaluation.points_in_view=20000"]
 SCORES = ["f1", "iou", "psnr", "ssim"]
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    return tmp_path
-
-
-def train(*overrides: str) -> dict[str, float]:
-    configuration.register()
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return fit(compose("train", [*TINY, *overrides]))
 
 
 def cross(path: Path) -> Path:
@@ -135,7 +123,7 @@ def test_fits_that_found_no_code_are_named(folder, capsys):
 
 
 def test_a_fit_with_other_weights_is_another_fit(folder):
-    words = ["method=neural_regression", "network_side=16", "name=fit", "tracking=none", "target=suite", *COARSE,
+    words = ["method=neural_regression", "network_side=16", "name=fit", "tracking=none", *COARSE,
              "weights.neural_regression=weights"]
     saved(folder / "weights", "neural_regression")
     scores = train(*words)
@@ -199,8 +187,6 @@ def test_a_damaged_file_gets_one_line_that_names_it(kept, capsys, name, data):
 
 @pytest.mark.parametrize(("scale", "views"), [("laptop", "attractor"), ("smoke", "attractor"), ("paper", "released")])
 def test_only_the_papers_scale_is_judged_on_the_views_of_its_program(scale, views):
-    configuration.register()
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        assert compose("train", [f"scale={scale}"]).evaluation.views == views
-        assert compose("train", [f"scale={scale}", "evaluation.views=uniform"]).evaluation.views == "uniform"
+    assert composed(f"scale={scale}").evaluation.views == views
+    assert composed(f"scale={scale}", "evaluation.views=uniform").evaluation.views == "uniform"
     assert app.SCALES.get(scale, {"views": views})["views"] == views

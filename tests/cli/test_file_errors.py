@@ -8,38 +8,24 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from functools import partial
 
-import numpy as np
 import pytest
-from hydra import compose, initialize_config_module
-from PIL import Image
+from train_helpers import train as fit
 
 from fractal_exp import InputError
-from fractal_exp.cli import commands, configuration, render, suite
+from fractal_exp.cli import commands, render, suite
 from fractal_exp.cli.folders import FitFolder
 from fractal_exp.cli.jobs import Outcome
-from fractal_exp.cli.train import fit
 from fractal_exp.runtime import files
 
 FORK = multiprocessing.get_context("fork")
-TINY = ["scale=smoke", "resolution=32", "iterations=6", "checkpoint_every=2", "anneal_every=3", "threads=1", "name=fit",
-        "tracking=none", "target=image"]
 
 
 @pytest.fixture
-def train(tmp_path):
+def train(picture, tmp_path):
     """A function that fits a cross, of the overrides given."""
-    image = np.zeros((64, 64), np.uint8)
-    image[10:54, 28:36] = image[28:36, 10:54] = 255
-    Image.fromarray(image).save(tmp_path / "cross.png")
-    configuration.register()
-
-    def run(*overrides):
-        with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-            return fit(compose("train", [*TINY, f"target.path={tmp_path / 'cross.png'}", f"output={tmp_path}",
-                                         *overrides]))
-
-    return run
+    return partial(fit, "tracking=none", "target=image", f"target.path={picture}", f"output={tmp_path}")
 
 
 def hold(folder, entered):
@@ -144,7 +130,8 @@ def test_what_the_system_refuses_a_command_is_one_line_but_a_closed_pipe_is_not_
     assert end.value.code == 2
     assert capsys.readouterr().err == ("fractal-test: error: /x: No space left on device; free some space, or choose "
                                        "another disk\n")
-    for error in (BrokenPipeError(errno.EPIPE, "Broken pipe"), ConnectionRefusedError(errno.ECONNREFUSED, "refused")):
+    for error in (BrokenPipeError(errno.EPIPE, "Broken pipe"), ConnectionRefusedError(errno.ECONNREFUSED, "refused"),
+                  OSError("a library's own words")):
         with pytest.raises(type(error)):
             commands.command("fractal-test", work(error), parser, [])
 

@@ -7,6 +7,7 @@ import shlex
 import numpy as np
 import pytest
 from drawings import leaf, write
+from known import Known
 from PIL import Image
 
 from fractal_exp import IFS, Inversion, codes, render
@@ -15,26 +16,11 @@ from fractal_exp.cli import interruption
 from fractal_exp.cli import invert as app
 from fractal_exp.ifs import attractor
 from fractal_exp.inversion.writing import SIDE
-from fractal_exp.methods.base import CodeReconstruction, Method, Progress
+from fractal_exp.methods.base import CodeReconstruction, Progress
 from fractal_exp.verdict import Verdict
 
 TRIANGLE = attractor.normalize(codes.known("sierpinski_triangle"))
 PEN = Camera("coverage", tile=0.0, pen=1 / 128, blur=1 / 256)
-
-
-class Knows(Method):
-    """A method that tells a code, and is interrupted or has it as its answer. It tells the camera too: to estimate one
-    takes longer than all else."""
-
-    def __init__(self, told, answer):
-        self.told, self.answer = told, answer
-
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        for code in self.told:
-            on_step(Progress(1, 0.5, {"error": 2.0}, stage="search", code=code, camera=PEN))
-        if self.answer is None:
-            raise KeyboardInterrupt
-        return CodeReconstruction(self.answer, "asked to", ("known beforehand",), PEN)
 
 
 @pytest.fixture
@@ -47,7 +33,9 @@ def method(monkeypatch):
                   search: dict | None = None, rounds: int | None = None):
             if not given:  # what may help is tried on the method too
                 given.update(resolution=resolution, seed=seed, seconds=seconds, maps=maps, search=search, rounds=rounds)
-            return Knows(told, answer)
+            found = answer and CodeReconstruction(answer, "asked to", ("known beforehand",), PEN)
+            return Known(found, [Progress(1, 0.5, {"error": 2.0}, stage="search", code=code, camera=PEN)
+                                 for code in told])  # to estimate a camera takes longer than all else
         monkeypatch.setattr("fractal_exp.api.load", lambda name: build)
         return given
     return use

@@ -1,41 +1,27 @@
 """What must not be mixed up: sweeps in one output folder, runs of two stores, values that come in during a sending."""
 
 import threading
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_module
-from omegaconf import open_dict
 
-from fractal_exp.cli import configuration
+from fractal_exp.cli import configuration, sweeps
 from fractal_exp.cli.folders import FitFolder
-from fractal_exp.cli.sweeps import RunningSweep
 from fractal_exp.tracking.outbox import BATCH, Outbox
 
 
-@contextmanager
-def planned(output: Path, *overrides: str):
-    """A sweep of two jobs, opened as Hydra opens it."""
-    configuration.register()
-    words = ["tracking=none", f"output={output}", "scale=smoke", "sweep.count=1", "seed=0,1", *overrides]
-    with initialize_config_module("fractal_exp.sweeps", version_base="1.3"):
-        composed = [*(word for word in words if word != "seed=0,1"), "hydra.searchpath=[pkg://fractal_exp.conf]"]
-        config = compose("seeds", composed, return_hydra_config=True)
-        with open_dict(config):
-            config.hydra.overrides.task = words
-        sweep = RunningSweep(config)
-        try:
-            yield sweep
-        finally:
-            sweep.watch.stop()
-
-
 def folder(output: Path, *overrides: str) -> Path:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fractal_exp.cli.cost.estimate", lambda *_: "")  # it tries a fit of each method
-        with planned(output, *overrides) as sweep:
-            return sweep.folder
+    """Of a sweep of two jobs, opened as Hydra opens it; no job is composed, nor tried for what it will take."""
+    configuration.register()
+    words = ["tracking=none", f"output={output}", "scale=smoke", "sweep.count=1", *overrides]
+    with pytest.MonkeyPatch.context() as patch, initialize_config_module("fractal_exp.sweeps", version_base="1.3"):
+        patch.setattr(sweeps, "planned", lambda config: ([["seed=0"], ["seed=1"]], ["seed"]))
+        patch.setattr(sweeps, "_by_method", lambda *_: {})
+        config = compose("seeds", ["hydra.searchpath=[pkg://fractal_exp.conf]", *words], return_hydra_config=True)
+        sweep = sweeps.RunningSweep(config)
+        sweep.watch.stop()
+        return sweep.folder
 
 
 def test_sweeps_that_score_or_fit_otherwise_have_folders_of_their_own(tmp_path):

@@ -34,7 +34,6 @@ def test_a_fits_file_that_is_too_large_ends_in_one_line(fit, capsys, name, most)
 
 
 def test_an_artifact_that_is_too_large_is_not_fetched(fit, tmp_path, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.setattr(files, "LARGEST_JSON", 1000)
     monkeypatch.setattr(candidates, "LARGEST_JSON", 1000)
     uri = tracking.prepare_store(tmp_path)

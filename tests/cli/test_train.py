@@ -8,9 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
-import numpy as np
 import pytest
 from commands import run_here
 from omegaconf import OmegaConf
@@ -23,16 +21,6 @@ from fractal_exp.cli import composed as program
 from fractal_exp.cli import interruption, start
 from fractal_exp.inversion import Inversion
 from fractal_exp.tracking import read_artifact, read_series, runs_frame
-
-
-@pytest.fixture(scope="module")
-def picture(tmp_path_factory) -> Path:
-    """A black cross on white."""
-    path = tmp_path_factory.mktemp("picture") / "cross.png"
-    image = np.full((64, 64), 255, np.uint8)
-    image[10:54, 28:36] = image[28:36, 10:54] = 0
-    Image.fromarray(image).save(path)
-    return path
 
 
 def command(*arguments: str) -> subprocess.Popen:

@@ -1,14 +1,14 @@
 """What fractal-train says may help, and what it says of a code whose truth is known."""
 
-import numpy as np
+import shutil
+
 import pytest
-from hydra import compose, initialize_config_module
+from configured import composed
 from hydra.core.hydra_config import HydraConfig
-from PIL import Image
+from omegaconf import OmegaConf
 from train_helpers import train
 
 from fractal_exp import IFS, codes
-from fractal_exp.cli import configuration
 from fractal_exp.cli.train import may_help
 from fractal_exp.ifs import attractor
 from fractal_exp.inversion import Inversion
@@ -24,19 +24,16 @@ TRIANGLE = attractor.normalize(codes.known("sierpinski_triangle"))
 
 
 @pytest.fixture
-def helps(tmp_path, monkeypatch):
+def helps(picture, tmp_path, monkeypatch):
     """What may help after a command of these words, where a verdict names this change."""
     monkeypatch.chdir(tmp_path)
-    image = np.full((90, 90), 255, np.uint8)
-    image[10:80, 40:50] = image[40:50, 10:80] = 0
-    Image.fromarray(image).save("leaf.png")
-    configuration.register()
+    shutil.copy(picture, "leaf.png")
 
     def ask(words, change):
-        with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-            whole = compose("train", words, return_hydra_config=True)
-            monkeypatch.setattr(HydraConfig.instance(), "cfg", whole)
-            return may_help(Verdict("approximation", "so so", "in words", change), compose("train", words))
+        config = composed(*words, hydra=True)
+        monkeypatch.setattr(HydraConfig.instance(), "cfg", OmegaConf.masked_copy(config, "hydra"))
+        config = OmegaConf.masked_copy(config, [key for key in config if key != "hydra"])
+        return may_help(Verdict("approximation", "so so", "in words", change), config)
     return ask
 
 

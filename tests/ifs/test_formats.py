@@ -1,5 +1,6 @@
 """Formats of codes: chosen by suffix, several codes a file, round trips, conversion, drawings and points."""
 
+import itertools
 import json
 import subprocess
 from dataclasses import replace
@@ -9,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import torch
-from format_files import SLOW_TO_WRITE, million
+from format_files import BROKEN_FLAMES, BROKEN_FRACTINT, SLOW_TO_WRITE, million
 from PIL import Image
 
 from fractal_exp import IFS, Colours, InputError, codes, render
@@ -23,6 +24,7 @@ from fractal_exp.suite import random_suite
 CHROMIUM = Path("/usr/bin/chromium")
 NASTY = "</text><script>alert('&\"')</script>\n\x00]]> \u202e é"
 READ = ["json", "lists", "rows", "table", "fractint", "flame"]
+BROKEN = [*(("flame", *each) for each in BROKEN_FLAMES), *(("ifs", *each) for each in BROKEN_FRACTINT)]
 
 
 def half(x=0.0, y=0.0):
@@ -139,6 +141,15 @@ def test_a_format_of_somebody_else_is_known_everywhere(tmp_path, monkeypatch):
         IFS(*half()).save(tmp_path / "b.six")
     with pytest.raises(InputError, match="suffix '.six' is registered already"):
         formats.register(Six())
+
+
+@pytest.mark.parametrize(("suffix", "text", "message"), BROKEN, ids=itertools.count())
+def test_a_hostile_or_broken_file_is_refused_with_the_remedy(tmp_path, suffix, text, message):
+    path = tmp_path / f"broken.{suffix}"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        IFS.load(path)
+    assert str(error.value).startswith(str(path)) and str(error.value).isprintable() and len(str(error.value)) < 1000
 
 
 def test_fractal_convert_takes_codes_from_format_to_format(tmp_path, capsys):

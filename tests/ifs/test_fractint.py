@@ -3,7 +3,7 @@
 
 import pytest
 import torch
-from format_files import BROKEN_FRACTINT, FRACTINT
+from format_files import FRACTINT
 
 from fractal_exp import IFS, InputError, codes
 
@@ -40,15 +40,6 @@ def test_an_entry_in_space_is_refused_by_name_and_comments_are_no_codes(field):
         IFS.load(field)
     with pytest.raises(InputError, match="no code called 'comment'"):
         IFS.load(field, "comment")
-
-
-@pytest.mark.parametrize(("text", "message"), BROKEN_FRACTINT)
-def test_a_broken_file_is_refused_with_the_remedy(tmp_path, text, message):
-    path = tmp_path / "broken.ifs"
-    path.write_text(text)
-    with pytest.raises(InputError, match=message) as error:
-        IFS.load(path)
-    assert str(error.value).startswith(str(path)) and str(error.value).isprintable()
 
 
 def test_notes_are_written_as_comments_and_come_back(tmp_path):

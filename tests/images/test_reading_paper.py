@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from drawings import koch, leaf
+from drawings import alike, koch, leaf
 from PIL import Image
-from scipy.ndimage import binary_dilation, gaussian_filter
+from scipy.ndimage import gaussian_filter
 
 from fractal_exp import codes, suite
 from fractal_exp.ifs import attractor
@@ -29,14 +29,6 @@ def photographed(picture, light, paper=(0.93, 0.91, 0.85), noise=0.015):
     page = np.array(paper) * (1 - 0.88 * ink) * (grain * LIGHTS[light](x, y))[..., None]
     seen = gaussian_filter(page, (0.6, 0.6, 0)) + rng.normal(0, noise, ink.shape)
     return (255 * seen).clip(0, 255).round().astype(np.uint8)
-
-
-def alike(found, expected, lit=0.25):
-    """F1 within a pixel."""
-    found, expected = (image.numpy() > lit for image in (found, expected))
-    precise, complete = ((one & binary_dilation(other, np.ones((3, 3)))).sum() / one.sum()
-                         for one, other in ((found, expected), (expected, found)))
-    return 2 * precise * complete / (precise + complete)
 
 
 @pytest.fixture(scope="module", params=[koch(), koch(pen="orangered"), leaf("black"), leaf((0, 100, 0))],

@@ -7,6 +7,7 @@ import numpy as np
 import plots
 import pytest
 import torch
+from drawings import alike
 from PIL import Image, ImageDraw
 
 from fractal_exp import InputError, codes, suite
@@ -28,22 +29,12 @@ def read(drawn, folder: Path):
     return read_target(path, 256)
 
 
-def f1_1px(found, truth, lit):
-    """F1 within a pixel of what is brighter than a level."""
-    from scipy.ndimage import binary_dilation
-
-    found, truth = (image.numpy() > lit for image in (found, truth))
-    precise, complete = ((one & binary_dilation(other, np.ones((3, 3)))).sum() / one.sum()
-                         for one, other in ((found, truth), (truth, found)))
-    return 2 * precise * complete / (precise + complete)
-
-
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
                                   for name in plots.SET])
 def test_a_plot_gives_the_target_of_its_shape_alone(name, tmp_path):
     plot = plots.SET[name]
     found, alone = (read(plots.draw(plot, plain), tmp_path) for plain in (False, True))
-    assert f1_1px(found.image, alone.image, 0.1 if plot.format == "jpeg" else 0.02) >= 0.98, found.notes
+    assert alike(found.image, alone.image, 0.1 if plot.format == "jpeg" else 0.02) >= 0.98, found.notes
     several = any("2 plots in one picture" in warning for warning in found.warnings)
     assert several == ("second" in plot.beside)
 

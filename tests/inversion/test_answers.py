@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from known import Known
 from PIL import Image
 
 from fractal_exp import IFS, InputError, codes, render, suite
@@ -12,23 +13,13 @@ from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Inversion, run, write
 from fractal_exp.inversion.answers import SIDE, offered
-from fractal_exp.methods.base import CodeReconstruction, CurvePoint, Method
+from fractal_exp.methods.base import CodeReconstruction, CurvePoint
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.rendering.sheets import GAP
 from fractal_exp.rendering.tone import NOTE
 
 LEAF = attractor.normalize(codes.known("maple_leaf"))
 FEW = {"counts": (4, 16), "steps": 100}
-
-
-class Grown(Method):
-    """A method that knows a curve."""
-
-    def __init__(self, curve):
-        self.curve = curve
-
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        return CodeReconstruction(self.curve[-1].code, curve=self.curve)
 
 
 def point(maps: int, likeness: float, code: IFS = LEAF) -> CurvePoint:
@@ -38,7 +29,8 @@ def point(maps: int, likeness: float, code: IFS = LEAF) -> CurvePoint:
 def leaves(*shares: float) -> Inversion:
     """A leaf and codes that draw it this large, each called more like it than the one before."""
     curve = tuple(point(i + 2, 0.6 + i / 10, LEAF.similar(share, (0.0, 0.0))) for i, share in enumerate(shares))
-    return run(ReadImage.of_drawing(suite.target(LEAF, 96), "density"), Grown(curve), name="grown")
+    answer = CodeReconstruction(curve[-1].code, curve=curve)
+    return run(ReadImage.of_drawing(suite.target(LEAF, 96), "density"), Known(answer), name="grown")
 
 
 def cell(sheet: Image.Image, row: int, column: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 import pytest
 import torch
 from camera_helpers import CAMERAS, PIXEL, SIDE
+from known import Known
 
 from fractal_exp import codes, suite
 from fractal_exp.cameras.camera import Camera, parse_camera
@@ -14,23 +15,16 @@ from fractal_exp.images.levels import MEANINGS, TargetImage, decided, meaning_of
 from fractal_exp.images.reading import ReadImage
 from fractal_exp.inversion import Inversion, Work, conclude, reconstruct, run, write
 from fractal_exp.likeness import redrawn
-from fractal_exp.methods.base import CodeReconstruction, Method, Progress
+from fractal_exp.methods.base import CodeReconstruction, Progress
 from fractal_exp.methods.collage.method import Collage
 
 CODE = attractor.normalize(codes.known("sierpinski_triangle"))
 
 
-class Known(Method):
-    """A method that knows the answer."""
-
-    def __init__(self, code=CODE, camera=None, interrupted=False):
-        self.found, self.interrupted = CodeReconstruction(code, camera=camera), interrupted
-
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        on_step(Progress(1, 0.5, {"error": 1.0}, stage="first", code=self.found.code, camera=self.found.camera))
-        if self.interrupted:
-            raise KeyboardInterrupt
-        return self.found
+def knowing(camera=None, interrupted=False) -> Known:
+    """A method that tells the code, and is interrupted or has it as its answer."""
+    told = Progress(1, 0.5, {"error": 1.0}, stage="first", code=CODE, camera=camera)
+    return Known(None if interrupted else CodeReconstruction(CODE, camera=camera), [told])
 
 
 def drawn(kind: str) -> ReadImage:
@@ -43,7 +37,7 @@ def drawn(kind: str) -> ReadImage:
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_a_code_is_drawn_again_as_its_picture_was_whatever_the_levels_mean(kind, tmp_path):
     target = drawn(kind)
-    found = run(target, Known(camera=CAMERAS[kind]), name="known")
+    found = run(target, knowing(camera=CAMERAS[kind]), name="known")
     off = float((found.redrawn(seed=5) - target.image).abs().mean()) / float(target.image.mean())
     assert found.camera == CAMERAS[kind] and off < 0.2, "another kind of levels is farther off"
     found.save(tmp_path)
@@ -55,7 +49,7 @@ def test_a_code_is_drawn_again_as_its_picture_was_whatever_the_levels_mean(kind,
 @pytest.mark.parametrize("kind", ["dots", "coverage"])
 def test_the_camera_of_a_method_that_finds_none_is_estimated(kind):
     target = drawn(kind)
-    found = run(target, Known(), name="known")
+    found = run(target, knowing(), name="known")
     assert found.camera.kind == kind and found.camera.is_known and found.likeness.f1_1px > 0.95
 
 
@@ -82,10 +76,10 @@ def test_a_camera_comes_back_from_its_facts():
 
 def test_an_interrupted_method_leaves_its_best_code():
     target = ReadImage.of_drawing(suite.target(CODE, SIDE), "density")
-    found = run(target, Known(interrupted=True), name="known", keep_interrupted=True)
+    found = run(target, knowing(interrupted=True), name="known", keep_interrupted=True)
     assert found.stopped == "interrupted" and torch.equal(found.code.linear, CODE.linear)
     with pytest.raises(KeyboardInterrupt):
-        reconstruct(target, Known(interrupted=True))
+        reconstruct(target, knowing(interrupted=True))
 
 
 def test_an_interruption_estimates_a_camera_only_where_the_method_has_none(monkeypatch):
@@ -93,14 +87,14 @@ def test_an_interruption_estimates_a_camera_only_where_the_method_has_none(monke
     monkeypatch.setattr("fractal_exp.inversion.road.camera_for",
                         lambda code, *_, **__: estimated.append(code) or CAMERAS["dots"])
     target = drawn("dots")
-    judged = run(target, Known(camera=CAMERAS["dots"], interrupted=True), name="known", keep_interrupted=True)
+    judged = run(target, knowing(camera=CAMERAS["dots"], interrupted=True), name="known", keep_interrupted=True)
     assert judged.camera == CAMERAS["dots"] and not estimated
-    run(target, Known(interrupted=True), name="known", keep_interrupted=True)
+    run(target, knowing(interrupted=True), name="known", keep_interrupted=True)
     assert estimated == [CODE]
 
 
 def test_a_code_is_drawn_once_for_its_files(tmp_path, monkeypatch):
-    found, drawings = run(drawn("dots"), Known(camera=CAMERAS["dots"]), name="known"), []
+    found, drawings = run(drawn("dots"), knowing(camera=CAMERAS["dots"]), name="known"), []
     monkeypatch.setattr("fractal_exp.inversion.result.redrawn",
                         lambda *given, **more: drawings.append(redrawn(*given, **more)) or drawings[-1])
     write(found, tmp_path)
@@ -115,7 +109,7 @@ def test_what_is_no_code_is_not_judged():
 
 
 def test_every_result_has_the_same_files(tmp_path):
-    found = run(ReadImage.of_drawing(suite.target(CODE, SIDE), "density"), Known(), name="known")
+    found = run(ReadImage.of_drawing(suite.target(CODE, SIDE), "density"), knowing(), name="known")
     names = write(found, tmp_path)
     assert sorted(names) == sorted(each.name for each in tmp_path.iterdir()) == [
         "code.html", "code.json", "inversion.json", "overlay.png", "redrawn.png", "rendering.png", "target.png"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import fractal_exp.conf
 import pytest
-from configured import plain
+from configured import composed, plain
 from fractal_exp.conf.generate import COMPARED, hydra_config
 from places import ROOT
 from rivals_helpers import TARGET
@@ -29,11 +29,7 @@ each_method = pytest.mark.parametrize("name", [name for group, name in (file.spl
 
 
 def built(*words: str) -> Stepwise:
-    from hydra import compose, initialize_config_module
-
-    configuration.register()
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return configuration.build(configuration.resolve(compose("train", list(words))).method)
+    return configuration.build(configuration.resolve(composed(*words)).method)
 
 
 @each_method

@@ -25,6 +25,9 @@ WINDOWS = [  # the fern's frond, a dragon's boundary, codes whose maps overlap, 
     ("suite 9", random_suite(10)[9], View((-0.1, 0.1), 12)),
     ("suite 3", random_suite(4)[3], View((0.0, 0.0), 4)),
 ]
+EACH_WINDOW = pytest.mark.parametrize(("code", "view"), [
+    pytest.param(*case, id=name, marks=[] if name in ("fern", "suite 3") else pytest.mark.slow)
+    for name, *case in WINDOWS])
 
 
 def sampled(code: IFS, view: View, thrown: float, seeds: range = range(1), size: int | tuple[int, int] = BINS
@@ -54,7 +57,7 @@ def p_value(a: np.ndarray, b: np.ndarray) -> float:
     return stats.chi2_contingency(table[:, table.sum(0) > 0]).pvalue
 
 
-@pytest.mark.parametrize(("code", "view"), [pytest.param(*case[1:], id=case[0]) for case in WINDOWS])
+@EACH_WINDOW
 @pytest.mark.parametrize("tall", [False, True], ids=["wide", "tall"])
 def test_a_window_that_is_not_square_holds_the_points_of_a_square_about_it(code, view, tall):
     code, thin = attractor.normalize(code), BINS // 4
@@ -65,9 +68,7 @@ def test_a_window_that_is_not_square_holds_the_points_of_a_square_about_it(code,
     assert square.sum() > 1000 and p_value(square.ravel(), alone) > 1e-3
 
 
-@pytest.mark.parametrize(("code", "view"), [
-    pytest.param(*case[1:], id=case[0], marks=[] if case[0] in ("fern", "suite 3") else pytest.mark.slow)
-    for case in WINDOWS])
+@EACH_WINDOW
 def test_the_same_distribution_as_rejection(code, view):
     code = attractor.normalize(code)
     twin = rejected(code, view)

@@ -1,7 +1,6 @@
 """The notebooks run from top to bottom, with quick values in place of those of their first code cell."""
 
 import ast
-import os
 from collections.abc import Iterator
 
 import nbformat
@@ -46,7 +45,7 @@ def output(tmp_path_factory):
 def kernel() -> Iterator[KernelManager]:
     """One for all notebooks, which imports what they need once; each begins with no name defined."""
     manager = KernelManager(kernel_name="python3")
-    manager.start_kernel(env={name: value for name, value in os.environ.items() if name != "MLFLOW_TRACKING_URI"})
+    manager.start_kernel()
     yield manager
     manager.shutdown_kernel(now=True)
 

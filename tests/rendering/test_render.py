@@ -153,27 +153,16 @@ def test_a_size_is_one_or_two_numbers_of_pixels(size):
         render(square(), resolution=size)
 
 
+@pytest.mark.parametrize(("size", "largest", "count", "shape"), [
+    (100, 30, 16, (25, 25)), ((100, 150), 40, 12, (34, 38))], ids=["square", "wide"])
 @pytest.mark.parametrize("mode", ["occupancy", "density"])
-def test_tiles_of_a_wide_picture_are_equal_parts_of_it(monkeypatch, mode):
+def test_tiles_are_equal_pieces_of_the_same_picture(monkeypatch, mode, size, largest, count, shape):
     code, view = attractor.normalize(codes.known("fern")), View((0.1, 0.0), 1.5)
-    arguments = {"resolution": (100, 150), "points_in_view": 600_000, "supersample": 4, "mode": mode}
+    arguments = {"resolution": size, "points_in_view": 400_000, "supersample": 4, "mode": mode}
     whole = render(code, view, **arguments, seed=1)
-    monkeypatch.setattr(rendering, "TILE", 4 * 40)
+    monkeypatch.setattr(rendering, "TILE", 4 * largest)
     tiles = list(render_tiles(code, view, **arguments))
-    assert len(tiles) == 12 and all(tile.pixels.shape == (34, 38) for tile in tiles)
-    tiled = render(code, view, **arguments, seed=2)
-    assert f1(whole, tiled) > 0.97
-    assert float(tiled.mean()) == pytest.approx(float(whole.mean()), rel=0.01)
-
-
-@pytest.mark.parametrize("mode", ["occupancy", "density"])
-def test_tiles_are_pieces_of_the_same_picture(monkeypatch, mode):
-    code, view = attractor.normalize(codes.known("fern")), View((0.1, 0.0), 1.5)
-    arguments = {"resolution": 100, "points_in_view": 400_000, "supersample": 4, "mode": mode}
-    whole = render(code, view, **arguments, seed=1)
-    monkeypatch.setattr(rendering, "TILE", 4 * 30)
-    tiles = list(render_tiles(code, view, **arguments))
-    assert len(tiles) == 16 and all(tile.pixels.shape == (25, 25) for tile in tiles)
+    assert len(tiles) == count and all(tile.pixels.shape == shape for tile in tiles)
     assert sum(tile.drawn for tile in tiles) == pytest.approx(400_000, rel=0.02)
     tiled = render(code, view, **arguments, seed=2)
     assert f1(whole, tiled) > 0.97

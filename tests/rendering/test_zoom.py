@@ -3,7 +3,6 @@
 import math
 import subprocess
 
-import imageio.v3 as iio
 import numpy as np
 import pytest
 import torch
@@ -12,7 +11,7 @@ from PIL import Image
 
 from fractal_exp import IFS, InputError, View, codes
 from fractal_exp.ifs import attractor
-from fractal_exp.rendering.film import frames, write_film
+from fractal_exp.rendering.film import write_film
 from fractal_exp.rendering.png import PngWriter
 from fractal_exp.rendering.sheets import comparison_strip, contact_sheet, difference
 from fractal_exp.rendering.still import render_with_info
@@ -51,20 +50,6 @@ def test_a_zoom_path_is_smooth_exponential_and_ends_at_the_target():
 def test_paths_that_lead_nowhere(arguments, message):
     with pytest.raises(InputError, match=message):
         zoom_path((0, 0), **arguments)
-
-
-@pytest.mark.parametrize("mode", ["occupancy", "density"])
-@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_films_hold_every_frame(tmp_path, suffix, mode):
-    code = attractor.normalize(codes.known("fern"))
-    views = zoom_path(attractor.random_point(code), 6, end_zoom=100)
-    pictures = list(frames(code, views, resolution=64, points_in_view=50_000, supersample=2, mode=mode))
-    path = write_film(tmp_path / f"zoom{suffix}", pictures, fps=10)
-    film = iio.imread(path, index=None if suffix == ".gif" else ...)
-    assert film.shape[:3] == (6, 64, 64)
-    for frame, picture in zip(film, pictures, strict=True):
-        assert np.abs(frame[..., 0] / 255 - picture.numpy()).mean() < 0.05
-    assert sorted(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("bits", [8, 16])

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from mlflow import MlflowClient
 from places import ROOT
+from studies_helpers import keep_sweep
 
 from benchmarks import comparisons
 from fractal_exp import InputError, tracking
@@ -21,37 +22,28 @@ F1 = {"full": [.6, .8, .7], "naive": [.5, .9, None], "no_ssim": [.6, .8, .7]}  #
 def output(tmp_path_factory):
     """A store with a sweep of three rows on three fractals, one job failed and one never begun, and an older sweep."""
     folder = tmp_path_factory.mktemp("store")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        uri = tracking.prepare_store(folder)
+    uri = tracking.prepare_store(folder)
     log(uri, folder, "smoke-old", {"full": [.1]}, None)
     log(uri, folder, "smoke-new", F1, "ablations")
     return folder
 
 
-def log(uri, folder, name, scores, published, perceptual="none", trivial=("trivial/white_f1", "trivial/black_f1"),
-        in_frame=False):
-    names = [f"{i},{row}" for i in range(len(scores["full"])) for row in scores] + ["9,full"]
-    tags = {"kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": perceptual}
-    with tracking.start_run(uri, "study", name, folder=folder, tags=tags) as parent:
-        parent.artifact("jobs.json", json.dumps(names))
-        parent.artifact("sweep.json", json.dumps({"title": "A study", "baseline": "full", "published": published}))
-        for row, values in scores.items():
-            for i, value in enumerate(values):
-                job = tracking.start_run(uri, "study", f"{i},{row}", folder=folder, parent_run_id=parent.run_id, tags={
-                    "kind": "job", "job": f"{i},{row}", "row": row, "sample": f"fractal {i}"})
-                if value is None:
-                    job.finish("FAILED", ValueError("of 100% & more_"))
-                    continue
-                job.log({"eval/f1": value, "eval/psnr": 10 * value, "train/loss": 1.0, "time/fit_seconds": 2.0 + i,
-                         **dict(zip(trivial, (.4, .1), strict=True))})
-                if perceptual == "fractal":
-                    job.log({"eval/fractal_distance": 1 - value})
-                if in_frame:
-                    job.log({"eval/f1_frame": value - .2, "eval/iou_frame": value - .3})
-                job.image("result", np.full((8, 8), value, np.float32))
-                job.image("zoomed", np.zeros((8, 8), np.float32))
-                job.finish()
+def log(uri, folder, name, scores, published, perceptual="none"):
+    def fit(job, number, row):
+        if (value := scores[row][int(number)]) is None:
+            job.finish("FAILED", ValueError("of 100% & more_"))
+            return
+        job.log({"eval/f1": value, "eval/psnr": 10 * value, "train/loss": 1.0, "time/fit_seconds": 2.0 + int(number),
+                 "trivial/white_f1": .4, "trivial/black_f1": .1})
+        if perceptual == "fractal":
+            job.log({"eval/fractal_distance": 1 - value})
+        job.image("result", np.full((8, 8), value, np.float32))
+        job.image("zoomed", np.zeros((8, 8), np.float32))
+        job.finish()
+
+    jobs = [f"{i},{row}" for i in range(len(scores["full"])) for row in scores]
+    keep_sweep(uri, folder, name, jobs, fit, baseline="full", published=published, planned=("9,full",),
+               perceptual=perceptual)
 
 
 @pytest.fixture(scope="module")
@@ -117,8 +109,7 @@ def test_a_difference_that_excludes_zero_is_bold(sweep):
     assert r"\textbf{-0.100 [-0.150, -0.050]}" in report_text.latex(sweep, table)
 
 
-def test_the_distance_fractal_has_a_column_beside_the_published_lpips(tmp_path, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_the_distance_fractal_has_a_column_beside_the_published_lpips(tmp_path):
     uri = tracking.prepare_store(tmp_path)
     log(uri, tmp_path, "smoke-fractal", F1, "ablations", "fractal")
     sweep = report.read_sweep(uri, "study")
@@ -153,8 +144,7 @@ def test_the_texts_say_what_was_measured_and_what_was_not(sweep):
     assert "no\\_mip" in latex and "no_mip" not in latex
 
 
-def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, capsys):
     main(["study", "--output", str(output), "--out", str(tmp_path)])
     assert "| naive" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {
@@ -169,15 +159,13 @@ def test_the_command_writes_all_files_and_finds_other_sweeps(output, tmp_path, c
     (["study", "--sweep", "smoke-3"], "the study 'study' has no sweep 'smoke-3', and only sweeps have a table"),
     (["study", "--output", "/nowhere"], "no runs are kept in /nowhere; name the output folder"),
 ])
-def test_what_is_not_there_is_said(output, words, message, capsys, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_what_is_not_there_is_said(output, words, message, capsys):
     with pytest.raises(SystemExit) as end:
         main(["--output", str(output), *words])
     assert end.value.code == 2 and message in capsys.readouterr().err
 
 
-def test_a_study_of_fits_points_to_the_studies_with_a_table_and_to_the_dashboard(output, capsys, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_a_study_of_fits_points_to_the_studies_with_a_table_and_to_the_dashboard(output, capsys):
     with tracking.start_run(tracking.prepare_store(output), "fits", "fit", folder=output / "fits"):
         pass
     with pytest.raises(SystemExit):
@@ -192,19 +180,15 @@ def test_an_unknown_store_is_refused(tmp_path):
         report.read_sweep(tracking.prepare_store(tmp_path), "study")
 
 
-def test_a_report_says_on_which_views_and_how_many_were_empty(tmp_path, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_a_report_says_on_which_views_and_how_many_were_empty(tmp_path):
     uri = tracking.prepare_store(tmp_path)
+
+    def fit(run, number, row):
+        with run:
+            run.log({"eval/f1": 0.5, "views/empty": 2 - int(number), "views/judged": 5 + int(number)})
+
     for kind, note in (("uniform", True), ("released", False)):
-        tags = {"kind": "sweep", "sweep": kind, "scale": "smoke", "perceptual": "none", "views": kind}
-        with tracking.start_run(uri, "views", kind, folder=tmp_path, tags=tags) as parent:
-            parent.artifact("jobs.json", json.dumps(["one", "two"]))
-            parent.artifact("sweep.json", json.dumps({"title": "A", "baseline": None, "published": "ablations"}))
-            for job, empty in (("one", 2), ("two", 1)):
-                tags = {"kind": "job", "job": job, "row": "full", "sample": job}
-                with tracking.start_run(uri, "views", job, folder=tmp_path, tags=tags,
-                                        parent_run_id=parent.run_id) as run:
-                    run.log({"eval/f1": 0.5, "views/empty": empty, "views/judged": 7 - empty})
+        keep_sweep(uri, tmp_path, kind, ["0,full", "1,full"], fit, "views", published="ablations", views=kind)
         read = report.read_sweep(uri, "views", kind)
         text = report_text.markdown(read, report.summary(read))
         assert read.metrics == ["f1"] and f"views={kind}" in text
@@ -241,7 +225,6 @@ def test_the_mean_course_begins_where_all_have_a_code_and_keeps_the_last_one():
 def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch):
     from PIL import Image
 
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     uri = tracking.prepare_store(tmp_path)
     log(uri, tmp_path, "smoke-course", {"full": [.6]}, None)
     sweep = report.read_sweep(uri, "study")
@@ -258,8 +241,7 @@ def test_quality_over_time_is_read_from_the_jobs_and_drawn(tmp_path, monkeypatch
         course.read_courses(uri, sweep)
 
 
-def test_a_sweep_is_kept_fit_by_fit(tmp_path, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_a_sweep_is_kept_fit_by_fit(tmp_path):
     uri = tracking.prepare_store(tmp_path)
     log(uri, tmp_path, "smoke-kept", {"full": [.6, .8]}, None)
     sweep = report.read_sweep(uri, "study")

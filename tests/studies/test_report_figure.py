@@ -1,11 +1,12 @@
 """The figure of a sweep and its words: nothing runs into anything else, and nothing is said twice."""
 
-import json
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 import pytest
 from PIL import Image
+from studies_helpers import keep_sweep
 
 from fractal_exp import tracking
 from fractal_exp.studies import report
@@ -47,27 +48,23 @@ def test_no_text_runs_into_another_or_into_a_picture_or_off_the_sheet(names):
     assert all(apart(a, b) for a, b in combinations(pictures, 2))
 
 
+def drawn(jobs, run, number, row):
+    with run:
+        run.log({"eval/f1": .5})
+        job = f"{number},{row}"
+        for place, picture in enumerate(("target", "zoomed_target", "result", "zoomed")):
+            if (job, picture) != ("0,naive", "zoomed"):  # lost
+                run.image(picture, np.full((8, 8), (100 + 10 * jobs.index(job) + place) / 255, np.float32))
+
+
 @pytest.fixture(scope="module")
 def uri(tmp_path_factory):
     """A store with two sweeps, of one sample and of two, whose pictures have a grey of their own each."""
     folder = tmp_path_factory.mktemp("store")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        uri = tracking.prepare_store(folder)
+    uri = tracking.prepare_store(folder)
     for name, count in (("one", 1), ("two", 2)):
-        names = [f"{i},{row}" for i in range(count) for row in ("full", "naive")]
-        with tracking.start_run(uri, "study", name, folder=folder, tags={
-                "kind": "sweep", "sweep": name, "scale": "smoke", "perceptual": "none"}) as parent:
-            parent.artifact("jobs.json", json.dumps(names))
-            parent.artifact("sweep.json", json.dumps({"title": "A study", "baseline": None, "published": None}))
-            for number, job in enumerate(names):
-                sample, row = job.split(",")
-                with tracking.start_run(uri, "study", job, folder=folder, parent_run_id=parent.run_id, tags={
-                        "kind": "job", "job": job, "row": row, "sample": f"fractal {sample}"}) as run:
-                    run.log({"eval/f1": .5})
-                    for place, picture in enumerate(("target", "zoomed_target", "result", "zoomed")):
-                        if (job, picture) != ("0,naive", "zoomed"):  # lost
-                            run.image(picture, np.full((8, 8), (100 + 10 * number + place) / 255, np.float32))
+        jobs = [f"{i},{row}" for i in range(count) for row in ("full", "naive")]
+        keep_sweep(uri, folder, name, jobs, partial(drawn, jobs))
     return uri
 
 

@@ -1,12 +1,5 @@
-import io
-
-import numpy as np
 import pytest
-from PIL import Image
-from studio_helpers import SIDE, served
-
-from fractal_exp import codes, suite
-from fractal_exp.ifs import attractor
+from studio_helpers import SIDE, picture_of, served
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +22,4 @@ def small_pictures():
 @pytest.fixture(scope="session")
 def triangle():
     """A PNG of Sierpinski's triangle."""
-    buffer = io.BytesIO()
-    drawn = suite.target(attractor.normalize(codes.known("sierpinski_triangle")), SIDE).numpy()
-    Image.fromarray(np.rint(255 * drawn).astype(np.uint8)).save(buffer, "PNG")
-    return buffer.getvalue()
+    return picture_of("sierpinski_triangle")

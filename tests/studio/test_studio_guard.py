@@ -11,9 +11,19 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from studio_helpers import START, TOKEN
+from studio_helpers import START, TOKEN, InThread, served
 
-from fractal_exp.studio import server
+from fractal_exp.studio import server, session
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    """Without a process that searches."""
+    pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "Worker", InThread)
+        with served(tmp_path_factory.mktemp("output")) as studio:
+            yield studio
 
 
 def test_the_page_and_all_that_it_loads_come_with_the_token_alone(studio):

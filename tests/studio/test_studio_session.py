@@ -13,15 +13,11 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from studio_helpers import SIDE, TOKEN, free, judged, rows, served
+from studio_helpers import SIDE, TOKEN, InThread, free, judged, plain, rows, served
 
 from fractal_exp import IFS, api, codes
 from fractal_exp.ifs import attractor
 from fractal_exp.studio.worker import _compile
-
-
-def plain(code: IFS) -> dict:
-    return {name: part for name, part in code.to_json().items() if name != "meta"}
 
 
 @pytest.fixture
@@ -204,8 +200,9 @@ def test_a_worker_that_dies_is_replaced_and_that_is_said(studio, tab, triangle):
     tab.until(lambda state: judged(state))  # by the next worker
 
 
-def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle):
+def test_a_code_that_nobody_saved_is_kept_at_the_end(tmp_path, triangle, monkeypatch):
     pytest.importorskip("websockets", reason="the studio needs `pip install 'fractal-exp[studio]'`")
+    monkeypatch.setattr("fractal_exp.studio.session.Worker", InThread)
     with served(tmp_path) as studio, studio.tab() as tab:
         studio.send(triangle)
         tab.until(lambda state: free(state) and state["picture"])

@@ -1,7 +1,5 @@
 """What the tests of tracking begin with: a store of their own, and runs in it."""
 
-import os
-
 import pytest
 
 from fractal_exp import tracking
@@ -13,14 +11,8 @@ def stores_are_copied():
     """Here they are not: how a store is made is what is tested."""
 
 
-@pytest.fixture(autouse=True)
-def no_server(monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-
-
 @pytest.fixture(scope="module")
 def uri(tmp_path_factory):
-    os.environ.pop("MLFLOW_TRACKING_URI", None)
     return tracking.prepare_store(tmp_path_factory.mktemp("out put é%#"))
 
 

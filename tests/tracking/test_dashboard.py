@@ -1,22 +1,13 @@
 """What the dashboard opens on, and what a run says of itself."""
 
 import json
-import signal
-import socket
-import subprocess
-import sys
 import urllib.request
 
 import pytest
+from dashboards import running_dashboard
 
 from fractal_exp.cli.runs import _params
 from fractal_exp.tracking import store
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def test_an_experiment_describes_itself_and_default_is_gone(uri, start):
@@ -36,20 +27,10 @@ def test_an_experiment_describes_itself_and_default_is_gone(uri, start):
 def test_the_dashboard_prints_where_the_newest_runs_are_once_it_answers(uri, start):
     with start():
         pass
-    folder, port = store.database_path(uri).parent, free_port()
-    process = subprocess.Popen([sys.executable, "-m", "fractal_exp.tracking", "dashboard", str(folder), "--port",
-                                str(port)], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    try:
-        lines = []
-        while "compareRunsMode=CHART" not in (lines or [""])[-1]:
-            lines.append(process.stdout.readline())
-            assert lines[-1], lines
+    with running_dashboard(store.database_path(uri).parent) as (port, lines):
         identifier = store.connect(uri).get_experiment_by_name("study").experiment_id
         assert f"http://127.0.0.1:{port}/#/experiments/{identifier}/runs?" in lines[-2]
         assert urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=60).status == 200
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=300)
     with pytest.raises(OSError):
         urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5)
 

@@ -71,7 +71,7 @@ def test_nothing_that_is_written_or_printed_holds_a_secret(tmp_path, capfd, capl
     server.shutdown()
 
 
-def test_a_run_and_what_is_undelivered_hold_no_secret(uri, start, tmp_path, monkeypatch):
+def test_a_run_and_what_is_undelivered_hold_no_secret(uri, start):
     secret = f"http://me:{PASSWORD}@host/?token={TOKEN}"
     with pytest.raises(ConnectionError), start(note=f"by {secret}") as run:
         run.log({"eval/f1": 0.5})

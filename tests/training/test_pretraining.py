@@ -171,8 +171,7 @@ SMOKE = ["task=pretrain", "scale=smoke", "threads=1"]
 
 @pytest.mark.parametrize("name", ["neural_regression", "super_resolution",
                                   pytest.param("amortized", marks=pytest.mark.slow)])
-def test_the_command_trains_a_network_that_a_fit_takes(name, tmp_path, capsys, monkeypatch):
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+def test_the_command_trains_a_network_that_a_fit_takes(name, tmp_path, capsys):
     scores = run(*SMOKE, f"method={name}", f"output={tmp_path}")
     printed = capsys.readouterr().out
     path = tmp_path / "pretraining" / f"{name}-smoke-seed0" / f"{name}.safetensors"

@@ -3,10 +3,11 @@ import math
 import pytest
 import torch
 from chaotic_helpers import OPTIMIZERS, fit
+from known import Known
 
 from fractal_exp import InputError, codes
 from fractal_exp.ifs import attractor
-from fractal_exp.methods.base import CodeReconstruction, FitDiverged, Method
+from fractal_exp.methods.base import CodeReconstruction, FitDiverged
 from fractal_exp.methods.chaotic import readback
 from fractal_exp.methods.chaotic.best_states import BestStates
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive
@@ -36,16 +37,6 @@ def test_convolutions_of_a_fit_are_not_rounded_to_tf32(target):
     assert seen == [False, False] and torch.backends.cudnn.allow_tf32 == allowed
 
 
-class Finds(Method):
-    """A method that finds one code."""
-
-    def __init__(self, code):
-        self.code = code
-
-    def reconstruct(self, target, *, on_step=None, checkpoint=None):
-        return CodeReconstruction(self.code)
-
-
 @pytest.mark.parametrize("parameterization", [SVD(), Naive()])
 def test_a_fit_can_begin_with_the_code_of_another_method(target, parameterization):
     code = attractor.normalize(codes.known("fern"))  # with offsets above 1 in this frame, and four maps for three
@@ -53,16 +44,23 @@ def test_a_fit_can_begin_with_the_code_of_another_method(target, parameterizatio
     back = attractor.normalize(model.code(model.encode(code)))
     torch.testing.assert_close(back.linear, code.linear, atol=2e-4, rtol=1e-3)
     near = attractor.normalize(codes.known("sierpinski_triangle"))
-    found = fit(parameterization=parameterization, iterations=1, init=Finds(near)).reconstruct(target).code
+    init = Known(CodeReconstruction(near))
+    found = fit(parameterization=parameterization, iterations=1, init=init).reconstruct(target).code
     torch.testing.assert_close(found.linear, near.linear, atol=0.02, rtol=0)
     with pytest.raises(InputError, match="one start, got starts=3"):
-        fit(init=Finds(near), starts=3)
+        fit(init=init, starts=3)
 
 
-@pytest.mark.parametrize("name", OPTIMIZERS)
-def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, name):
-    whole = fit(OPTIMIZERS[name]()).reconstruct(target).code
-    for stop in (1, 3, 4, 11):
+SCOUTED = {"iterations": 8, "starts": 2, "scouting": 4}
+SHRINKING = {"iterations": 9, "radii": (3, 1), "match_target": True}
+INTERRUPTED = [*((make, {}, (1, 3, 4, 11)) for make in OPTIMIZERS.values()),
+               (GradientDescent, SHRINKING, (4, 5, 6)), (GradientDescent, SCOUTED, (3, 4, 5, 8, 9, 14))]
+
+
+@pytest.mark.parametrize(("make", "options", "stops"), INTERRUPTED, ids=[*OPTIMIZERS, "shrinking splats", "scouting"])
+def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, make, options, stops):
+    whole = fit(make(), **options).reconstruct(target).code
+    for stop in stops:
         def interrupt(progress, stop=stop):
             assert progress.step <= stop
             if progress.step == stop:
@@ -70,10 +68,11 @@ def test_a_fit_interrupted_anywhere_goes_on_bit_for_bit(target, tmp_path, name):
 
         path = tmp_path / f"{stop}.safetensors"
         with pytest.raises(KeyboardInterrupt):
-            fit(OPTIMIZERS[name]()).reconstruct(target, on_step=interrupt, checkpoint=Checkpoint(path))
-        assert Checkpoint(path, resume=True).load().iteration == stop - 1
-        resumed = fit(OPTIMIZERS[name]()).reconstruct(target, checkpoint=Checkpoint(path, resume=True)).code
-        assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset)
+            fit(make(), **options).reconstruct(target, on_step=interrupt, checkpoint=Checkpoint(path))
+        if not options:
+            assert Checkpoint(path, resume=True).load().iteration == stop - 1
+        resumed = fit(make(), **options).reconstruct(target, checkpoint=Checkpoint(path, resume=True)).code
+        assert torch.equal(whole.linear, resumed.linear) and torch.equal(whole.offset, resumed.offset), stop
 
 
 def test_several_starts_are_scouted_and_the_best_goes_on(target):
@@ -87,37 +86,6 @@ def test_several_starts_are_scouted_and_the_best_goes_on(target):
     best_of_each = [min(p.scalars["loss"] for p in told[i:i + 4]) for i in (0, 4, 8)]
     assert len(set(best_of_each)) == 3, "the starts differ"
     assert told[12].scalars["loss"] == pytest.approx(min(best_of_each), rel=0.1)
-
-
-def test_a_fit_with_shrinking_splats_goes_on_bit_for_bit(target, tmp_path):
-    whole = fit(iterations=9, radii=(3, 1), match_target=True).reconstruct(target).code
-    for stop in (4, 5, 6):
-        def interrupt(progress, stop=stop):
-            if progress.step == stop:
-                raise KeyboardInterrupt
-
-        where = tmp_path / str(stop)
-        with pytest.raises(KeyboardInterrupt):
-            fit(iterations=9, radii=(3, 1), match_target=True).reconstruct(target, on_step=interrupt,
-                                                                           checkpoint=Checkpoint(where))
-        resumed = fit(iterations=9, radii=(3, 1), match_target=True).reconstruct(
-            target, checkpoint=Checkpoint(where, resume=True)).code
-        assert torch.equal(whole.linear, resumed.linear)
-
-
-def test_an_interrupted_scouting_goes_on_bit_for_bit(target, tmp_path):
-    options = {"iterations": 8, "starts": 2, "scouting": 4}
-    whole = fit(**options).reconstruct(target).code
-    for stop in (3, 4, 5, 8, 9, 14):
-        def interrupt(progress, stop=stop):
-            if progress.step == stop:
-                raise KeyboardInterrupt
-
-        where = tmp_path / str(stop)
-        with pytest.raises(KeyboardInterrupt):
-            fit(**options).reconstruct(target, on_step=interrupt, checkpoint=Checkpoint(where))
-        resumed = fit(**options).reconstruct(target, checkpoint=Checkpoint(where, resume=True)).code
-        assert torch.equal(whole.linear, resumed.linear), stop
 
 
 def test_a_fit_of_a_small_target_gets_better(target):
@@ -160,12 +128,13 @@ def test_seconds_end_a_fit_with_the_best_so_far(target):
     assert 0 < len(told) < 10**6 and told[-1].fraction == 1 and len(code) == 3
 
 
-def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
-    class Breaking(GradientDescent):
-        def change_gradients(self, iteration):
-            if iteration == 5:
-                self.raw["offset"].grad += math.nan
+class Breaking(GradientDescent):
+    def change_gradients(self, iteration):
+        if iteration == 5:
+            self.raw["offset"].grad += math.nan
 
+
+def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
     checkpoint = Checkpoint(tmp_path / "f", resume=True)
     with pytest.raises(FitDiverged, match=r"iteration 5 met a NaN .*mse .*the state before it is in .*/f\. Try"):
         fit(Breaking()).reconstruct(target, checkpoint=checkpoint)
@@ -176,12 +145,6 @@ def test_a_nan_stops_the_fit_and_keeps_the_last_good_state(target, tmp_path):
 
 def test_a_nan_among_steps_fetched_together_is_found_and_the_state_before_them_kept(target, tmp_path, monkeypatch):
     monkeypatch.setattr(readback, "STEPS", {"cpu": 4})
-
-    class Breaking(GradientDescent):
-        def change_gradients(self, iteration):
-            if iteration == 5:
-                self.raw["offset"].grad += math.nan
-
     told, checkpoint = [], Checkpoint(tmp_path / "f", resume=True)
     with pytest.raises(FitDiverged, match="iteration 5 met a NaN .*the state before iteration 4 is in"):
         fit(Breaking(), previews=0).reconstruct(target, checkpoint=checkpoint, on_step=told.append)

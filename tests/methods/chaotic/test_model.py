@@ -1,14 +1,11 @@
 import pytest
 import torch
+from chaotic_helpers import random
 
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive, frame, gram_schmidt
 
 SMALL = {"resolution": 32, "maps": 3, "trajectories": 50, "length": 30}
 PARAMETERIZATIONS = [SVD(), Naive()]
-
-
-def random(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def test_initial_svd_parameters_follow_the_paper():

@@ -2,15 +2,12 @@
 
 import pytest
 import torch
+from chaotic_helpers import random
 
 from fractal_exp import IFS
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel, Naive, frame
 
 SMALL = {"resolution": 32, "maps": 3, "trajectories": 50, "length": 40, "warmup": 20}
-
-
-def random(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def test_the_gradient_of_the_frame_is_that_of_finite_differences():

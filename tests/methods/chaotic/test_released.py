@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from chaotic_helpers import fit
+from chaotic_helpers import fit, random
 
 from fractal_exp import InputError, codes
 from fractal_exp.methods.chaotic.losses import regularizer
@@ -13,10 +13,6 @@ from fractal_exp.methods.chaotic.optimizers import Annealing
 from fractal_exp.methods.chaotic.released import QR, FixedCentre, MeanCondition, householder
 from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.runtime.seeds import derive
-
-
-def random(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def turned(angle: float) -> torch.Tensor:

@@ -11,8 +11,6 @@ from ops_helpers import check_descent, check_pushforward, check_pushforward_grad
 from fractal_exp import IFS, InputError, codes, suite
 from fractal_exp.evaluation import evaluate
 from fractal_exp.ifs import affine, attractor
-from fractal_exp.images import samples
-from fractal_exp.images.levels import meaning_of
 from fractal_exp.methods.collage.bins import binned, saturation_corrected
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.moves.search import ImageSearch
@@ -102,13 +100,6 @@ def test_the_correction_brings_the_measure_of_a_saturated_image_back():
     assert after < 0.5 * before
 
 
-def test_grey_levels_are_told_apart():
-    code = codes.known("fern")
-    assert meaning_of(suite.target(code, 128)) == "density"
-    assert meaning_of(suite.target(code, 128, "binary")) == "binary"
-    assert meaning_of(samples.snowflake(256)) == "drawn"
-
-
 @pytest.mark.parametrize(("kind", "least"), [  # a binary picture carries no density
     ("grey", 0.9), pytest.param("binary", 0.6, marks=pytest.mark.slow)])
 def test_the_triangle_is_found(triangle, kind, least):
@@ -147,10 +138,17 @@ def whole(image):
     return told, small().reconstruct(image, on_step=told.append).code
 
 
-def test_another_seed_finds_another_code(image, whole):
+def test_another_seed_goes_another_way(image, whole):
     """That one seed repeats is seen where a search goes on after an interruption."""
-    one, other = whole[1], small(seed=1).reconstruct(image).code
-    assert len(one) != len(other) or not torch.equal(one.linear, other.linear)
+    told = []
+
+    def interrupt(progress):
+        told.append(progress)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        small(seed=1).reconstruct(image, on_step=interrupt)
+    assert told[0].step == whole[0][0].step and told[0].scalars["score"] != whole[0][0].scalars["score"]
 
 
 def test_candidates_are_told_until_the_first_stage_has_ended(whole):
@@ -203,10 +201,12 @@ def test_weights_of_its_own_come_back_from_a_checkpoint_as_they_were():
     assert torch.equal(state.best.probabilities, own.probabilities)
 
 
-@pytest.mark.parametrize("size", [pytest.param(32, marks=pytest.mark.slow), 33])
-def test_small_and_odd_pictures_are_taken(size):
-    image = suite.target(codes.known("heighway_dragon"), size)  # two maps
-    assert len(small().reconstruct(image).code) >= 2
+@pytest.mark.parametrize(("name", "size"), [("sierpinski_triangle", 33), *(
+    pytest.param("heighway_dragon", size, marks=pytest.mark.slow) for size in (32, 33))])
+def test_small_and_odd_pictures_are_taken(name, size):
+    image = suite.target(codes.known(name), size)
+    brief = small(search={"restarts": 1, "moves": 1, "detail_moves": 1}, moves={"count": 1})
+    assert len(brief.reconstruct(image).code) >= 2
 
 
 @pytest.mark.parametrize("stop", [1, 10, *(pytest.param(stop, marks=pytest.mark.slow) for stop in (4, 8, 12))])
@@ -232,7 +232,7 @@ def test_the_number_of_maps_can_be_fixed_or_bounded(image):
 def test_time_ends_a_search_with_the_best_so_far(image):
     steps = []
     start = time.monotonic()
-    endless = small(search={"moves": 10_000}, moves={"count": 10_000}, seconds=2)
+    endless = small(search={"moves": 10_000}, moves={"count": 10_000}, seconds=1)
     code = endless.reconstruct(image, on_step=steps.append).code
     assert time.monotonic() - start < 10 and len(steps) < 1000
     assert [p.fraction for p in steps] == sorted(p.fraction for p in steps)
@@ -284,21 +284,18 @@ def test_mixing_searches_takes_the_right_maps_from_each(triangle):
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"search": {"moves": -1}}, "search.moves must be at least 0, got -1"), ({"maps": 1}, "maps must be at least 2"),
-    ({"maps": 3, "at_most": 5}, "not two; got maps=3 and at_most=5"),
     ({"seconds": 0}, "seconds must be above 0"), ({"refine": {"finest": 8}}, "refine.finest must be at least 128"),
     ({"move": {}}, "there is no parameter move; did you mean 'moves'"),
     ({"seconds": "a"}, "seconds must be above 0 .* got 'a'; give a number, such as 60"),
     ({"seconds": float("nan")}, "seconds must be above 0"),
     ({"previews": -1}, "previews must be an integer of at least 0"),
-    ({"moves": {"reorint": 1}}, "there is no parameter moves.reorint; did you mean 'reorient'"),
-    ({"growth": {"steps": 1.5}}, "growth.steps must be a whole number, got 1.5"),
 ])
 def test_bad_options_are_refused(options, message):
     with pytest.raises(InputError, match=message):
         Collage(**options)
 
 
-def test_bad_input_is_refused(triangle):
+def test_bad_input_is_refused():
     with pytest.raises(InputError, match="at least 32"):
         Collage().reconstruct(torch.eye(16))
     with pytest.raises(InputError, match="maps must have shape"):

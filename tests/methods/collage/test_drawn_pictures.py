@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 import torch
-from collage_helpers import CAMERA, PARAMS, dot_camera, pen_camera
-from drawn_helpers import PIXEL, SIDE, at, triangles
+from collage_helpers import CAMERA, PARAMS, dot_camera, pen_camera, stroke_camera
+from drawn_helpers import PIXEL, SIDE, at, tree, triangles
 from scipy.ndimage import gaussian_filter
 
 from fractal_exp import IFS, codes, invert, suite
@@ -191,13 +191,16 @@ def test_a_camera_that_is_given_is_not_estimated():
     assert {each for each, _ in tried} == {pen_camera(0.0, 2.0 * PIXEL, 1.0 * PIXEL)}
 
 
-def test_a_camera_is_described_in_pixels_and_taken_up_again():
+@pytest.mark.parametrize(("camera", "code", "facts"), [
+    (pen_camera(0.0, 1.5 * PIXEL, 0.5 * PIXEL), GASKET, {"levels": "coverage", "tile_px": 0}),
+    (stroke_camera(6.0, 0.0, 1.5 * PIXEL, 0.5 * PIXEL), tree(), {"levels": "strokes", "depth": 6, "thinning": 0})])
+def test_a_camera_is_described_in_pixels_and_taken_up_again(camera, code, facts):
     image = at(triangles(4))
-    levels = with_camera(levels_of(image, meaning_of(image), CAMERA), pen_camera(0.0, 1.5 * PIXEL, 0.5 * PIXEL))
+    levels = with_camera(levels_of(image, meaning_of(image), CAMERA), camera)
     told = levels.camera.facts(SIDE)
-    assert told == pytest.approx({"levels": "coverage", "tile_px": 0, "pen_px": 1.5, "blur_px": 0.5})
+    assert told == pytest.approx(facts | {"pen_px": 1.5, "blur_px": 0.5})
     again = with_camera(levels, parse_camera(told, SIDE))
-    assert torch.equal(again.render(GASKET, SIDE, 0), levels.render(GASKET, SIDE, 0))
+    assert torch.equal(again.render(code, SIDE, 0), levels.render(code, SIDE, 0))
 
 
 def test_our_own_grey_levels_are_known_and_others_are_not():

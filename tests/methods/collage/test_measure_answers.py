@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from collage_helpers import DENSITY, PARAMS, measure_search, random, tied
+from collage_helpers import DENSITY, PARAMS, random
 from ops_helpers import tiling_problem
 
 from fractal_exp import suite
@@ -31,13 +31,6 @@ def far_from_the_middle():
     samples = torch.cat([applied(moved, measure.samples)[0], measure.samples[:, 2:]], 1)
     bins = pushforward(IDENTITY.view(1, 1, 6), torch.ones(1, 1), samples, measure.size)[0]
     return BinnedMeasure(samples, bins, measure.grids)
-
-
-def test_maps_are_only_merged_with_those_whose_images_are_alike(triangle):
-    code, image = triangle
-    maps, search = affine.from_code(code), measure_search(DENSITY.measure(image))
-    assert len(search.merged(tied(maps)).maps) == 3
-    assert len(search.merged(tied(torch.cat([maps, maps[:1] * 1.001]))).maps) == 3
 
 
 def test_the_displacement_of_a_measure_is_that_of_its_points():

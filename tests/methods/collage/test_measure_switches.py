@@ -26,10 +26,10 @@ def determinants(maps):
 
 
 def crowded(triangle):
-    """The maps of a code, with another that explains nothing and one map twice."""
+    """The maps of a code, with another that explains nothing and one map nearly twice."""
     maps = affine.from_code(triangle[0])
     extra = torch.tensor([[0.1, 0, 0, 0.1, 0.0, 0.6]])
-    maps = torch.cat([maps, maps[:1], extra])
+    maps = torch.cat([maps, maps[:1] * 1.001, extra])
     return maps, torch.tensor([0.08, 0.16, 0.16, 0.08, 0.001])
 
 

@@ -1,19 +1,17 @@
 """The parameters of collage search: each is documented, reached by Hydra, checked, and every part can be left out."""
 
 import re
-from functools import cache
+from functools import partial
 from pathlib import Path
 
 import fractal_exp.conf
 import pytest
 import yaml
 from collage_helpers import image_search, merged, small, tied
+from configured import plain
 from fractal_exp.conf.generate import hydra_config
-from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
 
 from fractal_exp import InputError, suite
-from fractal_exp.cli import configuration
 from fractal_exp.ifs import affine
 from fractal_exp.methods.collage.moves.search import MOVES
 from fractal_exp.methods.collage.params import CollageParams
@@ -25,13 +23,7 @@ FULL = "nothing"
 EACH_PART = [pytest.param(part, marks=[] if part in (FULL, "rounds") else pytest.mark.slow) for part in PARTS]
 
 
-configuration.register()
-
-
-@cache
-def composed(*words: str) -> dict:
-    with initialize_config_module("fractal_exp.conf", version_base="1.3"):
-        return OmegaConf.to_container(configuration.resolve(compose("train", ["method=collage", *words])))
+composed = partial(plain, "method=collage")
 
 
 def leaves(node: dict, prefix: str = "") -> dict:

@@ -10,7 +10,7 @@ from drawn_helpers import DEPTH, FOOT, PIXEL, RATIO, SIDE, TOP, drawing, tree
 from PIL import Image, ImageDraw
 
 from fractal_exp import IFS, codes
-from fractal_exp.cameras.camera import Camera, parse_camera
+from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.estimate import nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.pens import Dots
@@ -120,15 +120,6 @@ def test_a_code_of_many_maps_and_exact_levels_stay_as_they_are():
     exact = ImageObjective(image, levels_of(image, "density", CAMERA), PARAMS)
     shown = exact.judge(affine.from_code(tree()))
     assert sharpened(exact, shown) == (exact, shown)
-
-
-def test_strokes_are_described_in_pixels_and_taken_up_again():
-    image = drawing()
-    levels = with_camera(levels_of(image, DRAWN, CAMERA), stroke_camera(6.0, 0.0, 0.75 * PIXEL, 0.35 * PIXEL))
-    told = levels.camera.facts(SIDE)
-    assert told == pytest.approx({"levels": "strokes", "depth": 6, "thinning": 0, "pen_px": 0.75, "blur_px": 0.35})
-    again = with_camera(levels, parse_camera(told, SIDE))
-    assert torch.equal(again.render(tree(), SIDE, 0), levels.render(tree(), SIDE, 0))
 
 
 def test_strokes_beside_the_canvas_and_codes_without_copies_are_drawn():

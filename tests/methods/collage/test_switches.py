@@ -5,12 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from collage_helpers import DENSITY, image_search, measure_search, objective, params, problem, random, tied
+from collage_helpers import DENSITY, image_search, objective, params, problem, random, tied
 
 from fractal_exp import codes
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.image.objective import reduced
-from fractal_exp.methods.collage.measure.search import PRUNE
 from fractal_exp.methods.collage.moves import single
 from fractal_exp.methods.collage.simplify.loop import Price, pruned
 from fractal_exp.methods.collage.simplify.removal import unseen
@@ -33,17 +32,6 @@ def test_maps_that_are_not_worth_their_price_stay_without_pruning(doubled, pruni
     maps, image = doubled
     picture = objective(image, moves={"pruning": pruning}, maps=3)
     assert len(pruned(picture, picture.judge(maps), Price(10.0)).maps) == left
-
-
-@pytest.mark.parametrize(("options", "left"), [({}, 3), ({"search": {"pruning": False}}, 4),
-                                               ({"search": {"pruning": False}, "at_most": 3}, 3)])
-def test_a_set_on_the_measure_is_pruned_unless_that_is_off_and_its_number_of_maps_is_allowed(doubled, options, left):
-    maps, image = doubled
-    search = measure_search(DENSITY.measure(image), 32, **options)
-    maps = torch.cat([maps[:3], torch.tensor([[0.02, 0, 0, 0.02, 0.3, -0.2]])])   # the last is hardly worth anything
-    weights = torch.tensor([0.166, 0.166, 0.166, 0.002])
-    found = search.pruned(*search.descend_one(maps, weights, PRUNE))
-    assert len(found.maps) == left
 
 
 @pytest.mark.parametrize("mirrored", [True, False])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import io
 import json
 import threading
 import time
@@ -12,12 +13,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from PIL import Image
+
+from fractal_exp import IFS, codes, suite
+from fractal_exp.ifs import attractor
 from fractal_exp.studio.worker import Ready
 
 TOKEN = "the-token-of-the-test"
 START = "the-start-of-the-test"
 PATIENCE = 90  # seconds
 SIDE = 64      # pixels of a picture
+COMMAND = f"""
+from fractal_exp.cli import studio
+from fractal_exp.studio import reading
+
+if __name__ == "__main__":
+    reading.RESOLUTION = {SIDE}
+    studio.main()
+"""  # which brings pictures to 64² instead of 256² for a quick search
 
 
 @dataclass
@@ -150,6 +164,22 @@ def free(state: dict[str, Any]) -> bool:
 
 def judged(state: dict[str, Any]) -> bool:
     return free(state) and state["verdict"] is not None
+
+
+def plain(code: IFS) -> dict[str, Any]:
+    """A code as a page sends it."""
+    return {name: part for name, part in code.to_json().items() if name != "meta"}
+
+
+def png(image: Image.Image) -> bytes:
+    image.save(buffer := io.BytesIO(), "PNG")
+    return buffer.getvalue()
+
+
+def picture_of(name: str) -> bytes:
+    """A PNG of a known code."""
+    drawn = suite.target(attractor.normalize(codes.known(name)), SIDE).numpy()
+    return png(Image.fromarray(np.rint(255 * drawn).astype(np.uint8)))
 
 
 def rows(of: list[list[float]]) -> dict[str, Any]:

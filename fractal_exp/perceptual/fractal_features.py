@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from ..errors import InputError
 from ..runtime import weights
 from ..runtime.files import parse_json, read_file, write_atomically
+from ..runtime.tensors import parsed
 
 FORMAT, VERSION = "fractal-exp/perceptual", "1"
 CHANNELS = (8, 24, 48, 64, 96, 128, 128)  # of the seven levels, at a half, a quarter … a 64th of the image's side; the
@@ -71,7 +72,7 @@ def load(path: str | Path | None = None) -> FractalFeatures:
         data, name = _shipped(), f"this package's {SHIPPED}"
     else:
         data, name = read_file(Path(path).expanduser(), "the weight file", LARGEST_FILE), str(path)
-    tensors, notes = weights.parsed(data, name)
+    tensors, notes = parsed(data, name)
     if (got := (notes.get("format"), notes.get("version"))) != (FORMAT, VERSION):
         raise InputError(f"{name} must be of the format {FORMAT!r} version {VERSION}, got {got[0]!r} version "
                          f"{got[1]!r}; leave perceptual_weights out for the file in this package")

@@ -21,7 +21,7 @@ from .addresses import reason, shown
 from .base import Tracker
 from .client import connect
 from .dashboard import NOTE, describe
-from .outbox import ENDS, Outbox, Upload, read_note, undelivered
+from .outbox import ENDS, Note, Outbox, Upload, read_note, undelivered
 from .store import (
     FIRST_PATIENCE,
     PARENT,
@@ -226,31 +226,31 @@ def deliver(folder: str | Path, uri: str | None = None) -> list[str]:
         note = read_note(path.parent)
         if note is None:  # delivered by another process meanwhile
             continue
-        if uri is not None and shown(note["uri"]) != shown(uri):
-            print(f"tracking: {path.parent} waits for another store, {shown(note['uri'])}; send it with: "
+        if uri is not None and shown(note.uri) != shown(uri):
+            print(f"tracking: {path.parent} waits for another store, {shown(note.uri)}; send it with: "
                   f"{sys.executable} -m fractal_exp.tracking deliver '{path.parent.parent}'", file=sys.stderr)
             continue
-        _deliver(path.parent, note, uri or os.environ.get("MLFLOW_TRACKING_URI") or note["uri"])
-        run_ids.append(note["run_id"])
+        _deliver(path.parent, note, uri or os.environ.get("MLFLOW_TRACKING_URI") or note.uri)
+        run_ids.append(note.run_id)
     return run_ids
 
 
-def _deliver(folder: Path, note: Mapping[str, Any], uri: str) -> None:
+def _deliver(folder: Path, note: Note, uri: str) -> None:
     from mlflow.exceptions import MlflowException
 
     client = connect(uri)
     try:
-        run = patiently(uri, client.get_run, note["run_id"], patience=FIRST_PATIENCE)
+        run = patiently(uri, client.get_run, note.run_id, patience=FIRST_PATIENCE)
     except MlflowException as error:
-        raise InputError(f"{shown(uri)} has no run {note['run_id']}, whose rest waits in {folder} ({reason(error)}); "
+        raise InputError(f"{shown(uri)} has no run {note.run_id}, whose rest waits in {folder} ({reason(error)}); "
                          f"name its store with MLFLOW_TRACKING_URI, or move that folder away") from error
     if run.info.status == "RUNNING" and is_written_elsewhere(run.data.tags):
-        raise InputError(f"run {note['run_id']} is being written by process {run.data.tags['pid']}, which will "
+        raise InputError(f"run {note.run_id} is being written by process {run.data.tags['pid']}, which will "
                          f"send the rest itself")
-    if note["status"] and "error" in run.data.tags:  # it may have been taken for killed meanwhile
+    if note.status and "error" in run.data.tags:  # it may have been taken for killed meanwhile
         patiently(uri, client.delete_tag, run.info.run_id, "error")
-    tracker = MlflowTracker(client, note["run_id"], folder.parent, **_known(client, uri, run))
-    tracker.finish(note["status"] or "KILLED")
+    tracker = MlflowTracker(client, note.run_id, folder.parent, **_known(client, uri, run))
+    tracker.finish(note.status or "KILLED")
     if folder.exists():
         raise InputError(f"{shown(uri)} still does not take everything of {folder}; try again")
 

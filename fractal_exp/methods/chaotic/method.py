@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ...errors import InputError
 from ...ifs.code import IFS
-from ...runtime.checkpoint import Checkpoint, Snapshot, moments
+from ...runtime.checkpoint import Checkpoint, Snapshot, moments, under
 from ...runtime.checks import check_seconds
 from ...runtime.deadline import Deadline
 from ...runtime.precision import full_precision
@@ -195,10 +195,10 @@ class Chaotic(Method):
             expected |= {f"optimizer/{name}": value for name, value in moments(raw).items()}
         expected |= {f"best/{i}/{name}": value for i in range(len(kept.losses)) for name, value in raw.items()}
         tensors = {name: tensor.to(self.device) for name, tensor in saved.like(expected).items()}
-        self.optimizer.start(_under("raw/", tensors), self.seed)
-        self.optimizer.load_state(_under("optimizer/", tensors))
+        self.optimizer.start(under("raw/", tensors), self.seed)
+        self.optimizer.load_state(under("optimizer/", tensors))
         for i, (loss, iteration) in enumerate(zip(kept.losses, kept.iterations, strict=True)):
-            best.offer(loss, iteration, _under(f"best/{i}/", tensors))
+            best.offer(loss, iteration, under(f"best/{i}/", tensors))
         return saved.iteration
 
     def _initial(self, iteration: int) -> dict[str, Tensor]:
@@ -306,7 +306,3 @@ class FitProblem:
     @torch.no_grad()
     def draw(self, raw: Parameters, seed: int) -> Tensor:
         return self.model(raw, seed).image.cpu()
-
-
-def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

@@ -13,6 +13,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
+from ...ifs.affine import rotation
 from ...ifs.code import IFS
 from ...runtime.params import Amount, Positive
 from ...runtime.seeds import generator
@@ -111,12 +112,6 @@ class EvolutionaryWalk(Walk):
         if self.params.as_released:
             linear = torch.eye(2).expand_as(linear)
         return bounded(torch.cat([linear.flatten(-2), offset], -1), self.params.bound)
-
-
-def rotation(angle: Tensor) -> Tensor:
-    """Matrices (…,2,2) of angles (…)."""
-    cos, sin = angle.cos(), angle.sin()
-    return torch.stack([torch.stack([cos, -sin], -1), torch.stack([sin, cos], -1)], -2)
 
 
 class Evolutionary(Stepwise):

@@ -13,7 +13,7 @@ from pydantic import Field
 from torch import Tensor
 
 from ...errors import InputError
-from ...ifs import attractor
+from ...ifs import affine, attractor
 from ...ifs.attractor import FRAME_SIDE
 from ...ifs.code import IFS, sampling_probabilities
 from ...ops.occupancy import occupancy
@@ -100,15 +100,8 @@ class Canvas:
 
     def contracted(self, maps: Tensor) -> tuple[Tensor, Tensor]:
         """Matrices (…,N,2,2), shrunk where they do not contract enough, and offsets (…,N,2)."""
-        linear = maps[..., :4].unflatten(-1, (2, 2))
-        shrink = (self.params.largest / largest_singular_value(linear).clamp_min(1e-12)).clamp_max(1)
-        return linear * shrink[..., None, None], maps[..., 4:]
-
-
-def largest_singular_value(linear: Tensor) -> Tensor:
-    """Of matrices (…,2,2), in closed form."""
-    (a, b), (c, d) = (row.unbind(-1) for row in linear.unbind(-2))
-    return (torch.hypot(a + d, c - b) + torch.hypot(a - d, c + b)) / 2
+        maps = affine.shrunk(maps, self.params.largest)
+        return maps[..., :4].unflatten(-1, (2, 2)), maps[..., 4:]
 
 
 def bounded(maps: Tensor, bound: float) -> Tensor:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 LENGTH = 0.45           # minimum length of a line, relative to the box of all lit pixels
 THICK = 0.012           # maximum thickness of a line, relative to the box's longer side (or 3 px)
@@ -125,8 +126,6 @@ def _between(along: set[Line], across: set[Line]) -> tuple[int, int, list[int]]:
 def _ticks(inside: np.ndarray, levels: list[int], uprights: list[int], length: float
            ) -> np.ndarray:
     """Short marks that begin at one of the lines."""
-    from scipy import ndimage
-
     labels, _ = ndimage.label(inside, np.ones((3, 3)))
     marks = []
     for label, (y, x) in enumerate(ndimage.find_objects(labels), 1):

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from .bands import Overview
 from .checks import Notes
@@ -100,8 +101,6 @@ def _found(lit: np.ndarray, strokes: np.ndarray, graded: bool, notes: Notes) -> 
 
 def _pieces(lit: np.ndarray) -> tuple[list[Piece], np.ndarray]:
     """The 8-connected parts of a mask, and their labels (h,w)."""
-    from scipy import ndimage
-
     labels, count = ndimage.label(lit, np.ones((3, 3)))
     counts = np.bincount(labels.ravel(), minlength=count + 1)
     boxes = ndimage.find_objects(labels)
@@ -135,8 +134,6 @@ def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
 
 def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndarray:
     """A few tiny pieces, far from anything, if the picture has hardly any others that small."""
-    from scipy import ndimage
-
     none, span = np.zeros_like(lit), _span(lit)
     tiny = [piece for piece in pieces if piece.size <= max(3, SPECK_SIZE * span)]
     if span < SPECK_SPAN or not 0 < len(tiny) <= MOST_SPECKS:
@@ -156,8 +153,6 @@ def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndar
 def _other_shapes(lit: np.ndarray, pieces: int) -> tuple[np.ndarray, int]:
     """All shapes but the largest, if there are only a few solid shapes of unequal size, well apart; and the number of
     shapes."""
-    from scipy import ndimage
-
     none, gap = np.zeros_like(lit), SHAPE_GAP * _span(lit)
     labels, count = ndimage.label(ndimage.distance_transform_edt(~lit) <= gap / 2)
     if not 1 < count <= 10 * MOST_SHAPES:
@@ -194,15 +189,11 @@ def _equal(sides: list[tuple[int, int]]) -> bool:
 
 def _solid(shape: np.ndarray) -> bool:
     """Whether a shape is connected, except for gaps of a pixel or two and crumbs."""
-    from scipy import ndimage
-
     closed = ndimage.binary_dilation(shape, np.ones((3, 3)))
     return max(piece.count for piece in _pieces(closed)[0]) >= SHAPE_SOLID * closed.sum()
 
 
 def _nearer(dropped: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """What is left out, with everything nearer to it than to the shape, such as smooth edges."""
-    from scipy import ndimage
-
     nearest = ndimage.distance_transform_edt(~(dropped | kept), return_distances=False, return_indices=True)
     return dropped[tuple(nearest)]

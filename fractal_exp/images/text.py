@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 GLYPHS = 4              # minimum glyphs in a row of text
 GLYPH_PX = 5            # minimum height of most glyphs
@@ -29,8 +30,6 @@ def rows_of(lit: np.ndarray) -> list[slice]:
 
 def is_text(row: np.ndarray) -> bool:
     """Whether a mask, cut to some rows, holds one row of text and nothing else."""
-    from scipy import ndimage
-
     labels, count = ndimage.label(row, np.ones((3, 3)))
     if count < GLYPHS:
         return False

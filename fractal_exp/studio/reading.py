@@ -13,9 +13,8 @@ from pydantic import Field
 
 from ..errors import InputError
 from ..images.checks import MIN_SIDE
-from ..images.pixels import read_small
+from ..images.pixels import png, read_small
 from ..images.reading import ReadImage, read_target
-from ..rendering.sheets import png
 from ..runtime.files import write_atomically
 from ..runtime.params import Params
 from ..verdict import LARGEST_SIDE

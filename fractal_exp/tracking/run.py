@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
 import os
@@ -76,9 +75,11 @@ class MlflowTracker(Tracker):
             self._last[name] = step, value
 
     def image(self, name: str, image: Any, step: int | None = None) -> None:
+        from ..images.pixels import png  # and torch, which the dashboard does without
+
         _checked_name("image", name, r"[A-Za-z0-9_\-. ]")
         if step is None or (name, int(step)) not in self._images:
-            self._outbox.upload(Upload(f"views/{name}.png" if step is None else name, _png(name, image), step))
+            self._outbox.upload(Upload(f"views/{name}.png" if step is None else name, png(image), step))
 
     def artifact(self, name: str, content: Path | str | bytes) -> None:
         _checked_name("artifact", name, r"[\w\-. ]")
@@ -282,23 +283,3 @@ def _checked_name(kind: str, name: str, character: str) -> str:
         raise InputError(f"{kind} names are letters, digits and '_', '-', '.', ' ' with single slashes between, up to "
                          f"{LONGEST_NAME} characters; got {name!r}")
     return name
-
-
-def _png(name: str, image: Any) -> bytes:
-    import numpy as np
-    from PIL import Image
-
-    if not isinstance(image, Image.Image):
-        pixels = np.asarray(image.detach().cpu() if hasattr(image, "detach") else image)
-        if pixels.ndim != 2 and not (pixels.ndim == 3 and pixels.shape[2] in (3, 4)):
-            raise InputError(f"image {name!r} must have shape (R,C), (R,C,3) or (R,C,4), got {pixels.shape}")
-        if pixels.dtype != np.uint8:
-            pixels = pixels.astype(np.float32)
-            if not (pixels.min() >= -1e-3 and pixels.max() <= 1 + 1e-3):  # rounding of a sum is no mistake
-                raise InputError(f"image {name!r} must lie in [0,1] or be uint8, got values from {pixels.min()} to "
-                                 f"{pixels.max()}")
-            pixels = np.rint(255 * pixels.clip(0, 1)).astype(np.uint8)
-        image = Image.fromarray(pixels)
-    buffer = io.BytesIO()
-    image.save(buffer, "PNG")
-    return buffer.getvalue()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 import torch
@@ -80,7 +78,7 @@ class Pretrained(Method):
         """
         if self._loaded is None:
             try:
-                found = self.read()
+                found = files.load(self.params.weights, self.name)
                 self._compare(found)
                 network = self._described(found)
                 found.fill(network)
@@ -99,16 +97,6 @@ class Pretrained(Method):
         """What to do without good weights."""
         return (f"`{self.command()}` trains them, and `fractal-train method={self.name} weights.{self.name}=FILE` "
                 "takes the file that it writes")
-
-    def read(self) -> files.Weights:
-        """The weights as their file holds them. Raises `InputError` if there are none, or the file is damaged."""
-        if self.params.weights is not None:
-            return files.load(self.params.weights, self.name)
-        shipped = resources.files("fractal_exp.data") / f"{self.name}.safetensors"
-        if not shipped.is_file():
-            raise InputError(f"{self.name} has no weights: none are given, and the package has none")
-        with resources.as_file(shipped) as path:
-            return files.load(Path(path), self.name)
 
     def _described(self, found: files.Weights) -> nn.Module:
         try:

@@ -214,15 +214,13 @@ T = TypeVar("T")
 
 
 def checked(data: Any, schema: type[T], name: str, remedy: str, *, finite: bool = True) -> T:
-    """Plain data that a program wrote, as `parse_record`, also on numbers that are not finite, unless they need not be
-    `finite`."""
+    """Plain data that a program wrote, read and refused as by `parse_record`. finite: refuse other numbers, too."""
     try:
-        return parse_record(json.dumps(data, allow_nan=not finite), schema, name, remedy)
-    except (TypeError, RecursionError):
-        raise InputError(f"{name} is damaged: it is nested too deeply, or is no plain data; {remedy}") from None
-    except ValueError as error:
-        raise error if isinstance(error, InputError) else InputError(
-            f"{name} is damaged: it has a number that is not finite; {remedy}") from None
+        text = json.dumps(data, allow_nan=not finite)
+    except (ValueError, RecursionError):
+        raise InputError(f"{name} is damaged: it has a number that is not finite, or is nested too deeply; "
+                         f"{remedy}") from None
+    return parse_record(text, schema, name, remedy)
 
 
 def read_record(path: str | Path, what: str, schema: type[T], remedy: str = "delete it",

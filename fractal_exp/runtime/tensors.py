@@ -24,17 +24,6 @@ def packed(tensors: Mapping[str, Tensor], format: str, key: str, note: str) -> b
 def unpacked(data: bytes, format: str, key: str, source: str) -> tuple[dict[str, Tensor], str, str]:
     """The tensors, the note and the checksum in the bytes of such a file. Raises `InputError`, which begins with the
     source, on a file of another format and on any other content than was written."""
-    tensors, notes = parsed(data, source)
-    if notes.get("format") != format:
-        raise InputError(f"{source} must be of the format {format!r}, got {notes.get('format')!r}")
-    note = notes.get(key, "")
-    if digest(tensors, note) != notes.get("sha256"):
-        raise InputError(f"{source} is damaged: its content does not give its checksum")
-    return tensors, note, notes["sha256"]
-
-
-def parsed(data: bytes, source: str) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """The tensors and the notes in the bytes of a safetensors file. Raises `InputError` on anything else."""
     from safetensors import SafetensorError
     from safetensors.torch import load
 
@@ -43,7 +32,13 @@ def parsed(data: bytes, source: str) -> tuple[dict[str, Tensor], dict[str, str]]
     except (SafetensorError, ValueError, KeyError) as error:
         raise InputError(f"{source} is damaged, or no safetensors file: {error}") from error
     header = parse_json(data[8:8 + int.from_bytes(data[:8], "little")], f"{source} is damaged: its header")
-    return tensors, header.get("__metadata__") or {}
+    notes = header.get("__metadata__") or {}
+    if notes.get("format") != format:
+        raise InputError(f"{source} must be of the format {format!r}, got {notes.get('format')!r}")
+    note = notes.get(key, "")
+    if digest(tensors, note) != notes.get("sha256"):
+        raise InputError(f"{source} is damaged: its content does not give its checksum")
+    return tensors, note, notes["sha256"]
 
 
 def digest(tensors: Mapping[str, Tensor], note: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -64,11 +65,16 @@ def save(path: str | Path, network: str, tensors: Mapping[str, Tensor], recipe: 
     return path
 
 
-def load(path: str | Path, network: str) -> Weights:
-    """The weights in a file that `save` wrote for the network of this name.
+def load(path: str | Path | None, network: str) -> Weights:
+    """The weights in a file that `save` wrote for the network of this name; None: in that of the package.
 
     Raises `InputError` on a file that is missing, damaged, of another format or of another network.
     """
+    if path is None:
+        shipped = resources.files("fractal_exp.data") / f"{network}.safetensors"
+        if not shipped.is_file():
+            raise InputError(f"{network} has no weights: none are given, and the package has none")
+        return _parse(shipped.read_bytes(), network, str(shipped))
     path = Path(path).expanduser().absolute()
     return _parse(read_file(path, "the weights", LARGEST_FILE), network, str(path))
 

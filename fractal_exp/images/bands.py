@@ -14,6 +14,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from ..errors import InputError
 from ..runtime.files import check_file
+from . import whole
 from .checks import check_within
 from .refusals import known_as
 
@@ -225,7 +226,9 @@ def open_picture(path: Path, notes: list[str], check: Callable[[np.ndarray, str]
         if picture.width * picture.height > most:
             raise InputError(f"{path} has {picture.width}×{picture.height} pixels, at most {most // 10**6} million are "
                              "read here; shrink the picture first")
+        whole.check_size(picture, path)
         picture.load()
+        whole.check_rows(picture, path)
         frames = getattr(picture, "n_frames", 1)
         if frames > 1:
             notes.append(f"the file holds {frames} pictures: the first was taken")

@@ -2,6 +2,8 @@
 
 import os
 import socket
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -131,6 +133,34 @@ def test_what_is_no_ordinary_file_is_not_waited_for(tmp_path):
             read_target(path, 32)
     with pytest.raises(InputError, match="File name too long"):
         read_target(tmp_path / ("x" * 300), 32)
+
+
+def png_of(rows, colour, channels, side=400):
+    """A PNG that declares side² pixels and holds some rows of them, all black, or transparent."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    palette = chunk(b"PLTE", bytes(6)) + chunk(b"tRNS", b"\0") if colour == 3 else b""
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, colour, 0, 0, 0)) + palette
+            + chunk(b"IDAT", zlib.compress(bytes(rows * (1 + channels * side)))) + chunk(b"IEND", b""))
+
+
+@pytest.mark.parametrize("colour, channels", [(0, 1), (2, 3), (3, 1), (4, 2), (6, 4)])
+def test_a_png_without_all_its_rows_is_damaged_and_not_black_or_transparent(tmp_path, colour, channels):
+    for rows in (0, 1, 10, 399):
+        (tmp_path / "short.png").write_bytes(png_of(rows, colour, channels))
+        with pytest.raises(InputError, match="damaged or cut short"):
+            read_target(tmp_path / "short.png", 32)
+    (tmp_path / "whole.png").write_bytes(png_of(400, colour, channels))
+    with pytest.raises(InputError, match="transparent|stands out"):
+        read_target(tmp_path / "whole.png", 32)
+
+
+def test_no_memory_is_taken_for_pixels_that_a_short_file_cannot_hold(tmp_path, monkeypatch):
+    (tmp_path / "bomb.png").write_bytes(png_of(1, 6, 4, 19_000))
+    monkeypatch.setattr(Image.core, "new", lambda *_: pytest.fail("memory is taken"), raising=False)
+    with pytest.raises(InputError, match="pixels are missing"):
+        read_target(tmp_path / "bomb.png", 32)
 
 
 def test_the_pixels_that_are_decoded_are_bounded_as_asked(tmp_path):

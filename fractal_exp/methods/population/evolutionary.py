@@ -14,11 +14,10 @@ from pydantic import Field
 from torch import Tensor
 
 from ...ifs.affine import rotation
-from ...ifs.code import IFS
 from ...runtime.params import Amount, Positive
 from ...runtime.seeds import generator
-from ..stepwise import State, Stepwise, Walk
-from .search import Canvas, Overlap, PopulationParams, best_of, bounded, decoded
+from ..stepwise import State, Stepwise
+from .search import Overlap, PopulationParams, PopulationWalk, best_of, bounded
 
 
 class EvolutionaryParams(PopulationParams):
@@ -59,17 +58,10 @@ def tournament(cost: Tensor, opponents: Tensor, kept: int) -> Tensor:
     return score.argsort(descending=True, stable=True)[:kept]
 
 
-class EvolutionaryWalk(Walk):
+class EvolutionaryWalk(PopulationWalk):
     """Evolutionary programming on one image. What is lowered is 1 - f."""
 
-    def __init__(self, image: Tensor, params: EvolutionaryParams, seed: int):
-        self.canvas, self.params, self.seed, self.device = Canvas(image, params, seed), params, seed, image.device
-
-    def start(self) -> State:
-        genome = self._initial().to(self.device)
-        cost = self.cost(genome)
-        best, least = best_of(genome, cost, genome[0], cost[0])
-        return {"genome": genome, "cost": cost, "best": best.clone(), "least": least.clone()}
+    params: EvolutionaryParams
 
     def step(self, state: State, number: int) -> State:
         random = generator(self.seed, "generation", number)
@@ -87,20 +79,10 @@ class EvolutionaryWalk(Walk):
     def evaluations(self, steps: int) -> int:
         return self.params.population * (steps + 1)
 
-    def loss(self, state: State) -> float:
-        return float(state["least"])
-
-    def code(self, state: State) -> IFS:
-        return self.canvas.code(decoded(state["best"]))
-
-    def draw(self, state: State) -> Tensor:
-        return self.canvas.draw(decoded(state["best"][None]))[0].float()
-
     def cost(self, genome: Tensor) -> Tensor:
-        """1 - f of every code, (P,)."""
-        return 1 - fitness(self.canvas.overlap(decoded(genome)), self.params.as_released)
+        return 1 - fitness(self.canvas.overlap(self.maps(genome)), self.params.as_released)
 
-    def _initial(self) -> Tensor:
+    def initial(self) -> Tensor:
         """Rotations or reflections of random angle about two singular values from U(0, bound), with offsets from
         U(-1, 1) before tanh; as released, all matrices are the identity as far as the bound lets them."""
         random, shape = generator(self.seed, "initial"), (self.params.population, self.params.maps)

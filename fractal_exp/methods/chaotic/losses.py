@@ -79,12 +79,6 @@ def mip_pyramid(image: Tensor, levels: int, *, stretch: bool = False) -> list[Te
     return pyramid
 
 
-def moment_distance(image: Tensor, target: Tensor) -> Tensor:
-    """Sum of the squared differences between the `moments` of images (…,R,R): (…,)."""
-    _check_pair(image, target)
-    return (moments(image) - moments(target)).square().sum(-1)
-
-
 def moments(image: Tensor) -> Tensor:
     """Mean, variance, skewness and kurtosis of an image's marginals along x, then along y: (…,R,R) -> (…,8).
 
@@ -188,8 +182,8 @@ class Regularizer(Term):
 
 
 class Moments(Term):
-    """`moment_distance` to the target: the classical objective that replaces all others in the paper's ablation
-    (Vrscay and Roehrig 1989, Rinaldo and Zakhor 1994)."""
+    """Sum of the squared differences between the `moments` of image and target: the classical objective that replaces
+    all others in the paper's ablation (Vrscay and Roehrig 1989, Rinaldo and Zakhor 1994)."""
 
     def prepare(self, target: Tensor) -> Self:
         self.target_moments = moments(target)

@@ -33,8 +33,9 @@ from ..base import (
 )
 from .best_states import BestStates
 from .losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
-from .model import SVD, ForwardModel, Parameterization, Parameters
+from .model import SVD, ForwardModel
 from .optimizers import Alternating, Annealing, Optimizer
+from .problem import FitProblem
 from .readback import Numbers, Pending, steps_at_a_time
 
 
@@ -154,8 +155,9 @@ class Chaotic(Method):
                 raise
 
         self._some(best.states)
-        raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
-                          self.rescoring_draws)
+        with torch.no_grad():
+            raw = best.choose(lambda state, draw: float(problem.loss(state, derive(self.seed, "rescoring", draw))[0]),
+                              self.rescoring_draws)
         is_cut = self.seconds and iteration < total
         stopped = time_is_up(Deadline(self.seconds)) if is_cut else f"all {total} iterations done"
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive(), stopped)
@@ -275,34 +277,3 @@ def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, star
     return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed,
                    starts=1 if init else starts, scouting=scouting, match_target=match_target, init=init,
                    radii=radii)
-
-
-class FitProblem:
-    """The model and the objective on one target, as the optimiser sees them."""
-
-    def __init__(self, model: ForwardModel, objective: WeightedSum, target: Tensor):
-        self.model, self.target = model, target
-        self.objective = objective.prepare(target)
-
-    @property
-    def parameterization(self) -> Parameterization:
-        return self.model.parameterization
-
-    @property
-    def waits(self) -> bool:
-        return self.model.waits(self.target)
-
-    def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        return self.objective(self.model(raw, seed))
-
-    @torch.no_grad()
-    def loss_value(self, raw: Parameters, seed: int) -> float:
-        return float(self.loss(raw, seed)[0])
-
-    @torch.no_grad()
-    def energy(self, raw: Parameters, seed: int | Tensor) -> Tensor:
-        return (self.model(raw, seed).image - self.target).square().mean((-2, -1))
-
-    @torch.no_grad()
-    def draw(self, raw: Parameters, seed: int) -> Tensor:
-        return self.model(raw, seed).image.cpu()

@@ -88,9 +88,9 @@ def _lines(lit: np.ndarray, least: float = 0.0, clear: float = CLEAR) -> list[Li
         return []
     starts, lengths = _longest_runs(lit)
     long = lengths >= max(LENGTH * (np.ptp(columns) + 1), least, 16)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], long, [False]]).astype(np.int8)))
     aside, lines = round(max(3, ASIDE * span)), []
-    for near, far in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for (rows,) in ndimage.find_objects(ndimage.label(long)[0]):
+        near, far = rows.start, rows.stop
         if far - near > max(3, THICK * span):
             continue
         row = near + int(lengths[near:far].argmax())

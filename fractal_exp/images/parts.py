@@ -107,12 +107,6 @@ def _pieces(lit: np.ndarray) -> tuple[list[Piece], np.ndarray]:
     return [Piece(label, box, int(counts[label])) for label, box in enumerate(boxes, 1)], labels
 
 
-def _span(lit: np.ndarray) -> int:
-    """The longer side of the box of all lit pixels."""
-    sides = [np.flatnonzero(lit.any(axis)) for axis in (0, 1)]
-    return max(int(side[-1] - side[0] + 1) for side in sides)
-
-
 def _is_page(lit: np.ndarray, strokes: np.ndarray) -> bool:
     rows = rows_of(lit)
     if len(rows) < PAGE_ROWS:
@@ -125,7 +119,7 @@ def _is_page(lit: np.ndarray, strokes: np.ndarray) -> bool:
 def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
     """Consecutive rows of text at the top and at the bottom."""
     found, rows = np.zeros_like(lit), rows_of(lit)
-    most = CAPTION_SHARE * _span(lit)
+    most = CAPTION_SHARE * _sides(lit)[1]
     for end in (-1, 0):
         while len(rows) > 1 and rows[end].stop - rows[end].start <= most and is_text((lit & strokes)[rows[end]]):
             found[rows.pop(end)] = True
@@ -134,7 +128,7 @@ def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
 
 def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndarray:
     """A few tiny pieces, far from anything, if the picture has hardly any others that small."""
-    none, span = np.zeros_like(lit), _span(lit)
+    none, span = np.zeros_like(lit), _sides(lit)[1]
     tiny = [piece for piece in pieces if piece.size <= max(3, SPECK_SIZE * span)]
     if span < SPECK_SPAN or not 0 < len(tiny) <= MOST_SPECKS:
         return none
@@ -153,7 +147,7 @@ def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndar
 def _other_shapes(lit: np.ndarray, pieces: int) -> tuple[np.ndarray, int]:
     """All shapes but the largest, if there are only a few solid shapes of unequal size, well apart; and the number of
     shapes."""
-    none, gap = np.zeros_like(lit), SHAPE_GAP * _span(lit)
+    none, gap = np.zeros_like(lit), SHAPE_GAP * _sides(lit)[1]
     labels, count = ndimage.label(ndimage.distance_transform_edt(~lit) <= gap / 2)
     if not 1 < count <= 10 * MOST_SHAPES:
         return none, 1
@@ -177,6 +171,7 @@ def _apart(shapes: list[np.ndarray], gap: float) -> bool:
 
 
 def _sides(shape: np.ndarray) -> tuple[int, int]:
+    """The sides of the box of all lit pixels, the shorter one first."""
     first, second = sorted(int(np.ptp(np.flatnonzero(shape.any(axis)))) + 1 for axis in (0, 1))
     return first, second
 

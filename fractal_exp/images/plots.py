@@ -122,9 +122,8 @@ def grid_lines(inked: np.ndarray, hidden: np.ndarray) -> list[tuple[int, int]]:
     seen = np.add.reduceat(free & inked, parts, axis=1, dtype=np.int64)
     holds = (seen >= GRID_SEEN * count) | (count < 8)
     line = holds.all(1) & (count.sum(1) >= GRID_FREE * width) & (seen[:, [0, -1]] >= 4).any(1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], line, [False]]).astype(np.int8)))
-    return [(near, far) for near, far in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-            if far - near <= thick]
+    return [(run.start, run.stop) for (run,) in ndimage.find_objects(ndimage.label(line)[0])
+            if run.stop - run.start <= thick]
 
 
 def _bridged(picture: Bands, paper: np.ndarray, notes: Notes, hidden: np.ndarray | None = None) -> Bands:

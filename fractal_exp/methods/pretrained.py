@@ -19,6 +19,7 @@ from ..runtime.checks import check_seconds
 from ..runtime.params import Params
 from ..runtime.precision import full_precision
 from .base import AnyTarget, CodeReconstruction, Method, OnStep, Progress, check_device, check_target
+from .stepwise import resized
 
 
 class PretrainedParams(Params):
@@ -144,23 +145,18 @@ class CodeReader(Pretrained):
         """The code in the frame, from an image (1,S,S) on the device."""
 
     def check_size(self, target: Tensor) -> None:
-        self.resized(target)
-
-    def resized(self, image: Tensor) -> Tensor:
-        """The image (R,R) as the network sees it (S,S), each pixel the mean of what it covers. Raises `InputError` if
-        it has fewer pixels than that."""
         side = self.params.side
-        if len(image) < side:
-            raise InputError(f"the network sees {side}² pixels, and the target has {len(image)}²; raise resolution to "
+        if len(target) < side:
+            raise InputError(f"the network sees {side}² pixels, and the target has {len(target)}²; raise resolution to "
                              f"{side} or more")
-        return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]
 
     @full_precision()
     @torch.no_grad()
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
-        image = self.resized(check_target(target))
-        code = self.read_off(self.loaded()[0], image[None].to(self.device))
+        image = check_target(target)
+        self.check_size(image)
+        code = self.read_off(self.loaded()[0], resized(image, self.params.side)[None].to(self.device))
         if on_step:
             preview = render(code, resolution=self.params.side)
             on_step(Progress(1, 1.0, {"maps": len(code)}, preview, "network", code))

@@ -18,8 +18,7 @@ from ..runtime.checkpoint import Checkpoint
 from ..runtime.checks import check_seconds
 from ..runtime.params import Params
 from ..runtime.precision import full_precision
-from .base import AnyTarget, CodeReconstruction, Method, OnStep, Progress, check_device, check_target
-from .stepwise import resized
+from .base import AnyTarget, CodeReconstruction, Method, OnStep, Progress, check_device, check_target, resized
 
 
 class PretrainedParams(Params):

@@ -19,7 +19,8 @@ from ...ops.sequences import blob_error, sequence
 from ...runtime.checkpoint import under
 from ...runtime.params import Amount, Params, Positive
 from ...runtime.seeds import derive, generator
-from ..stepwise import SMALLEST_INPUT, State, Stepwise, Walk, check_resolution, resized
+from ..base import resized
+from ..stepwise import SMALLEST_INPUT, State, Stepwise, Walk, check_resolution
 from . import maps as affine
 
 MOMENTS = ("exp_avg", "exp_avg_sq")  # of Adam

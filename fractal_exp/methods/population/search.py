@@ -20,7 +20,8 @@ from ...ifs.code import IFS, sampling_probabilities
 from ...ops.occupancy import occupancy
 from ...runtime.params import Params
 from ...runtime.seeds import derive
-from ..stepwise import SMALLEST_INPUT, State, Walk, check_resolution, resized
+from ..base import resized
+from ..stepwise import SMALLEST_INPUT, State, Walk, check_resolution
 
 MAPS = 10          # "a conservative number of functions" for all compared methods (section 5.1 of the paper)
 

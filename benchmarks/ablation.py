@@ -33,13 +33,12 @@ from fractal_exp import codes, suite
 from fractal_exp.evaluation import evaluate
 from fractal_exp.evaluation.code_error import code_error
 from fractal_exp.evaluation.summary import bootstrap_interval, without_empty
-from fractal_exp.methods.base import AnyTarget
 from fractal_exp.methods.collage.method import Collage
 from fractal_exp.runtime import threads
-from fractal_exp.runtime.deadline import Deadline
 
 from . import archive
 from .record import machine
+from .searches import CoreTime
 
 FULL, SEED, HELD_OUT = "nothing", 20261123, 20261122   # seeds of suites on which nothing was chosen
 SCORES = ["f1", "recovered", "seconds"]
@@ -101,13 +100,6 @@ SETS: dict[str, Grey | Drawn] = {
     "binary": Drawn("binary", 120, "f1_box", "exact"), "textbook_redrawn": Drawn("textbook_redrawn", 120),
     "trees": Drawn("trees", 120), "tone_curves": Drawn("tone_curves", 120),
 }
-
-
-class CoreTime(Collage):
-    """Collage search whose limit counts the seconds that a core has worked."""
-
-    def deadline(self, target: AnyTarget) -> Deadline:
-        return Deadline(self.seconds, time.process_time, " of a core")
 
 
 def parts() -> list[str]:

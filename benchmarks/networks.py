@@ -20,6 +20,7 @@ from fractal_exp.conf.generate import FILES
 
 from fractal_exp.evaluation.summary import bootstrap_interval
 from fractal_exp.runtime import threads
+from fractal_exp.runtime.weights import load
 from fractal_exp.training.codes import CodeTraining
 
 from . import record
@@ -28,8 +29,7 @@ from . import record
 def judged(name: str, weights: str | None) -> dict[str, Any]:
     """What the network of a method is worth on the held-out codes of its training."""
     kind: type[CodeTraining] = resolve_name(f"fractal_exp.{FILES[f'pretraining/{name}'][0]}")
-    asked = kind.method(weights=weights)
-    recipe = asked.read().recipe
+    recipe = load(weights, kind.method.name).recipe
     fitting = kind.method(weights=weights, **{key: recipe[key] for key in kind.method.asked})
     network, _ = fitting.loaded()
     training = kind(seed=recipe["seed"], **{key: recipe[key] for key in kind.Params.model_fields})

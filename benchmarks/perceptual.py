@@ -28,6 +28,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from fractal_exp.methods.chaotic import losses
+from fractal_exp.ops.ssim import local_statistics, ssim
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.runtime import threads
@@ -111,7 +112,8 @@ def main() -> None:
     if args.weights and not args.resolutions:
         parser.error("the cost of other weights would stand beside the correlations of those in the package; name "
                      "resolutions as well")
-    distances: dict[str, Distance] = {"mse": losses.mse, "mip_mse": losses.mip_mse, "ssim": losses.dssim}
+    distances: dict[str, Distance] = {"mse": losses.mse, "mip_mse": losses.mip_mse,
+                                      "ssim": lambda a, b: 1 - ssim(a, b, local_statistics(b))}
     if args.lpips_squeeze:
         distances["lpips_squeeze"] = perceptual.load("lpips_squeeze", args.lpips_squeeze)
     distances["fractal"] = perceptual.load("fractal", args.weights)

@@ -15,7 +15,6 @@ import math
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -36,28 +35,15 @@ from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import Candidate, State
 from fractal_exp.runtime import threads
-from fractal_exp.runtime.checkpoint import Snapshot
 
 from . import archive
-from .ablation import SEED, CoreTime
+from .ablation import SEED
 from .record import machine
+from .searches import CoreTime, Given
 
 OUTPUT = "benchmarks/results/collage_starts_{limit:g}s"
 RANDOM, NETWORK = "random maps", "network"
 SCORES = ["f1_box", "f1_frame", "exact", "seconds"]
-
-
-@dataclass(frozen=True)
-class Given:
-    """A checkpoint that a search goes on from, and that keeps nothing."""
-
-    snapshot: Snapshot | None
-
-    def load(self) -> Snapshot | None:
-        return self.snapshot
-
-    def save(self, snapshot: Snapshot) -> None:
-        pass
 
 
 def random_maps(image: Tensor, method: CoreTime) -> Given:

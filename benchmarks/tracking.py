@@ -29,7 +29,7 @@ from fractal_exp.runtime import threads
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.studies import report, writing
 from fractal_exp.studies.published import TABLES
-from fractal_exp.tracking import NoTracker
+from fractal_exp.tracking import Tracker
 
 CHECKPOINT_EVERY = 100  # iterations: oftener than a fit does
 
@@ -38,7 +38,7 @@ def fit_seconds(uri: str | None, folder: Path, iterations: int) -> tuple[float, 
     """Wall and processor seconds of a fit and of all that it tells a run (None: no run)."""
     method = laptop(iterations=iterations, starts=1)
     target = suite.target(codes.known("fern"), 256)
-    run = tracking.start_run(uri, "overhead", "fit", folder=folder) if uri else NoTracker()
+    run = tracking.start_run(uri, "overhead", "fit", folder=folder) if uri else Tracker()
     wall, processor = time.perf_counter(), time.process_time()
     with run, redirect_stdout(io.StringIO()), Reporter(run, FitFolder.open(folder, "fit")) as reporter:
         checkpoint = Checkpoint(folder / "checkpoint.safetensors", CHECKPOINT_EVERY, first=run.secure)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from .cameras.camera import Camera
@@ -116,14 +117,14 @@ def camera_for(code: IFS, target: TargetImage, *, params: CameraParams | None = 
     return estimated(target.image, levels, code, derive(seed, "likeness")) or levels.camera
 
 
-def default_camera(target: TargetImage, params: CameraParams | None = None) -> Camera:
-    """The camera of a target as far as its levels and the user say."""
-    return _levels_of(target, params).camera
+def default_camera(target: TargetImage) -> Camera:
+    """The camera of a target as far as its levels say."""
+    return _levels_of(target, None).camera
 
 
-def lit_above(target: TargetImage, camera: Camera, params: CameraParams | None = None) -> float:
+def lit_above(target: TargetImage, camera: Camera) -> float:
     """The grey level of a target above which a pixel counts as lit, as in `Likeness`."""
-    return _lit_above(with_camera(_levels_of(target, params), camera))
+    return _lit_above(with_camera(_levels_of(target, None), camera))
 
 
 def _lit_above(levels: Levels) -> float:
@@ -152,8 +153,6 @@ def likeness_of_attractor(code: IFS, image: Tensor, levels: Levels) -> float:
     lattice. Large tiles look like the picture itself, and would make a wrong code look right. So the allowance is at
     most half of `SMALL_TILE_PX`, except for a code of `TILED_MAPS` or fewer.
     """
-    from scipy.ndimage import distance_transform_edt
-
     side = len(image)
     attractor = levels.occupied(code, side, 1, levels.points(side), 0, False).numpy() > 0
     if levels.known is not None:

@@ -27,9 +27,8 @@ from fractal_exp.runtime.files import write_atomically
 from fractal_exp.verdict import Verdict
 
 from .. import archive
-from ..ablation import CoreTime
 from ..record import machine
-from ..starts import Given
+from ..searches import CoreTime, Given
 from .sets import SETS
 
 FILE = "fits.jsonl"

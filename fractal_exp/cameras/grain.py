@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from scipy.optimize import minimize_scalar
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, pad
 
@@ -41,8 +42,6 @@ def grain(image: Tensor, density: Tensor, cell: int = FINE_PX) -> float:
 
 def _exposed(density: Tensor, brightness: float) -> Tensor:
     """The density from more or fewer dots, with this mean, or one as near to it as `EXPOSED` allows."""
-    from scipy.optimize import minimize_scalar
-
     unlit = (1 - density).clamp_min(LEAST_VARIANCE).log()
 
     def shown(doublings: float) -> Tensor:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
@@ -221,8 +222,6 @@ class ToneMapped(Dots):
 
 def distance_to(lit: Tensor) -> Tensor:
     """Distance (3R,3R) from each subpixel to the nearest lit one, pixels."""
-    from scipy.ndimage import distance_transform_edt
-
     if not bool(lit.any()):
         return torch.full_like(lit, torch.inf)
     return torch.from_numpy(np.asarray(distance_transform_edt(lit.numpy() == 0)) / PEN_SUPERSAMPLE).float()

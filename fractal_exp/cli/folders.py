@@ -18,13 +18,25 @@ from ..errors import InputError
 from ..ifs.code import IFS
 from ..images.pixels import write_image
 from ..runtime.checkpoint import compare
-from ..runtime.files import alone_in, check_scores, read_record, remove_partial, write_atomically
+from ..runtime.files import alone_in, read_record, remove_partial, write_atomically
 from ..tracking.addresses import shown
 
 FINISHED, CONFIG, RUN = "finished.json", "config.yaml", "run.json"
 CODE, TRUTH, PICTURE = "code.json", "truth.json", "target.png"
 ENLARGED = "enlarged.png"  # in place of a code, where the method found none
 WHITE = 65535  # of 16 bits
+
+
+@dataclass
+class _Finished:
+    identity: dict[str, Any]
+    scores: dict[str, float]
+
+
+@dataclass
+class _Run:
+    uri: str
+    run_id: str | None
 
 
 @dataclass(frozen=True)
@@ -65,13 +77,12 @@ class FitFolder:
         path = self.path / FINISHED
         if not path.exists():
             return None
-        record = read_record(path, "the record of a finished fit", identity=dict, scores=dict)
-        check_scores(record["scores"], path)
-        differences = compare(record["identity"], json.loads(json.dumps(identity)))
+        finished = read_record(path, "the record of a finished fit", _Finished)
+        differences = compare(finished.identity, json.loads(json.dumps(identity)))
         if differences:
             raise InputError(f"{self.path} holds a fit of another configuration: {'; '.join(differences[:4])}. Choose "
                              "another name=NAME, or delete the folder (fractal-evaluate scores a finished code anew)")
-        return record["scores"]
+        return finished.scores
 
     def finish(self, identity: Mapping[str, Any], scores: Mapping[str, float]) -> None:
         """Mark the fit as finished; its checkpoint has served."""
@@ -114,5 +125,5 @@ class FitFolder:
         """The run that the interrupted fit logged to in this store, or None."""
         if not ((self.path / RUN).exists() and self.checkpoint.exists()):
             return None
-        record = read_record(self.path / RUN, "the record of the MLflow run", uri=str, run_id=(str, type(None)))
-        return record["run_id"] if shown(record["uri"]) == shown(uri) else None
+        run = read_record(self.path / RUN, "the record of the MLflow run", _Run)
+        return run.run_id if shown(run.uri) == shown(uri) else None

@@ -18,7 +18,7 @@ from hydra.utils import get_method
 from omegaconf import DictConfig
 
 from ..runtime import parent, threads
-from ..runtime.files import alone_in, check_scores, read_record, write_atomically
+from ..runtime.files import alone_in, read_record, write_atomically
 from ..tracking.addresses import shown
 from . import configuration
 from .runs import NoRuns
@@ -51,12 +51,7 @@ class Outcome:
     def read(cls, folder: Path) -> Outcome | None:
         """The outcome left in a job's folder, or None."""
         path = cls.path(folder)
-        if not path.exists():
-            return None
-        record = read_record(path, "the outcome of a job", status=str, row=str, sample=str, seconds=(int, float),
-                             scores=dict, again=bool, reason=str, traceback=str)
-        check_scores(record["scores"], path)
-        return cls(**{key: value for key, value in record.items() if key in cls.__dataclass_fields__})
+        return read_record(path, "the outcome of a job", cls) if path.exists() else None
 
     def write(self, folder: Path) -> None:
         write_atomically(self.path(folder), json.dumps(asdict(self), indent=1).encode())

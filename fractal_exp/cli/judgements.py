@@ -8,8 +8,9 @@ import tempfile
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+import pandas as pd
 import torch
 from torch import Tensor
 
@@ -33,10 +34,6 @@ from .candidates import Aim, Submission, gather, without_code
 from .code_names import is_picture
 from .folders import PICTURE, TRUTH
 from .reading import read_picture
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
 
 STRIP_VIEWS = ("whole", "2-4x-a", "4-8x-a")
 CEILING = "ceiling"
@@ -103,8 +100,6 @@ def evaluate_codes(options: argparse.Namespace) -> None:
 def _judge_all(candidates: list[Submission], options: argparse.Namespace, distance: Perceptual, cache: str,
                strips: Path, run: tracking.Tracker) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All rows of all views, with columns method, fractal and perceptual, the distance's name; and a row a code."""
-    import pandas as pd
-
     tables, codes = [], []
     protocol = {"resolution": options.resolution, "points_in_view": options.points, "views": options.views,
                 "align": options.align, "cache": cache, "perceptual": distance,
@@ -169,8 +164,6 @@ def _judge_pictures(candidates: list[Submission], options: argparse.Namespace, d
     """A row for each code that is to show a picture and each of the two trivial pictures, and for its truth where that
     is known too: columns fractal, method, against (input, of a fit, or picture, which the user named), input (the
     file), resolution, then the scores."""
-    import pandas as pd
-
     tables = []
     for number, candidate in enumerate(candidates, 1):
         aim = candidate.aim
@@ -190,8 +183,6 @@ def _whole_view(candidate: Submission, options: argparse.Namespace, distance: Pe
                 ) -> tuple[dict[str, Tensor], pd.DataFrame]:
     """What a fit of a picture and the trivial pictures show on the whole view, (R,R), and its truth where that is
     known too; and a row of scores for each."""
-    import pandas as pd
-
     picture = candidate.aim.picture
     images = {name: render(code, resolution=picture.shape[-1], points_in_view=options.points, device=options.device)
               for name, code in {RESULT: candidate.code, CEILING: candidate.aim.truth}.items() if code is not None}
@@ -221,8 +212,6 @@ def _write_inputs(table: pd.DataFrame, folder: Path, run: tracking.Tracker) -> s
 
 def _write(per_view: pd.DataFrame, codes: pd.DataFrame, views: str, folder: Path, run: tracking.Tracker) -> str:
     """Tables into the folder and the run; their part of the report."""
-    import pandas as pd
-
     summaries = {method: summarize(rows) for method, rows in per_view.groupby("method", sort=False)}
     summary = pd.concat([table.assign(method=method, perceptual=table.attrs["perceptual"])
                          for method, table in summaries.items()], ignore_index=True)
@@ -264,7 +253,7 @@ def _codes(count: int) -> str:
 
 def _start_run(options: argparse.Namespace, folder: Path) -> tracking.Tracker:
     if options.track is None:
-        return tracking.NoTracker()
+        return tracking.Tracker()
     params = {name: value for name, value in vars(options).items() if name not in ("track", "output", "cache", "out")}
     tags = {"perceptual": options.perceptual, "scale": options.scale, "kind": "evaluation"}
     return tracking.start_run(tracking.prepare_store(options.output), options.track, folder.name, folder=folder,

@@ -14,8 +14,9 @@ import re
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
 import torch
 from torch import Tensor
 
@@ -27,9 +28,6 @@ from ..ifs.code import IFS
 from ..runtime.files import read_file, read_json
 from ..studies.published import COLUMNS, TABLES
 from .candidates import Aim, Submission, fit_picture
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NAME, BEST = re.compile(r"fdb_\d+"), "best_optimized_ifs_code.pth"
 TARGETS, PICTURES, OURS = "ifs_codes", "ifs", "ours"  # names of folders; the program calls the paper's method "ours"
@@ -139,8 +137,6 @@ def _some(things: Iterable[object]) -> str:
 def beside_published(per_view: pd.DataFrame) -> pd.DataFrame:
     """Means over fractals with 95% intervals, beside the published row of the paper's method: columns row, metric,
     mean, low, high. The rows are what was measured, what is published, and paired differences, fractal by fractal."""
-    import pandas as pd
-
     means: dict[Any, Any] = {method: views.groupby("fractal")[list(COLUMNS)].mean()
                              for method, views in without_empty(per_view).groupby("method")}
     measured = means["result"].dropna(axis="columns", how="all")

@@ -40,7 +40,7 @@ class NoRuns:
         the run's parameters; target: the name of the target; backend: who draws, where the settings leave no choice
         (None: what their backend comes to on their device). Raises `InputError` if the store cannot be used.
         """
-        return tracking.NoTracker()
+        return tracking.Tracker()
 
     def start_sweep(self, settings: Mapping[str, Any], folder: Path, words: Sequence[str] = ()) -> tracking.Tracker:
         """Begin the parent run of the sweep in `folder`, or go on with it if that sweep was begun before.
@@ -48,7 +48,7 @@ class NoRuns:
         settings: as far as it is common to all jobs; words: those of the command after the study. Raises `InputError`
         if the store cannot be used.
         """
-        return tracking.NoTracker()
+        return tracking.Tracker()
 
     def start_several(self, settings: Mapping[str, Any], folder: Path, name: str, words: Sequence[str]
                       ) -> tracking.Tracker:
@@ -57,7 +57,7 @@ class NoRuns:
         settings: as far as it is common to all fits; folder: its own; name: what is varied; words: those of the
         command. Raises `InputError` if the store cannot be used.
         """
-        return tracking.NoTracker()
+        return tracking.Tracker()
 
     def fail(self, settings: Mapping[str, Any], folder: Path, error: BaseException) -> None:
         """Note that the job of a sweep in `folder` failed, even if it failed before it had a run."""

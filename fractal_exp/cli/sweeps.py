@@ -27,7 +27,7 @@ from ..runtime.files import explain, make_folder
 from ..studies import report
 from ..studies.writing import write
 from ..targets import Picture
-from ..tracking import NoTracker, Tracker, comparison_address, mark_killed_runs, prepare_store
+from ..tracking import Tracker, comparison_address, mark_killed_runs, prepare_store
 from ..tracking.addresses import dashboard_line, shown, store_uri
 from . import configuration, cost
 from .commands import complain
@@ -112,7 +112,7 @@ class RunningSweep:
         outcomes = {name: Outcome.read(self.folder / name) for name in self.names}
         failed = {name: outcome for name, outcome in outcomes.items() if outcome and outcome.status == FAILED}
         absent = [name for name, outcome in outcomes.items() if outcome is None]
-        if not isinstance(self.run, NoTracker):
+        if self.run.run_id is not None:
             mark_killed_runs(prepare_store(Path(self.settings["output"])))
             if len(absent) < len(self.names):
                 self._write_tables(Path(self.settings["output"]), self.settings["study"])

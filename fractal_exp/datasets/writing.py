@@ -74,7 +74,7 @@ def _check(folder: Path, record: dict[str, Any]) -> None:
     """Raise `InputError` unless the folder is empty or holds a part of this data set."""
     path = folder / RECORD
     if path.exists():
-        old = read_record(path, "the data set")
+        old = read_record(path, "the data set", dict[str, Any])
         changed = [key for key in record if old.get(key) != record[key]]
         if changed:
             key = changed[0]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import torch
+from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from .. import ops
@@ -89,8 +90,6 @@ def code_error(recovered: IFS, truth: IFS, *, resolution: int, align: str = "bbo
     Another code of the same attractor may be far from the true one in this sense; see `CodeError.equivalent`. Raises
     `InputError` if a code is not contractive.
     """
-    from scipy.optimize import linear_sum_assignment
-
     if align not in ("bbox", "none"):
         raise InputError(f"align must be bbox or none, got {align!r}")
     truth = attractor.normalize(truth)

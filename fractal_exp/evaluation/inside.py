@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import binary_dilation, binary_fill_holes, distance_transform_edt, gaussian_filter
 from torch import Tensor
 
 from ..errors import InputError
@@ -23,8 +24,6 @@ def ssim_inside(drawn: Tensor, image: Tensor, above: float = LIT, known: Tensor 
     the grey level above which a pixel belongs to the shape; an image without any is compared on the whole canvas.
     known (R,R): pixels that count, bool; None: all. Raises `InputError` if the shapes differ.
     """
-    from scipy.ndimage import distance_transform_edt, gaussian_filter
-
     a, b = (each.detach().cpu().double().numpy() for each in _checked(drawn, image))
 
     def mean(values: np.ndarray) -> np.ndarray:
@@ -46,8 +45,6 @@ def f1_dark(drawn: Tensor, image: Tensor, above: float = LIT) -> float | None:
     The outline is the shape with its holes and gaps of up to a sixteenth of the side, as between the branches of a
     tree. above: the grey level up to which a pixel is dark. Raises `InputError` if the shapes differ.
     """
-    from scipy.ndimage import binary_dilation
-
     other, dark = ((each <= above).cpu().numpy() for each in _checked(drawn, image))
     inside = outline(~dark)
     if (inside & dark).sum() <= LEAST_DARK * inside.sum():
@@ -61,8 +58,6 @@ def f1_dark(drawn: Tensor, image: Tensor, above: float = LIT) -> float | None:
 
 def outline(shape: np.ndarray) -> np.ndarray:
     """A mask (R,R) with its holes filled and its gaps closed: by a disc whose radius is a 32nd of the side."""
-    from scipy.ndimage import binary_fill_holes, distance_transform_edt
-
     radius = len(shape) / CLOSED / 2
     padded = np.pad(shape, int(radius) + 1)
     if not shape.any():

@@ -50,6 +50,18 @@ def smaller_singular(maps: Tensor) -> Tensor:
     return (torch.hypot((a + d) / 2, (c - b) / 2) - torch.hypot((a - d) / 2, (c + b) / 2)).abs()
 
 
+def shrunk(maps: Tensor, most: float) -> Tensor:
+    """Maps (…,6), each matrix whose larger singular value is above `most` shrunk to that as a whole."""
+    scale = (most / largest_singular(maps).clamp_min(1e-12)).clamp_max(1)
+    return torch.cat([maps[..., :4] * scale[..., None], maps[..., 4:]], -1)
+
+
+def rotation(angle: Tensor) -> Tensor:
+    """Matrices (…,2,2) of angles (…), differentiable."""
+    cos, sin = angle.cos(), angle.sin()
+    return torch.stack([torch.stack([cos, -sin], -1), torch.stack([sin, cos], -1)], -2)
+
+
 def rotations(count: int, generator: torch.Generator, *, reflections: bool = True) -> Tensor:
     """Orthogonal matrices (count,2,2), uniform: half of them are reflections, or none unless `reflections`."""
     angle = torch.rand(count, generator=generator) * 2 * math.pi

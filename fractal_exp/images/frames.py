@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 LENGTH = 0.45           # minimum length of a line, relative to the box of all lit pixels
 THICK = 0.012           # maximum thickness of a line, relative to the box's longer side (or 3 px)
@@ -87,9 +88,9 @@ def _lines(lit: np.ndarray, least: float = 0.0, clear: float = CLEAR) -> list[Li
         return []
     starts, lengths = _longest_runs(lit)
     long = lengths >= max(LENGTH * (np.ptp(columns) + 1), least, 16)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], long, [False]]).astype(np.int8)))
     aside, lines = round(max(3, ASIDE * span)), []
-    for near, far in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for (rows,) in ndimage.find_objects(ndimage.label(long)[0]):
+        near, far = rows.start, rows.stop
         if far - near > max(3, THICK * span):
             continue
         row = near + int(lengths[near:far].argmax())
@@ -125,8 +126,6 @@ def _between(along: set[Line], across: set[Line]) -> tuple[int, int, list[int]]:
 def _ticks(inside: np.ndarray, levels: list[int], uprights: list[int], length: float
            ) -> np.ndarray:
     """Short marks that begin at one of the lines."""
-    from scipy import ndimage
-
     labels, _ = ndimage.label(inside, np.ones((3, 3)))
     marks = []
     for label, (y, x) in enumerate(ndimage.find_objects(labels), 1):

@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from ..errors import InputError
 from .bands import Bands
 from .checks import unit
-from .pixels import open_source
+from .pixels import open_pixels
 from .reading import ReadImage
 from .sampling import resample
 
@@ -50,7 +50,7 @@ class Painted:
         level = np.kron(target, np.ones((step, step), np.float32))
         if picture.source is None:
             return cls._opaque(np.repeat(level[..., None], 3, -1), level, np.zeros(3))
-        pixels = open_source(picture.source, picture.crop)
+        pixels = open_pixels(picture.source, crop=picture.crop)
         if pixels.full != picture.source_size:
             raise InputError(f"the picture {picture.source} now has {pixels.full[0]}×{pixels.full[1]} pixels, but had "
                              f"{picture.source_size[0]}×{picture.source_size[1]}; give `invert` the new one")

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from .bands import Bands, Overview
 from .colours import border_colour
@@ -97,8 +98,6 @@ def panels_of(inked: np.ndarray, bars: list[Box]) -> list[Box]:
 
 def _closed(inked: np.ndarray) -> np.ndarray:
     """A mask whose rows have no gaps of three pixels or less: lines in the paper's colour cross a tinted panel."""
-    from scipy import ndimage
-
     return ndimage.binary_closing(np.pad(inked, ((0, 0), (4, 4))), np.ones((1, 4)))[:, 4:-4]
 
 
@@ -114,8 +113,6 @@ def _gridded(level: list[_Run], upright: list[_Run]) -> list[Box]:
 
 def _labelled(outside: np.ndarray, box: Box) -> bool:
     """Whether marks or glyphs, and nothing larger, stand both to the left of a box and below it."""
-    from scipy import ndimage
-
     depth = round(LABELS * max(outside.shape))
     most = MARK * max(box.bottom - box.top, box.right - box.left)
     strips = (outside[box.top:box.bottom, max(box.left - depth, 0):box.left],

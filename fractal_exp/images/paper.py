@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
+from scipy.interpolate import RBFInterpolator
 
 from .bands import Bands, Overview
 from .checks import Notes
@@ -37,8 +39,6 @@ def sheet(picture: Bands, notes: Notes) -> Bands:
     The sheet is bright, has four corners, ink in it, and a margin without ink, so that a level box holds all that is
     drawn. A warning says that it was found, or that there is no such box.
     """
-    from scipy import ndimage
-
     overview = Overview.of(picture.map(lambda band: np.atleast_3d(band).min(-1)))
     levels, (height, width) = overview.mean, overview.mean.shape
     edge = np.concatenate([levels[0], levels[-1], levels[:, 0], levels[:, -1]])
@@ -104,8 +104,6 @@ def _unevenness(picture: Bands) -> float:
 def _light(levels: np.ndarray) -> np.ndarray | None:
     """By what to divide a picture (H,W,C), at nodes (h,w,C) as `Bands.over` takes them, so that all of its paper is as
     bright as its brightest part; None if it shows no paper under an uneven light."""
-    from scipy.interpolate import RBFInterpolator
-
     cell = -(-max(levels.shape) // CELLS)
     rows, columns = (np.array_split(np.arange(side), -(-side // cell)) for side in levels.shape[:2])
     if min(len(rows), len(columns)) < LEAST_CELLS:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from .bands import Overview
 from .checks import Notes
@@ -100,18 +101,10 @@ def _found(lit: np.ndarray, strokes: np.ndarray, graded: bool, notes: Notes) -> 
 
 def _pieces(lit: np.ndarray) -> tuple[list[Piece], np.ndarray]:
     """The 8-connected parts of a mask, and their labels (h,w)."""
-    from scipy import ndimage
-
     labels, count = ndimage.label(lit, np.ones((3, 3)))
     counts = np.bincount(labels.ravel(), minlength=count + 1)
     boxes = ndimage.find_objects(labels)
     return [Piece(label, box, int(counts[label])) for label, box in enumerate(boxes, 1)], labels
-
-
-def _span(lit: np.ndarray) -> int:
-    """The longer side of the box of all lit pixels."""
-    sides = [np.flatnonzero(lit.any(axis)) for axis in (0, 1)]
-    return max(int(side[-1] - side[0] + 1) for side in sides)
 
 
 def _is_page(lit: np.ndarray, strokes: np.ndarray) -> bool:
@@ -126,7 +119,7 @@ def _is_page(lit: np.ndarray, strokes: np.ndarray) -> bool:
 def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
     """Consecutive rows of text at the top and at the bottom."""
     found, rows = np.zeros_like(lit), rows_of(lit)
-    most = CAPTION_SHARE * _span(lit)
+    most = CAPTION_SHARE * _sides(lit)[1]
     for end in (-1, 0):
         while len(rows) > 1 and rows[end].stop - rows[end].start <= most and is_text((lit & strokes)[rows[end]]):
             found[rows.pop(end)] = True
@@ -135,9 +128,7 @@ def _captions(lit: np.ndarray, strokes: np.ndarray) -> np.ndarray:
 
 def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndarray:
     """A few tiny pieces, far from anything, if the picture has hardly any others that small."""
-    from scipy import ndimage
-
-    none, span = np.zeros_like(lit), _span(lit)
+    none, span = np.zeros_like(lit), _sides(lit)[1]
     tiny = [piece for piece in pieces if piece.size <= max(3, SPECK_SIZE * span)]
     if span < SPECK_SPAN or not 0 < len(tiny) <= MOST_SPECKS:
         return none
@@ -156,9 +147,7 @@ def _specks(pieces: list[Piece], labels: np.ndarray, lit: np.ndarray) -> np.ndar
 def _other_shapes(lit: np.ndarray, pieces: int) -> tuple[np.ndarray, int]:
     """All shapes but the largest, if there are only a few solid shapes of unequal size, well apart; and the number of
     shapes."""
-    from scipy import ndimage
-
-    none, gap = np.zeros_like(lit), SHAPE_GAP * _span(lit)
+    none, gap = np.zeros_like(lit), SHAPE_GAP * _sides(lit)[1]
     labels, count = ndimage.label(ndimage.distance_transform_edt(~lit) <= gap / 2)
     if not 1 < count <= 10 * MOST_SHAPES:
         return none, 1
@@ -182,6 +171,7 @@ def _apart(shapes: list[np.ndarray], gap: float) -> bool:
 
 
 def _sides(shape: np.ndarray) -> tuple[int, int]:
+    """The sides of the box of all lit pixels, the shorter one first."""
     first, second = sorted(int(np.ptp(np.flatnonzero(shape.any(axis)))) + 1 for axis in (0, 1))
     return first, second
 
@@ -194,15 +184,11 @@ def _equal(sides: list[tuple[int, int]]) -> bool:
 
 def _solid(shape: np.ndarray) -> bool:
     """Whether a shape is connected, except for gaps of a pixel or two and crumbs."""
-    from scipy import ndimage
-
     closed = ndimage.binary_dilation(shape, np.ones((3, 3)))
     return max(piece.count for piece in _pieces(closed)[0]) >= SHAPE_SOLID * closed.sum()
 
 
 def _nearer(dropped: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """What is left out, with everything nearer to it than to the shape, such as smooth edges."""
-    from scipy import ndimage
-
     nearest = ndimage.distance_transform_edt(~(dropped | kept), return_distances=False, return_indices=True)
     return dropped[tuple(nearest)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Literal
 
@@ -10,7 +11,7 @@ from PIL import Image
 from torch import Tensor
 
 from ..errors import InputError
-from ..runtime.files import replacing
+from ..runtime.files import write_atomically
 from .bands import LARGEST_PIXELS, Bands, Crop, open_picture
 from .checks import Notes, check_pixels, unit
 
@@ -23,7 +24,7 @@ def read_colour(source: str | Path | np.ndarray | Tensor, backdrop: float = 0.0)
     source: as for `read_target`; backdrop: the grey level in [0,1] behind transparent parts. Raises `InputError` if the
     picture cannot be read.
     """
-    pixels = open_source(source)
+    pixels = open_pixels(source)
     return np.concatenate([_coloured(band, backdrop) for band in pixels])
 
 
@@ -31,7 +32,7 @@ def read_small(path: str | Path, side: int, backdrop: float = 0.0) -> np.ndarray
     """The upright picture of a file in its own colours, (h,w,3) uint8, shrunk so that its longer side has at most
     `side` pixels. It is shrunk as it is read: beside what Pillow decodes, the memory is for some rows. backdrop: as for
     `read_colour`. Raises `InputError` as that does."""
-    pixels = open_pixels(path, Notes(), "the image", shrink=True)
+    pixels = open_pixels(path, shrink=True)
     block = max(1, max(pixels.height, pixels.width) // side)  # pixels a side, of which one is made
     starts = np.arange(0, pixels.width, block)
     counts = np.diff(np.append(starts, pixels.width))[:, None]
@@ -61,27 +62,29 @@ def write_image(path: str | Path, image: np.ndarray | Tensor, *, bits: Literal[8
     path = Path(path).absolute()
     if path.suffix.lower() != ".png":
         raise InputError(f"images are written as PNG, got {path.name!r}; end the name in .png")
+    write_atomically(path, png(image, bits=bits))
+    return path
+
+
+def png(image: np.ndarray | Tensor, *, bits: Literal[8, 16] = 8) -> bytes:
+    """The bytes of a PNG of an image, see `write_image`."""
     pixels = check_pixels(image, "the image")
     if bits not in (8, 16) or (bits == 16 and pixels.ndim == 3) or pixels.shape[2:] == (4,):
         raise InputError(f"a PNG is written with 8 bits, grey or RGB, or with 16 bits, grey; got bits={bits!r} and "
                          f"shape {pixels.shape}")
     white = 2**bits - 1
     levels = np.rint(unit(pixels, np.float64) * white).astype(f"uint{bits}")
-    with replacing(path) as unfinished:
-        Image.fromarray(levels).save(unfinished, format="PNG", compress_level=COMPRESSION)
-    return path
+    file = io.BytesIO()
+    Image.fromarray(levels).save(file, format="PNG", compress_level=COMPRESSION)
+    return file.getvalue()
 
 
-def open_source(source: str | Path | np.ndarray | Tensor, crop: Crop | None = None) -> Bands:
-    """The upright picture of a file or an array, or a crop of it, in its own size. Raises `InputError` if it cannot be
-    read."""
-    return open_pixels(source, Notes(), "the image", crop=crop)
-
-
-def open_pixels(source: str | Path | np.ndarray | Tensor, notes: Notes, name: str, *, shrink: bool = False,
-          crop: Crop | None = None, most: int = LARGEST_PIXELS) -> Bands:
-    """`open_source` under a name for its errors, with notes on how it was read. shrink: a picture far too large is
-    shrunk as it is read; most: pixels that it may have."""
+def open_pixels(source: str | Path | np.ndarray | Tensor, notes: Notes | None = None, name: str = "the image", *,
+                shrink: bool = False, crop: Crop | None = None, most: int = LARGEST_PIXELS) -> Bands:
+    """The upright picture of a file or an array, or a crop of it, in its own size. name: for errors; notes: get
+    sentences on how it was read; shrink: a picture far too large is shrunk as it is read; most: pixels that it may
+    have. Raises `InputError` if it cannot be read."""
     if isinstance(source, str | Path):
-        return open_picture(Path(source), notes, check_pixels, shrink=shrink, crop=crop, most=most)
+        return open_picture(Path(source), Notes() if notes is None else notes, check_pixels, shrink=shrink, crop=crop,
+                            most=most)
     return Bands.of_array(check_pixels(source, name), crop)

@@ -6,6 +6,7 @@ Only inside axes, or in a picture that a grid crosses from border to border, is 
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from ..errors import InputError
 from .bands import Bands
@@ -121,9 +122,8 @@ def grid_lines(inked: np.ndarray, hidden: np.ndarray) -> list[tuple[int, int]]:
     seen = np.add.reduceat(free & inked, parts, axis=1, dtype=np.int64)
     holds = (seen >= GRID_SEEN * count) | (count < 8)
     line = holds.all(1) & (count.sum(1) >= GRID_FREE * width) & (seen[:, [0, -1]] >= 4).any(1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], line, [False]]).astype(np.int8)))
-    return [(near, far) for near, far in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-            if far - near <= thick]
+    return [(run.start, run.stop) for (run,) in ndimage.find_objects(ndimage.label(line)[0])
+            if run.stop - run.start <= thick]
 
 
 def _bridged(picture: Bands, paper: np.ndarray, notes: Notes, hidden: np.ndarray | None = None) -> Bands:
@@ -165,8 +165,6 @@ def _plain(panel: Bands, name: str, notes: Notes) -> Bands:
 
 def _legend(panel: Bands, inked: np.ndarray, block: int, notes: Notes) -> np.ndarray:
     """A box with several small things in it (h,w). A note warns of a box with something else in it."""
-    from scipy import ndimage
-
     found, near = np.zeros_like(inked), max(4, MEET * max(inked.shape))
     lows = edges(inked, 24, 1)
     for top in edges(inked, 24, -1):
@@ -194,8 +192,6 @@ def _legend(panel: Bands, inked: np.ndarray, block: int, notes: Notes) -> np.nda
 
 def _marks(inked: np.ndarray) -> np.ndarray:
     """Short thin marks at the border of a mask, at right angles to it (h,w)."""
-    from scipy import ndimage
-
     labels, _ = ndimage.label(inked, np.ones((3, 3)))
     (height, width), most, marks = inked.shape, 2 * MEET * max(inked.shape), []
     for label, (y, x) in enumerate(ndimage.find_objects(labels), 1):
@@ -208,8 +204,6 @@ def _marks(inked: np.ndarray) -> np.ndarray:
 
 def _words(inked: np.ndarray) -> np.ndarray:
     """Lines of text away from anything else, with the sample of a legend before them (h,w)."""
-    from scipy import ndimage
-
     span, found = max(inked.shape), np.zeros_like(inked)
     pieces, _ = ndimage.label(inked, np.ones((3, 3)))
     large = [label for label, box in enumerate(ndimage.find_objects(pieces), 1)
@@ -236,8 +230,6 @@ def _words(inked: np.ndarray) -> np.ndarray:
 
 def _arrows(inked: np.ndarray, words: np.ndarray) -> np.ndarray:
     """Thin straight lines that begin at a text (h,w), up to where they reach something wider."""
-    from scipy import ndimage
-
     span, found = max(inked.shape), np.zeros_like(inked)
     if not words.any():
         return found

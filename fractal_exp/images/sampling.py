@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from scipy.sparse import csr_array
 
 from .bands import Bands, Profile
 from .levels import has_target_levels
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 SHAPE_LEVEL = 0.1                        # share of the contrast above which a pixel belongs to the shape
 SHAPE_LEVEL_IF_RINGING = 0.25            # the same in a coloured drawing as JPEG, which rings beside edges
@@ -91,8 +88,6 @@ def _weights(start: float, side: float, resolution: int, count: int) -> csr_arra
     Shrinking is exact area averaging: the weight is the length that both pixels share. Enlarging is linear
     interpolation between the centres of source pixels. At equal size both are the same.
     """
-    from scipy.sparse import csr_array
-
     step = side / resolution
     edges = start + step * np.arange(resolution + 1)
     if step >= 1:  # a source pixel reaches into at most two target pixels

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 GLYPHS = 4              # minimum glyphs in a row of text
 GLYPH_PX = 5            # minimum height of most glyphs
@@ -17,20 +18,18 @@ VARIETY = 0.12          # minimum standard deviation of the glyphs' lit pixels o
 
 def rows_of(lit: np.ndarray) -> list[slice]:
     """The row ranges of a mask between dark rows, from the top."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], lit.any(1), [False]]).astype(np.int8)))
     joined: list[slice] = []
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if joined and first - joined[-1].stop <= 2 and (joined[-1].stop - joined[-1].start) * 3 < last - first:
-            joined[-1] = slice(joined[-1].start, last)  # accents and the dots of an i
+    for (row,) in ndimage.find_objects(ndimage.label(lit.any(1))[0]):
+        last = joined[-1] if joined else None
+        if last and row.start - last.stop <= 2 and (last.stop - last.start) * 3 < row.stop - row.start:
+            joined[-1] = slice(last.start, row.stop)  # accents and the dots of an i
         else:
-            joined.append(slice(first, last))
+            joined.append(row)
     return joined
 
 
 def is_text(row: np.ndarray) -> bool:
     """Whether a mask, cut to some rows, holds one row of text and nothing else."""
-    from scipy import ndimage
-
     labels, count = ndimage.label(row, np.ones((3, 3)))
     if count < GLYPHS:
         return False

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from ..errors import InputError
 from .bands import Bands, Overview, Profile
@@ -100,8 +101,6 @@ def above_background(profile: Profile, level: float, notes: Notes
 def grain(overview: Overview, profile: Profile, noise: float) -> np.ndarray | None:
     """The faint specks (h,w) of a picture whose noise, up to a level, is black already: what noise leaves of itself.
     None if there are none, or if the border shows more than noise."""
-    from scipy import ndimage
-
     lit = overview.highest > 0
     if not lit.any() or noise <= MIN_CONTRAST or (profile.border > 0).mean() > QUIET:
         return None
@@ -113,8 +112,6 @@ def grain(overview: Overview, profile: Profile, noise: float) -> np.ndarray | No
 
 def ringing(overview: Overview) -> float:
     """The level that a JPEG's errors reach beside the shape; 0 if there are none."""
-    from scipy import ndimage
-
     lit = overview.mean
     reach = max(1, NEAR_PX // overview.block)
     strong, any_lit = lit > 0.5, ndimage.maximum_filter(lit, 2 * APART_PX + 1) > 0.25

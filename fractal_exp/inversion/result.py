@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..ifs.code import IFS, View
 from ..images.checks import MIN_SIDE
 from ..images.levels import decided
-from ..images.pixels import read_colour, write_image
+from ..images.pixels import png, read_colour, write_image
 from ..images.placement import Placement
 from ..images.reading import ReadImage, read_target
 from ..likeness import Likeness, default_camera, redrawn
@@ -259,7 +259,7 @@ class Inversion:
         """What a notebook shows: the input, the code's rendering, and their difference."""
         image = self.target.image
         drawn = self.render(resolution=image.shape[-1])
-        return sheets.png(sheets.comparison_strip(drawn[None], image[None], [f"F1 {self.likeness.f1:.3f}"], side=256))
+        return png(sheets.comparison_strip(drawn[None], image[None], [f"F1 {self.likeness.f1:.3f}"], side=256))
 
 
 def warnings_of(target: ReadImage, verdict: Verdict, likeness: Likeness, stopped: str) -> tuple[str, ...]:

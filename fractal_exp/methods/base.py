@@ -181,3 +181,11 @@ def check_target(target: AnyTarget, resolution: int | None = None) -> Tensor:
     if low == high:
         raise InputError(f"the target image is constant ({low:.4g}): there is no shape on it")
     return target
+
+
+def resized(image: Tensor, side: int | None) -> Tensor:
+    """The image (R,R) with `side` pixels a side, each the mean of the area that it covers, so that a smaller image is
+    enlarged by repeating its pixels; None: as it is."""
+    if side is None or side == len(image):
+        return image
+    return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]

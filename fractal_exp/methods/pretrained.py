@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from importlib import resources
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 import torch
@@ -20,7 +18,7 @@ from ..runtime.checkpoint import Checkpoint
 from ..runtime.checks import check_seconds
 from ..runtime.params import Params
 from ..runtime.precision import full_precision
-from .base import AnyTarget, CodeReconstruction, Method, OnStep, Progress, check_device, check_target
+from .base import AnyTarget, CodeReconstruction, Method, OnStep, Progress, check_device, check_target, resized
 
 
 class PretrainedParams(Params):
@@ -80,7 +78,7 @@ class Pretrained(Method):
         """
         if self._loaded is None:
             try:
-                found = self.read()
+                found = files.load(self.params.weights, self.name)
                 self._compare(found)
                 network = self._described(found)
                 found.fill(network)
@@ -99,16 +97,6 @@ class Pretrained(Method):
         """What to do without good weights."""
         return (f"`{self.command()}` trains them, and `fractal-train method={self.name} weights.{self.name}=FILE` "
                 "takes the file that it writes")
-
-    def read(self) -> files.Weights:
-        """The weights as their file holds them. Raises `InputError` if there are none, or the file is damaged."""
-        if self.params.weights is not None:
-            return files.load(self.params.weights, self.name)
-        shipped = resources.files("fractal_exp.data") / f"{self.name}.safetensors"
-        if not shipped.is_file():
-            raise InputError(f"{self.name} has no weights: none are given, and the package has none")
-        with resources.as_file(shipped) as path:
-            return files.load(Path(path), self.name)
 
     def _described(self, found: files.Weights) -> nn.Module:
         try:
@@ -156,23 +144,18 @@ class CodeReader(Pretrained):
         """The code in the frame, from an image (1,S,S) on the device."""
 
     def check_size(self, target: Tensor) -> None:
-        self.resized(target)
-
-    def resized(self, image: Tensor) -> Tensor:
-        """The image (R,R) as the network sees it (S,S), each pixel the mean of what it covers. Raises `InputError` if
-        it has fewer pixels than that."""
         side = self.params.side
-        if len(image) < side:
-            raise InputError(f"the network sees {side}² pixels, and the target has {len(image)}²; raise resolution to "
+        if len(target) < side:
+            raise InputError(f"the network sees {side}² pixels, and the target has {len(target)}²; raise resolution to "
                              f"{side} or more")
-        return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]
 
     @full_precision()
     @torch.no_grad()
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None, checkpoint: Checkpoint | None = None
                     ) -> CodeReconstruction:
-        image = self.resized(check_target(target))
-        code = self.read_off(self.loaded()[0], image[None].to(self.device))
+        image = check_target(target)
+        self.check_size(image)
+        code = self.read_off(self.loaded()[0], resized(image, self.params.side)[None].to(self.device))
         if on_step:
             preview = render(code, resolution=self.params.side)
             on_step(Progress(1, 1.0, {"maps": len(code)}, preview, "network", code))

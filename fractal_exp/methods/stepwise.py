@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
-import torch
 from torch import Tensor
 
 from ..errors import InputError
@@ -142,14 +141,6 @@ class Stepwise(Method):
         if saved is None:
             return start, 0
         return saved.like(start), saved.iteration
-
-
-def resized(image: Tensor, side: int | None) -> Tensor:
-    """The image (R,R) with `side` pixels a side, each the mean of the area that it covers, so that a smaller image is
-    enlarged by repeating its pixels; None: as it is."""
-    if side is None or side == len(image):
-        return image
-    return torch.nn.functional.interpolate(image[None, None], (side, side), mode="area")[0, 0]
 
 
 def check_resolution(resolution: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from torch import Tensor
 
 from ..errors import InputError
 from ..ifs.code import IFS, View
-from ..runtime.files import check_file, explain, replacing
+from ..runtime.files import explain, replacing
 from .still import render_with_info
 
 log = logging.getLogger(__name__)
@@ -71,14 +70,11 @@ def _key(code: IFS, view: View, size: dict[str, int], device: str) -> str:
 def _read(path: Path, resolution: int) -> np.ndarray | None:
     """The counts of lit parts (R,R). If the file is damaged, log a warning and return None, to draw the image again."""
     try:
-        check_file(path, "the cached image")
-        with zipfile.ZipFile(path) as archive, archive.open("lit.npy") as file:
-            np.lib.format.read_magic(file)
-            shape, _, dtype = np.lib.format.read_array_header_1_0(file)
-            if shape != (resolution, resolution) or dtype != np.uint16:
-                raise InputError(f"it holds {dtype} {shape}, expected uint16 {(resolution, resolution)}")
         with np.load(path, allow_pickle=False) as arrays:
-            return arrays["lit"]
+            lit = arrays["lit"]
+        if lit.shape != (resolution, resolution) or lit.dtype != np.uint16:
+            raise InputError(f"it holds {lit.dtype} {lit.shape}, expected uint16 {(resolution, resolution)}")
+        return lit
     except Exception as error:  # on damaged files NumPy and zipfile raise almost anything
         log.warning("%s is damaged (%s) and is drawn again", path, error)
         return None

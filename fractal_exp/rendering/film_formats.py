@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..images.pixels import png
 from ..runtime.extras import need
 from ..runtime.files import replacing, write_atomically
-from .sheets import png
 
 NUMBER = re.compile(r"%0?(\d*)d")  # where the number of a frame stands in a name, as ffmpeg has it
 KEYS_EVERY = 250                   # frames from one whole picture to the next, at most: x264's own rule; VP9 has 128

@@ -12,6 +12,7 @@ from torch import Tensor
 from ..errors import InputError
 from ..ifs import attractor
 from ..ifs.code import IFS, View
+from ..images.pixels import png
 from .still import render_with_info
 from .tone import own_tone
 
@@ -55,7 +56,7 @@ def marked(picture: np.ndarray, image: Tensor, truth: Tensor, box: Sequence[floa
 
 def _legend(width: int) -> np.ndarray:
     """`LEGEND` as a strip (L,width,3) uint8."""
-    text, font = _fitted(LEGEND, width - 2 * GAP, _font(max(LEAST_FONT, min(width // 24, LARGEST_FONT))))
+    text, font = fitted(LEGEND, width - 2 * GAP, font_of(max(LEAST_FONT, min(width // 24, LARGEST_FONT))))
     line = round(font.getbbox("Ag")[3]) + 2 * GAP
     strip = Image.new("RGB", (width, line), GROUND)
     ImageDraw.Draw(strip).text((GAP, line - GAP), text, fill=INK, font=font, anchor="ls")
@@ -90,7 +91,7 @@ def _grey(image: Tensor) -> np.ndarray:
 
 
 def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, side: int) -> np.ndarray:
-    font = _font(max(LEAST_FONT, side // 24))
+    font = font_of(max(LEAST_FONT, side // 24))
     line = round(font.getbbox("Ag")[3]) + GAP
     rows, columns = -(-len(cells) // columns), min(columns, len(cells))
     sheet = Image.new("RGB", (columns * (side + GAP) + GAP, rows * (side + line + GAP) + GAP), GROUND)
@@ -98,15 +99,20 @@ def _grid(cells: Sequence[np.ndarray], captions: Sequence[str], columns: int, si
     for k, (cell, caption) in enumerate(zip(cells, captions, strict=True)):
         x, y = GAP + k % columns * (side + GAP), GAP + k // columns * (side + line + GAP)
         picture = Image.fromarray(np.rint(255 * np.clip(cell, 0, 1)).astype(np.uint8))
-        # Averaging over a pixel's area keeps thin shapes; enlarging keeps pixels visible as pixels.
-        smaller = picture.width >= side
-        sheet.paste(picture.resize((side, side), Image.Resampling.BOX if smaller else Image.Resampling.NEAREST), (x, y))
-        text, fitting = _fitted(caption, side, font)
+        sheet.paste(scaled(picture, side), (x, y))
+        text, fitting = fitted(caption, side, font)
         pen.text((x, y + side + line - GAP), text, fill=INK, font=fitting, anchor="ls")
     return np.asarray(sheet)
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont:
+def scaled(picture: Image.Image, side: int) -> Image.Image:
+    """A square picture at this side: averaging over a pixel's area keeps thin shapes, and enlarging keeps pixels
+    visible as pixels."""
+    smaller = picture.width >= side
+    return picture.resize((side, side), Image.Resampling.BOX if smaller else Image.Resampling.NEAREST)
+
+
+def font_of(size: int) -> ImageFont.FreeTypeFont:
     """The font of captions. Raises `InputError` if this Pillow has none."""
     font = ImageFont.load_default(size=size)
     if not isinstance(font, ImageFont.FreeTypeFont):
@@ -114,7 +120,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return font
 
 
-def _fitted(caption: str, width: int, font: ImageFont.FreeTypeFont) -> tuple[str, ImageFont.FreeTypeFont]:
+def fitted(caption: str, width: int, font: ImageFont.FreeTypeFont) -> tuple[str, ImageFont.FreeTypeFont]:
     """A caption at most as wide as its picture: in a smaller font, or else without its middle."""
     caption = " ".join(caption.split())
     while font.getlength(caption) > width and font.size > LEAST_FONT:
@@ -143,12 +149,4 @@ def silhouette(code: IFS, view: View, side: int) -> bytes:
     opacity = np.rint(255 * image.numpy()).astype(np.uint8)
     file = io.BytesIO()
     Image.fromarray(np.dstack([np.full_like(opacity, SHADE), opacity]), "LA").save(file, format="PNG")
-    return file.getvalue()
-
-
-def png(image: Tensor | np.ndarray) -> bytes:
-    """An image (H,W) or (H,W,3) in [0,1], or (H,W,3) uint8, as the bytes of a PNG."""
-    pixels = image if isinstance(image, np.ndarray) else np.rint(255 * image.numpy()).astype(np.uint8)
-    file = io.BytesIO()
-    Image.fromarray(pixels).save(file, format="PNG")
     return file.getvalue()

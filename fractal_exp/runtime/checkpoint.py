@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 import os
-import re
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import torch
+from pydantic import Field
 from torch import Tensor
 
 from ..errors import InputError
 from .checks import shown
-from .files import check_file, checked, parse_record, write_atomically
+from .files import checked, parse_record, read_file, write_atomically
+from .tensors import packed, unpacked
 
-FORMAT = "fractal-exp/checkpoint/2"
-DIGEST = b'"sha256":"%s"'  # stands once in a file: quotes inside the notes are escaped
-MOST = 2**53                # iterations
-BLANK = b"0" * 64          # in the digest's place while it is computed
+FORMAT = "fractal-exp/checkpoint/3"
+MOST = 2**53  # iterations
 
 
 T = TypeVar("T")
@@ -58,6 +56,11 @@ class Snapshot:
         return checked(dict(self.numbers), schema, "the checkpoint", "start afresh with resume=false", finite=finite)
 
 
+def under(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors whose names begin so, by the rest of their names."""
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
 def moments(parameters: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """Tensors like those that Adam keeps of each of these parameters."""
     return {f"{name}/{key}": torch.zeros(()) if key == "step" else value for name, value in parameters.items()
@@ -88,17 +91,13 @@ class Checkpoint:
 
         Raises `InputError` where it cannot be written, as on a full disk; the file before stays.
         """
-        from safetensors.torch import save
-
         notes = {"iteration": snapshot.iteration, "numbers": dict(snapshot.numbers),
                  "identity": dict(self.identity)}
-        # Clones, as the file format takes no two tensors that share memory.
-        tensors = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in snapshot.tensors.items()}
+        tensors = {name: tensor.detach().cpu() for name, tensor in snapshot.tensors.items()}
         self.first()
-        blank = save(tensors, metadata={"format": FORMAT, "sha256": BLANK.decode(), "notes": json.dumps(notes)})
         self.path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            write_atomically(self.path, blank.replace(DIGEST % BLANK, DIGEST % _digest(blank), 1))
+            write_atomically(self.path, packed(tensors, FORMAT, "notes", json.dumps(notes)))
         except InputError as error:
             raise InputError(f"{error}; what was saved before stays, and resume=true goes on from it") from error
 
@@ -127,47 +126,22 @@ class Checkpoint:
         return aside
 
 
+@dataclass
+class _Notes:
+    iteration: Annotated[int, Field(ge=0, lt=MOST)]
+    numbers: dict[str, Any]
+    identity: dict[str, Any]
+
+
 def read(path: Path) -> tuple[Snapshot, dict[str, Any]]:
-    """A checkpoint's snapshot and identity. Raises `InputError` if it is no whole checkpoint of this layout.
-
-    The SHA-256 over all bytes is checked before anything is parsed: what one changed byte could do is seen at once.
-    """
-    from safetensors import SafetensorError
-    from safetensors.torch import load
-
-    path = check_file(path, "the checkpoint")
+    """A checkpoint's snapshot and identity. Raises `InputError` if it is no whole checkpoint of this layout."""
+    data = read_file(path, "the checkpoint")
     try:
-        data = path.read_bytes()
-        notes = _checked_notes(data)
-        tensors = load(data)
-    except (OSError, SafetensorError, ValueError, KeyError, RecursionError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot read the checkpoint {path}: {reason}; delete it to start afresh") from error
-    return Snapshot(notes["iteration"], tensors, notes["numbers"]), notes["identity"]
-
-
-def _digest(blank: bytes) -> bytes:
-    return hashlib.sha256(blank).hexdigest().encode()
-
-
-def _checked_notes(data: bytes) -> dict[str, Any]:
-    """The notes of a file whose digest is right. Raises `ValueError` otherwise."""
-    length = int.from_bytes(data[:8], "little")
-    if not 2 <= length <= len(data) - 8:
-        raise InputError("it is damaged or cut short")
-    found = re.search(re.escape(DIGEST).replace(b"%s", b"([0-9a-f]{64})"), data[8:8 + length])
-    if found is None:
-        raise InputError("it is no checkpoint of this version, which have a checksum")
-    if _digest(data.replace(found[0], DIGEST % BLANK, 1)) != found[1]:
-        raise InputError("it is damaged: its bytes do not give its checksum")
-    header = parse_record(data[8:8 + length], "its header", "it is no checkpoint", __metadata__=dict)["__metadata__"]
-    if header.get("format") != FORMAT:
-        raise InputError(f"it is of layout {shown(header.get('format'))}, this version reads {FORMAT!r}")
-    notes = parse_record(str(header.get("notes")).encode(), "its notes", "they are not those of a checkpoint",
-                         iteration=int, numbers=dict, identity=dict)
-    if type(notes["iteration"]) is bool or not 0 <= notes["iteration"] < MOST:
-        raise InputError(f"its notes tell of {shown(notes['iteration'])} iterations")
-    return notes
+        tensors, note, _ = unpacked(data, FORMAT, "notes", "it")
+        notes = parse_record(note, _Notes, "what it tells", "it is no checkpoint")
+    except InputError as error:
+        raise InputError(f"cannot read the checkpoint {path}: {error}; delete it to start afresh") from error
+    return Snapshot(notes.iteration, tensors, notes.numbers), notes.identity
 
 
 def compare(old: Any, new: Any, path: str = "") -> list[str]:

@@ -214,51 +214,32 @@ T = TypeVar("T")
 
 
 def checked(data: Any, schema: type[T], name: str, remedy: str, *, finite: bool = True) -> T:
-    """Plain data that a program wrote, as the type (pydantic's or a dataclass) that says what may be in it.
+    """Plain data that a program wrote, read and refused as by `parse_record`. finite: refuse other numbers, too."""
+    try:
+        text = json.dumps(data, allow_nan=not finite)
+    except (ValueError, RecursionError):
+        raise InputError(f"{name} is damaged: it has a number that is not finite, or is nested too deeply; "
+                         f"{remedy}") from None
+    return parse_record(text, schema, name, remedy)
 
-    Raises `InputError` on anything else, also on numbers that are not finite, unless they need not be `finite`: one
-    line with the name, the place, what is wrong with it, and the remedy.
+
+def read_record(path: str | Path, what: str, schema: type[T], remedy: str = "delete it",
+                most_bytes: int = LARGEST_JSON) -> T:
+    """A JSON file that a program wrote; see `parse_record`."""
+    return parse_record(read_file(path, what, most_bytes), schema, str(path), remedy)
+
+
+def parse_record(data: bytes | str, schema: type[T], name: str, remedy: str) -> T:
+    """JSON that a program wrote, as the type (pydantic's or a dataclass) that says what may be in it; other keys of an
+    object are left out.
+
+    Raises `InputError` on anything else: one line with the name, the place, what is wrong with it, and the remedy.
     """
     from pydantic import TypeAdapter, ValidationError  # a command answers --help without it
 
     try:
-        return TypeAdapter(schema).validate_json(json.dumps(data, allow_nan=not finite), strict=True)
+        return TypeAdapter(schema).validate_json(data, strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"]) or "all of it"
         raise InputError(f"{name} is damaged: {reprlib.repr(place)}: {first['msg'][:200]}; {remedy}") from None
-    except (ValueError, RecursionError):
-        raise InputError(f"{name} is damaged: it has a number that is not finite, or is nested too deeply; "
-                         f"{remedy}") from None
-
-
-def read_record(path: str | Path, what: str, remedy: str = "delete it", most_bytes: int = LARGEST_JSON,
-                **kinds: type | tuple[type, ...]) -> dict[str, Any]:
-    """A JSON object that a program wrote, with at least the keys of `kinds`, each of its kind; see `parse_record`."""
-    return parse_record(read_file(path, what, most_bytes), str(path), remedy, **kinds)
-
-
-def parse_record(data: bytes, name: str, remedy: str, **kinds: type | tuple[type, ...]) -> dict[str, Any]:
-    """The JSON object in `data`, with at least the keys of `kinds`, each of its kind.
-
-    Raises `InputError` if it is damaged: one line with the name and the remedy.
-    """
-    try:
-        record = parse_json(data, name)
-    except InputError as error:
-        raise InputError(f"{error}; {remedy}") from error
-    if not isinstance(record, dict):
-        raise InputError(f"{name} is damaged: expected a JSON object, got {type(record).__name__}; {remedy}")
-    for key, kind in kinds.items():
-        if key not in record or not isinstance(record[key], kind):
-            found = f"is {reprlib.repr(record[key])}" if key in record else "is missing"
-            raise InputError(f"{name} is damaged: {key!r} {found}; {remedy}")
-    return record
-
-
-def check_scores(scores: dict[str, Any], path: str | Path) -> dict[str, float]:
-    """The scores of a record by name, each a number. Raises `InputError` if its file is damaged."""
-    for name, value in scores.items():
-        if type(value) not in (int, float):  # NaN is a score too: of views that are empty
-            raise InputError(f"{path} is damaged: the score {reprlib.repr(name)} is {reprlib.repr(value)}; delete it")
-    return scores

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from ..errors import InputError
 from .files import parse_json, read_file, write_atomically
+from .tensors import packed, unpacked
 
 FORMAT = "fractal-exp/weights/1"
 LARGEST_FILE = 2**31  # bytes
@@ -57,45 +58,29 @@ class Weights:
 def save(path: str | Path, network: str, tensors: Mapping[str, Tensor], recipe: Mapping[str, Any],
          scores: Mapping[str, float]) -> Path:
     """Write a file of the network of this name, its fractions as float16, and return its absolute path."""
-    from safetensors.torch import save as to_bytes
-
-    halves = {name: _as(torch.float16, value.detach().cpu()).contiguous().clone() for name, value in tensors.items()}
+    halves = {name: _as(torch.float16, value.detach().cpu()) for name, value in tensors.items()}
     told = json.dumps({"network": network, "recipe": dict(recipe), "scores": dict(scores)})
     path = Path(path).absolute()
-    write_atomically(path, to_bytes(halves, metadata={"format": FORMAT, "trained": told,
-                                                      "sha256": _digest(halves, told)}))
+    write_atomically(path, packed(halves, FORMAT, "trained", told))
     return path
 
 
-def load(path: str | Path, network: str) -> Weights:
-    """The weights in a file that `save` wrote for the network of this name.
+def load(path: str | Path | None, network: str) -> Weights:
+    """The weights in a file that `save` wrote for the network of this name; None: in that of the package.
 
     Raises `InputError` on a file that is missing, damaged, of another format or of another network.
     """
+    if path is None:
+        shipped = resources.files("fractal_exp.data") / f"{network}.safetensors"
+        if not shipped.is_file():
+            raise InputError(f"{network} has no weights: none are given, and the package has none")
+        return _parse(shipped.read_bytes(), network, str(shipped))
     path = Path(path).expanduser().absolute()
     return _parse(read_file(path, "the weights", LARGEST_FILE), network, str(path))
 
 
-def parsed(data: bytes, source: str) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """The tensors and the notes in the bytes of a safetensors file. Raises `InputError` on anything else."""
-    from safetensors import SafetensorError
-    from safetensors.torch import load as from_bytes
-
-    try:
-        tensors = from_bytes(data)
-    except (SafetensorError, ValueError, KeyError) as error:
-        raise InputError(f"{source} is damaged, or no safetensors file: {error}") from error
-    header = parse_json(data[8:8 + int.from_bytes(data[:8], "little")], f"{source} is damaged: its header")
-    return tensors, header.get("__metadata__") or {}
-
-
 def _parse(data: bytes, network: str, source: str) -> Weights:
-    tensors, notes = parsed(data, source)
-    if notes.get("format") != FORMAT:
-        raise InputError(f"{source} must be of the format {FORMAT!r}, got {notes.get('format')!r}")
-    told = notes.get("trained", "")
-    if _digest(tensors, told) != notes.get("sha256"):
-        raise InputError(f"{source} is damaged: its content does not give its checksum")
+    tensors, told, digest = unpacked(data, FORMAT, "trained", source)
     trained = parse_json(told.encode(), f"{source} is damaged: its notes")
     if not (isinstance(trained, dict) and isinstance(trained.get("network"), str)
             and all(isinstance(trained.get(name), dict) for name in ("recipe", "scores"))):
@@ -103,17 +88,9 @@ def _parse(data: bytes, network: str, source: str) -> Weights:
     if trained["network"] != network:
         raise InputError(f"{source} holds the network {trained['network']!r}, expected {network!r}")
     singles = {name: _as(torch.float32, value) for name, value in tensors.items()}
-    return Weights(singles, trained["recipe"], trained["scores"], source, notes["sha256"])
+    return Weights(singles, trained["recipe"], trained["scores"], source, digest)
 
 
 def _as(kind: torch.dtype, tensor: Tensor) -> Tensor:
     """Fractions of this kind; whole numbers as they are."""
     return tensor.to(kind) if tensor.is_floating_point() else tensor
-
-
-def _digest(tensors: Mapping[str, Tensor], told: str) -> str:
-    digest = hashlib.sha256(told.encode())
-    for name in sorted(tensors):
-        digest.update(f"{name} {tensors[name].dtype} {tuple(tensors[name].shape)}".encode())
-        digest.update(tensors[name].contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
-    return digest.hexdigest()

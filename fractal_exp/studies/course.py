@@ -3,40 +3,40 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from .. import tracking
-from ..errors import InputError
-from ..runtime.files import parse_json
+from ..runtime.files import parse_record
 from .report import Sweep
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COLUMNS = ("row", "sample", "seconds", "f1", "step")
 MOMENTS = 200  # at which a row's curves are averaged
+
+
+@dataclass
+class _Point:
+    seconds: float
+    f1: float
+    step: float = math.nan  # in a file of an earlier version
 
 
 def read_courses(uri: str, sweep: Sweep) -> pd.DataFrame:
     """A line for each code of each finished job: row, sample, the seconds of the fit until then, its f1 on the whole
     view, and the number of the method's step (NaN where that is not known). Empty if the sweep keeps no courses. Raises
     `InputError` on a damaged one."""
-    import pandas as pd
-
     lines = []
     for job in sweep.jobs[sweep.jobs["status"] == "FINISHED"].itertuples():
         try:
             data = tracking.read_artifact(uri, job.run_id, "course.json")
         except tracking.NoArtifact:  # a sweep without courses, or a fit by an earlier version
             continue
-        points = parse_json(data, f"the artifact course.json of the run {job.run_id}")
-        if not isinstance(points, list) or not all(isinstance(point, dict) and {"seconds", "f1"} <= set(point)
-                                                   for point in points):
-            raise InputError(f"the artifact course.json of the run {job.run_id} is damaged; fit that job again")
-        lines += [(job.row, job.sample, float(point["seconds"]), float(point["f1"]), float(point.get("step", "nan")))
-                  for point in points]
+        points = parse_record(data, list[_Point], f"the artifact course.json of the run {job.run_id}",
+                              "fit that job again")
+        lines += [(job.row, job.sample, point.seconds, point.f1, point.step) for point in points]
     return pd.DataFrame(lines, columns=list(COLUMNS))
 
 

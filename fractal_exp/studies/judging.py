@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
 from torch import Tensor
 
@@ -26,9 +27,6 @@ from ..rendering.still import MAX_SUPERSAMPLE, check_device, check_resolution, p
 from ..runtime.checks import check_count
 from ..targets import Target
 from ..verdict import Verdict
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NAMES = {"f1": "F1", "iou": "IoU", "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "ciede2000": "CIEDE2000",
          "f1_frame": "F1 in the frame", "iou_frame": "IoU in the frame"}
@@ -169,8 +167,6 @@ def _trivial(truth: Tensor) -> dict[str, float]:
 
 def against_input(drawn: Tensor, image: Tensor, perceptual: Perceptual) -> pd.DataFrame:
     """One row: the scores of a picture (R,R) of the whole view against the picture (R,R) that was the input."""
-    import pandas as pd
-
     row = {name: float(value) for name, value in metrics.compare(drawn[None], image[None]).items()}
     row[perceptual.column] = float(perceptual.measure(metrics.inner_crop(drawn[None]), metrics.inner_crop(image[None])))
     return pd.DataFrame([{"view": "whole", "zoom": 1.0, **row}])
@@ -183,8 +179,6 @@ def as_drawn(code: IFS, target: ReadImage, perceptual: Perceptual) -> tuple[dict
     The columns are those of `compare_pictures`. For the code, those that `Likeness` has are its own, noise_ratio with
     them; verdict is the kind of `Verdict`, and camera says how the picture was drawn, as far as that was found out.
     """
-    import pandas as pd
-
     image, camera = target.image, camera_for(code, target)
     likeness, above = Likeness.of(code, target, camera), lit_above(target, camera)
     known = None if target.known is None else target.known.mask(len(image))

@@ -1,4 +1,4 @@
-"""The figures of the paper's tables 2 to 4. The paper drew its suite without a seed, so that ours is another sample of
+"""The figures of the paper's tables 3 and 4. The paper drew its suite without a seed, so that ours is another sample of
 the same distribution; its authors offer theirs, with the codes that they found, on the project page."""
 
 from __future__ import annotations
@@ -56,11 +56,3 @@ TABLES = {
          "cuckoo": 32400, "neural_regression": 0.016, "chaotic": 3300},
     ),
 }
-
-# Table 2, by component and GPU: milliseconds of an iteration at 1024² with 480 000 points, and seconds of a view of 50
-# million points. An iteration of the A40, 15 000 times, is the time of Table 3.
-ITERATION_MS = {
-    "A40": {"generation": 99.5, "rendering": 1.2, "annealing": 2.0, "backward": 116.6},
-    "RTX 3090": {"generation": 158.9, "rendering": 1.4, "annealing": 2.7, "backward": 128.2},
-}
-VIEW_SECONDS = {"A40": {"generation": 4.7, "rendering": 0.1}, "RTX 3090": {"generation": 5.2, "rendering": 0.1}}

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Literal
 
 import numpy as np
+import pandas as pd
+from scipy.stats import kendalltau
 
 from .. import tracking
 from ..errors import InputError
 from ..evaluation.summary import METRICS, bootstrap_interval
-from ..runtime.files import parse_json, parse_record
+from ..runtime.files import parse_record
 from ..tracking.addresses import dashboard_line, database_path
 from .published import COLUMNS, TABLES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MEASURED, TRIVIAL, PUBLISHED = "measured", "trivial", "published"
 # Metrics trivial/white_f1 … of a run -> row.
@@ -58,8 +57,6 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
 
     Raises `InputError` if the store has no such study or sweep, or the sweep's files in it are damaged.
     """
-    import pandas as pd
-
     parents = tracking.runs_frame(uri, study, "tags.kind = 'sweep'")
     if name is not None and len(parents):
         parents = parents[(parents["name"] == name) | (parents["run_id"] == name)]
@@ -84,8 +81,8 @@ def read_sweep(uri: str, study: str, name: str | None = None) -> Sweep:
     for column in runs.columns:
         if score := SCORE.fullmatch(column):
             jobs[f"metric.{'/'.join(filter(None, score.groups()))}"] = runs[column].to_numpy(dtype=float)
-    return Sweep(study, parent["name"], parent["run_id"], about["title"], parent["tags.scale"],
-                 parent["tags.perceptual"], about["baseline"], about["published"], jobs,
+    return Sweep(study, parent["name"], parent["run_id"], about.title, parent["tags.scale"],
+                 parent["tags.perceptual"], about.baseline, about.published, jobs,
                  views if isinstance(views := parent.get("tags.views"), str) else None)
 
 
@@ -101,27 +98,23 @@ def _no_sweep(uri: str, study: str, name: str | None) -> InputError:
                       f"{remedy}{looked}")
 
 
-def _plan(uri: str, study: str, run_id: str) -> tuple[dict[str, Any], list[str]]:
+@dataclass
+class _About:
+    title: str
+    baseline: str | None
+    published: Literal[*TABLES] | None
+
+
+def _plan(uri: str, study: str, run_id: str) -> tuple[_About, list[str]]:
     """The description of a sweep, and the names of its jobs."""
-    remedy = f"the same fractal-sweep {study} command again writes it anew"
-    name = f"the artifact {{}} of the run {run_id}"
-    about = parse_record(tracking.read_artifact(uri, run_id, "sweep.json"), name.format("sweep.json"), remedy,
-                         title=str, baseline=(str, type(None)), published=(str, type(None)))
-    if about["published"] not in (None, *TABLES):
-        raise InputError(f"{name.format('sweep.json')} names the published table {about['published']!r}, which is none "
-                         f"of {', '.join(TABLES)}; {remedy}")
-    try:
-        planned = parse_json(tracking.read_artifact(uri, run_id, "jobs.json"), name.format("jobs.json"))
-    except InputError as error:
-        raise InputError(f"{error}; {remedy}") from error
-    if not isinstance(planned, list) or not all(isinstance(job, str) for job in planned):
-        raise InputError(f"{name.format('jobs.json')} is damaged: expected a list of names; {remedy}")
+    about, planned = (parse_record(tracking.read_artifact(uri, run_id, name), schema,
+                                   f"the artifact {name} of the run {run_id}",
+                                   f"the same fractal-sweep {study} command again writes it anew")
+                      for name, schema in (("sweep.json", _About), ("jobs.json", list[str])))
     return about, planned
 
 
 def _column(runs: pd.DataFrame, name: str, planned: list[str]) -> pd.Series:
-    import pandas as pd
-
     values = runs[name].to_numpy() if name in runs and len(runs) else np.full(len(planned), None, object)
     return pd.Series(values, dtype=object if name.startswith(("tags", "status", "run_id")) else None)
 
@@ -135,8 +128,6 @@ def summary(sweep: Sweep, *, seed: int = 0) -> pd.DataFrame:
     samples have a higher F1 than the baseline on the same sample; `gain` is the mean difference in F1 on these samples,
     from gain_low to gain_high (bootstrap 95% interval over samples). Absent numbers are NaN.
     """
-    import pandas as pd
-
     jobs = sweep.jobs
     rows = [_measured(sweep, str(row), group, seed) for row, group in jobs.groupby("row", sort=False)]
     reference = jobs[jobs["row"] == sweep.baseline] if sweep.baseline else jobs
@@ -186,8 +177,6 @@ def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
 
     table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree.
     """
-    from scipy.stats import kendalltau
-
     if "f1" not in table:
         return np.nan, np.nan, 0
     ours, theirs = (table[(table["source"] == source) & table["f1"].notna()].set_index("row")["f1"]

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from .published import TABLES
 from .report import MEASURED, PUBLISHED, TRIVIAL, Sweep, agreement, same_rows
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TITLES = {"f1": "F1", "iou": "IoU", "f1_frame": "F1, frame", "iou_frame": "IoU, frame", "psnr": "PSNR", "ssim": "SSIM",
           "lpips": "LPIPS"}

@@ -9,20 +9,44 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from filelock import FileLock, Timeout
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import InputError
 from ..ifs.code import IFS
 from ..runtime.files import explain, read_file, write_atomically
+from ..viewer.page import MOST_MAPS
 from . import saving
-from .messages import Code, Settings
 from .reading import Reading
+from .tasks import Settings
 
 WORK, STATE, CODE, CHECKPOINT, LOCK = "session", "session.json", "code.json", "search.safetensors", ".lock"
 MOST_BYTES = 16 * 2**20
+
+Pair = tuple[float, float]
+
+
+class Code(BaseModel):
+    """A code as the editor of the page sends it: the package's plain data without notes and colours."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    format: Literal["fractal-exp/ifs"]
+    version: Literal[1]
+    linear: Annotated[list[tuple[Pair, Pair]], Field(min_length=1, max_length=MOST_MAPS)]
+    offset: Annotated[list[Pair], Field(max_length=MOST_MAPS)]
+    probabilities: Annotated[list[float], Field(max_length=MOST_MAPS)] | None = None
+
+    def made(self) -> IFS:
+        """Raises `InputError` on what is no contractive code."""
+        return IFS.from_json(self.model_dump())
+
+
+def plain(code: IFS) -> dict[str, Any]:
+    """A code as the editor of the page knows it."""
+    return {name: part for name, part in code.to_json().items() if name in Code.model_fields}
 
 
 class State(BaseModel):

@@ -9,52 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from ..errors import InputError
-from ..ifs.code import IFS
-from ..images.levels import Levels
-from ..runtime.params import Params
-from ..viewer.page import MOST_MAPS
+from .keeping import Code
 from .reading import Reading
+from .tasks import Settings
 
 if TYPE_CHECKING:
     from .session import Session
 
-MOST_SECONDS = 24 * 3600
 LONGEST_MARK = 64
 
-Pair = tuple[float, float]
 Did = Awaitable[None] | None
-
-
-class Settings(Params):
-    """What a search takes from a page."""
-
-    seconds: Annotated[float, Field(ge=1, le=MOST_SECONDS)] | None = None
-    maps: Annotated[int, Field(ge=2, le=MOST_MAPS)] | None = None
-    levels: Levels = "auto"
-    colour: bool = False
 
 
 class _Message(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class Code(_Message):
-    """A code as the editor of the page sends it: the package's plain data without notes and colours."""
-
-    format: Literal["fractal-exp/ifs"]
-    version: Literal[1]
-    linear: Annotated[list[tuple[Pair, Pair]], Field(min_length=1, max_length=MOST_MAPS)]
-    offset: Annotated[list[Pair], Field(max_length=MOST_MAPS)]
-    probabilities: Annotated[list[float], Field(max_length=MOST_MAPS)] | None = None
-
-    def made(self) -> IFS:
-        """Raises `InputError` on what is no contractive code."""
-        return IFS.from_json(self.model_dump())
-
-
-def plain(code: IFS) -> dict[str, Any]:
-    """A code as the editor of the page knows it."""
-    return {name: part for name, part in code.to_json().items() if name in Code.model_fields}
 
 
 class Plain(_Message):

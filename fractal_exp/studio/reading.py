@@ -13,9 +13,9 @@ from pydantic import Field
 
 from ..errors import InputError
 from ..images.checks import MIN_SIDE
-from ..images.pixels import read_small
+from ..images.pixels import png, read_small
 from ..images.reading import ReadImage, read_target
-from ..rendering.sheets import png
+from ..runtime.files import write_atomically
 from ..runtime.params import Params
 from ..verdict import LARGEST_SIDE
 
@@ -54,6 +54,16 @@ class Picture:
             return cls(path, name, reading, read_target(path, **dict(reading), most_pixels=MOST_PIXELS))
         except InputError as error:
             raise InputError(str(error).replace(str(path), name)) from error
+
+    @classmethod
+    def put(cls, data: bytes, path: Path, name: str) -> Picture:
+        """A file of these bytes, read as usual; none is left where that fails. Raises `InputError`."""
+        try:
+            write_atomically(path, data)
+            return cls.taken(path, name, Reading())
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
 
     def again(self, reading: Reading) -> Picture:
         """The same picture, read otherwise."""

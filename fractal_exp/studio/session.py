@@ -10,10 +10,9 @@ import asyncio
 import contextlib
 import json
 import logging
-import math
 import secrets
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,13 +20,11 @@ from typing import Any
 from ..errors import InputError
 from ..ifs.code import IFS
 from ..runtime.extras import need
-from ..runtime.files import write_atomically
 from . import saving
 from .keeping import Folder, unfinished
-from .messages import Settings
 from .reading import Picture, Reading, file_name, plain_name
 from .standing import SEARCHES, Standing
-from .tasks import Best, Done, Find, Judge, Told
+from .tasks import Best, Done, Find, Judge, Settings, Told
 from .worker import Ready, Word, Worker
 
 DOING = {"find": "a search is going on; stop it first", "polish": "a search is going on; stop it first",
@@ -67,7 +64,7 @@ class Session(Standing):
         self._check_free("take another picture")
         name = plain_name(name)
         path = self.folder.path / f"{secrets.token_hex(4)}-{file_name(name)}"
-        await self._read(partial(_taken, data, path, name))
+        await self._read(partial(Picture.put, data, path, name))
 
     async def read(self, reading: Reading) -> None:
         """The same picture, read otherwise."""
@@ -194,14 +191,14 @@ class Session(Standing):
         if found is None:
             raise InputError("there is no code to save yet; find or import one first")
         with self._at("save"):
-            saved: dict[str, Any] = await self._thread(partial(saving.save, found, picture, self.output))
+            saved = await asyncio.to_thread(saving.save, found, picture, self.output)
             if self.found is found:
                 self.saved = saved
                 self.tell()
             try:
                 folder = Path(saved["folder"])
-                saved["run"] = await self._thread(partial(saving.track, found, folder, saved["names"], self.output,
-                                                          picture.name))
+                saved["run"] = await asyncio.to_thread(saving.track, found, folder, saved["names"], self.output,
+                                                       picture.name)
             except InputError as error:
                 saved["not_tracked"] = str(error)
             except Exception as error:  # of whatever kind: the files are there
@@ -211,7 +208,7 @@ class Session(Standing):
     async def close(self) -> str:
         """End all work. A code that nobody saved stays in the session's folder. Returns what became of it, in words."""
         self.closing = True
-        await self._thread(self.worker.close)
+        await asyncio.to_thread(self.worker.close)
         if self.keeping is not None:
             await self.keeping
         for each in self.offers:
@@ -220,7 +217,7 @@ class Session(Standing):
             self.folder.remove()
             return ""
         try:
-            path = await self._thread(partial(self.folder.keep, self._state(), self.code))
+            path = await asyncio.to_thread(self.folder.keep, self._state(), self.code)
             words = f"kept {path if self.code is not None else path.parent}; the next start offers it"
         except InputError as error:
             words = f"{error}; the code that was not saved: {json.dumps(self.code and self.code.to_json())}"
@@ -232,7 +229,7 @@ class Session(Standing):
     async def _read(self, work: Callable[[], Picture]) -> None:
         with self._at("read"):
             async with self.reading:
-                picture = await self._thread(work)
+                picture = await asyncio.to_thread(work)
             before, self.picture = self.picture, picture
             if before is not None and before.path == picture.path:
                 self._step()
@@ -274,9 +271,7 @@ class Session(Standing):
             self.ready = True
             self.tell()
         elif isinstance(word, Told):
-            left = None if word.left is None or not math.isfinite(word.left) else word.left
-            self.tell(told="progress", seconds=word.seconds, left=left, stage=word.stage, fraction=word.fraction,
-                      error=word.error)
+            self.tell(told="progress", **asdict(word))
         elif isinstance(word, Best):
             self._show(word.code)
             self.likeness = word.likeness.f1_1px
@@ -329,7 +324,7 @@ class Session(Standing):
         try:
             while self.unkept:
                 self.unkept = False
-                await self._thread(partial(self.folder.keep, self._state(), self.code))
+                await asyncio.to_thread(self.folder.keep, self._state(), self.code)
         except InputError as error:
             self.why = f"{error}; until then the code is lost if the studio ends unexpectedly"
             self.tell()
@@ -344,16 +339,3 @@ class Session(Standing):
             yield
         finally:
             self._set_free()
-
-    async def _thread(self, work: Callable[[], Any]) -> Any:
-        return await self.loop.run_in_executor(None, work)
-
-
-def _taken(data: bytes, path: Path, name: str) -> Picture:
-    try:
-        write_atomically(path, data)
-        return Picture.taken(path, name, Reading())
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
-

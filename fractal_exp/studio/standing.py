@@ -10,13 +10,13 @@ from typing import Any
 from ..errors import InputError
 from ..ifs.code import IFS
 from ..images.levels import decided
+from ..images.pixels import png
 from ..images.reading import ReadImage
 from ..inversion import Inversion
 from ..methods.base import CurvePoint
-from ..rendering.sheets import png
-from .keeping import Folder, State
-from .messages import Settings, plain
+from .keeping import Folder, State, plain
 from .reading import Picture, Reading
+from .tasks import Settings
 
 SEARCHES = "find", "polish"
 MOST_PAST = 50   # codes that are kept to go back to

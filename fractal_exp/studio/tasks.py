@@ -7,14 +7,16 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
+from pydantic import Field
 
 from ..api import invert
 from ..cameras.comparison import WITHIN_NOISE
 from ..ifs.affine import from_code
 from ..ifs.code import IFS
+from ..images.levels import Levels
 from ..images.painted import Painted
 from ..images.reading import ReadImage
 from ..inversion import Inversion, Work, coloured, conclude
@@ -23,11 +25,23 @@ from ..likeness import Likeness
 from ..methods.base import CodeReconstruction, Progress
 from ..methods.collage import given
 from ..runtime.checkpoint import Checkpoint
+from ..runtime.params import Params
+from ..viewer.page import MOST_MAPS
 
 TELL_EVERY = 0.2   # seconds between two words of progress,
 SHOW_EVERY = 1.0   # and between two codes within a stage, each of which is measured,
 MEASURE_SHARE = 10  # or so many times as many as the measuring took
 BY_HAND = "made by hand"
+MOST_SECONDS = 24 * 3600  # that a search may take
+
+
+class Settings(Params):
+    """What a search takes from a page."""
+
+    seconds: Annotated[float, Field(ge=1, le=MOST_SECONDS)] | None = None
+    maps: Annotated[int, Field(ge=2, le=MOST_MAPS)] | None = None
+    levels: Levels = "auto"
+    colour: bool = False
 
 
 @dataclass(frozen=True)

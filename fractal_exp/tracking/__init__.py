@@ -4,7 +4,7 @@
 log, image, artifact, table; `reading` gets it all back for reports and notebooks; `dashboard` shows it.
 """
 
-from .base import NoTracker, Tracker
+from .base import Tracker
 from .dashboard import dashboard_command
 from .reading import (
     NoArtifact,
@@ -21,7 +21,7 @@ from .run import MlflowTracker, deliver, start_run
 from .store import mark_killed_runs, prepare_store, standard_tags
 
 __all__ = [
-    "MlflowTracker", "NoArtifact", "NoTracker", "Tracker", "comparison_address", "dashboard_command", "deliver",
+    "MlflowTracker", "NoArtifact", "Tracker", "comparison_address", "dashboard_command", "deliver",
     "find_run", "mark_killed_runs", "nested_below", "prepare_store", "read_artifact", "read_series", "read_table",
     "runs_frame", "standard_tags", "start_run", "studies",
 ]

@@ -1,8 +1,7 @@
-"""What a fit may ask of a tracker, and the tracker that keeps nothing."""
+"""What a fit may ask of a tracker."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -11,15 +10,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Tracker(ABC):
-    """Where a fit's numbers, pictures and files go.
+class Tracker:
+    """Where a fit's numbers, pictures and files go. This one keeps nothing.
 
     As a context manager it ends the run when the block ends: FINISHED, KILLED by KeyboardInterrupt, or FAILED.
     """
 
     run_id: str | None = None
 
-    @abstractmethod
     def log(self, metrics: Mapping[str, float], step: int = 0) -> None:
         """Log numbers by name (train/…, eval/…, time/…) at a step; a number is anything that float() takes.
 
@@ -27,15 +25,13 @@ class Tracker(ABC):
         non_finite. Raises `InputError` on a name that MLflow refuses.
         """
 
-    @abstractmethod
     def image(self, name: str, image: Any, step: int | None = None) -> None:
         """Log a picture: with a step, one of the series `name`; without, the file views/`name`.png.
 
-        image: array or tensor (R,C), (R,C,3) or (R,C,4), uint8 or real in [0,1], or a PIL image. Raises `InputError`
-        on anything else and on a name that MLflow refuses.
+        image: array or tensor (R,C) or (R,C,3), uint8 or real in [0,1]. Raises `InputError` on anything else and on a
+        name that MLflow refuses.
         """
 
-    @abstractmethod
     def artifact(self, name: str, content: Path | str | bytes) -> None:
         """Log a file under `name`, a relative path: a copy of the file at a Path, or a text, or bytes.
 
@@ -43,18 +39,15 @@ class Tracker(ABC):
         cannot be read.
         """
 
-    @abstractmethod
     def table(self, name: str, frame: pd.DataFrame) -> None:
         """Log a frame as a table of the dashboard under `name`, which ends in .json; a table of that name is replaced.
 
         The index is dropped, non-finite numbers become null. Raises `InputError` on a name that MLflow refuses.
         """
 
-    @abstractmethod
     def secure(self) -> None:
         """Make sure that what was logged so far arrives even if this process is killed now."""
 
-    @abstractmethod
     def finish(self, status: str = "FINISHED", error: BaseException | str | None = None) -> None:
         """Send what waits and end the run as FINISHED, FAILED or KILLED; a second call does nothing.
 
@@ -69,19 +62,3 @@ class Tracker(ABC):
             self.finish()
         else:
             self.finish("KILLED" if isinstance(error, KeyboardInterrupt) else "FAILED", error)
-
-
-class NoTracker(Tracker):
-    """Keeps nothing."""
-
-    def log(self, metrics: Mapping[str, float], step: int = 0) -> None: ...
-
-    def image(self, name: str, image: Any, step: int | None = None) -> None: ...
-
-    def artifact(self, name: str, content: Path | str | bytes) -> None: ...
-
-    def table(self, name: str, frame: pd.DataFrame) -> None: ...
-
-    def secure(self) -> None: ...
-
-    def finish(self, status: str = "FINISHED", error: BaseException | str | None = None) -> None: ...

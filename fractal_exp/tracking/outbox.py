@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import math
 import posixpath
 import re
 import reprlib
@@ -16,7 +15,9 @@ import threading
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
+
+from pydantic import Field, FiniteFloat
 
 from ..errors import InputError
 from ..runtime.files import read_file, read_record, write_atomically
@@ -30,8 +31,11 @@ FLUSH_SECONDS = 5.0  # between two sendings,
 BATCH = 1000         # or when so many values wait; also the most that MLflow takes in one call
 NOTE = "run.json"    # in the folder of what is undelivered
 LAST_WAIT = 60.0     # seconds of silence after which a run that has ended stops trying
-ENDS = ("FINISHED", "FAILED", "KILLED")
+End = Literal["FINISHED", "FAILED", "KILLED"]
+ENDS = get_args(End)
 LARGEST_NOTE = 2**28  # bytes, four million values: hours without a store
+
+Whole = Annotated[int, Field(gt=-2**63, lt=2**63)]
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,27 @@ class Upload:
             path = Path(scratch, name)
             path.write_bytes(self.data)
             client.log_artifact(run_id, str(path), folder or None)
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A file of the folder of what is undelivered: what it is called in the run, or an image series and its step."""
+
+    name: str
+    step: int | None
+    file: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """What lies undelivered: metrics are name, value, milliseconds since the epoch and step."""
+
+    uri: str
+    run_id: str
+    status: End | None
+    metrics: list[tuple[str, FiniteFloat, Whole, Whole]]
+    tags: list[tuple[str, str]]
+    files: list[Waiting]
 
 
 class Outbox:
@@ -196,7 +221,7 @@ class Outbox:
         note = {"uri": shown(self._client.tracking_uri), "run_id": self._run_id, "status": status, "metrics": metrics,
                 "tags": self._tags[:],
                 "files": [{"name": upload.name, "step": upload.step, "file": upload.file} for upload in uploads]}
-        write_atomically(self._folder / NOTE, json.dumps(note).encode())
+        write_atomically(self._folder / NOTE, json.dumps(note))
         return len(metrics), len(uploads)
 
     def _read_undelivered(self, on_record: set[tuple[str, int, float]], images: set[tuple[str, int]]) -> None:
@@ -206,20 +231,20 @@ class Outbox:
         note = read_note(self._folder)
         if note is None:
             return
-        for name, value, milliseconds, step in note["metrics"]:
+        for name, value, milliseconds, step in note.metrics:
             if (name, step, value) not in on_record:  # the process may have been killed after it was sent
                 on_record.add((name, step, value))
                 self._metrics.append((name, value, milliseconds, step))
-        self._tags.extend(tuple(tag) for tag in note["tags"])
-        for entry in note["files"]:
-            key = entry["name"], entry["step"]
+        self._tags.extend(note.tags)
+        for each in note.files:
+            key = each.name, each.step
             if key in images:
                 continue
-            if entry["step"] is not None:
-                images.add(key)
-            data = read_file(self._folder / entry["file"], "what is undelivered,")
-            self._uploads.append(Upload(**entry, data=data))
-            self._written.add(entry["file"])
+            if each.step is not None:
+                images.add((each.name, each.step))
+            data = read_file(self._folder / each.file, "what is undelivered,")
+            self._uploads.append(Upload(each.name, data, each.step, each.file))
+            self._written.add(each.file)
 
 
 def undelivered(folder: str | Path, run_id: str) -> Path:
@@ -227,7 +252,7 @@ def undelivered(folder: str | Path, run_id: str) -> Path:
     return Path(folder).absolute() / f"undelivered-{run_id}"
 
 
-def read_note(folder: Path) -> dict[str, Any] | None:
+def read_note(folder: Path) -> Note | None:
     """What waits in a folder of undelivered things, None if nothing does.
 
     The note may have been damaged, or made by somebody else to get at other files. Raises `InputError` unless every
@@ -237,33 +262,12 @@ def read_note(folder: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     remedy = f"move {folder} away to go on without what it holds"
-    note = read_record(path, "the note of what is undelivered,", remedy, LARGEST_NOTE, uri=str, run_id=str,
-                       status=(str, type(None)), metrics=list, tags=list, files=list)
-    if folder.name != f"undelivered-{note['run_id']}":
-        raise InputError(f"{path} is damaged: it is of the run {reprlib.repr(note['run_id'])}; {remedy}")
-    if note["status"] not in (None, *ENDS):
-        raise InputError(f"{path} is damaged: 'status' is {reprlib.repr(note['status'])}; {remedy}")
-    for key, is_whole in (("metrics", _is_metric), ("tags", _is_tag), ("files", _is_file)):
-        for entry in note[key]:
-            if not is_whole(entry):
-                raise InputError(f"{path} is damaged: {reprlib.repr(entry)} in {key!r}; {remedy}")
-    for entry in note["files"]:
-        file = entry["file"]
+    note = read_record(path, "the note of what is undelivered,", Note, remedy, LARGEST_NOTE)
+    if folder.name != f"undelivered-{note.run_id}":
+        raise InputError(f"{path} is damaged: it is of the run {reprlib.repr(note.run_id)}; {remedy}")
+    for name, file in ((each.name, each.file) for each in note.files):
+        if posixpath.normpath(name) != name or name[:1] in (".", "/"):
+            raise InputError(f"{path} is damaged: no file is called {reprlib.repr(name)}; {remedy}")
         if Path(file).name != file or not (folder / file).is_file() or (folder / file).is_symlink():
             raise InputError(f"{path} is damaged: {reprlib.repr(file)} is no file of this folder; {remedy}")
     return note
-
-
-def _is_metric(entry: Any) -> bool:
-    return (isinstance(entry, list) and [type(part) for part in entry] == [str, float, int, int]
-            and math.isfinite(entry[1]) and all(abs(number) < 2**63 for number in entry[2:]))
-
-
-def _is_tag(entry: Any) -> bool:
-    return isinstance(entry, list) and [type(part) for part in entry] == [str, str]
-
-
-def _is_file(entry: Any) -> bool:
-    return (isinstance(entry, dict) and entry.keys() == {"name", "step", "file"} and type(entry["file"]) is str
-            and type(entry["step"]) in (int, type(None)) and type(entry["name"]) is str
-            and posixpath.normpath(entry["name"]) == entry["name"] and entry["name"][:1] not in (".", "/"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
 import os
@@ -21,7 +20,7 @@ from .addresses import reason, shown
 from .base import Tracker
 from .client import connect
 from .dashboard import NOTE, describe
-from .outbox import ENDS, Outbox, Upload, read_note, undelivered
+from .outbox import ENDS, Note, Outbox, Upload, read_note, undelivered
 from .store import (
     FIRST_PATIENCE,
     PARENT,
@@ -76,9 +75,11 @@ class MlflowTracker(Tracker):
             self._last[name] = step, value
 
     def image(self, name: str, image: Any, step: int | None = None) -> None:
+        from ..images.pixels import png  # and torch, which the dashboard does without
+
         _checked_name("image", name, r"[A-Za-z0-9_\-. ]")
         if step is None or (name, int(step)) not in self._images:
-            self._outbox.upload(Upload(f"views/{name}.png" if step is None else name, _png(name, image), step))
+            self._outbox.upload(Upload(f"views/{name}.png" if step is None else name, png(image), step))
 
     def artifact(self, name: str, content: Path | str | bytes) -> None:
         _checked_name("artifact", name, r"[\w\-. ]")
@@ -226,31 +227,31 @@ def deliver(folder: str | Path, uri: str | None = None) -> list[str]:
         note = read_note(path.parent)
         if note is None:  # delivered by another process meanwhile
             continue
-        if uri is not None and shown(note["uri"]) != shown(uri):
-            print(f"tracking: {path.parent} waits for another store, {shown(note['uri'])}; send it with: "
+        if uri is not None and shown(note.uri) != shown(uri):
+            print(f"tracking: {path.parent} waits for another store, {shown(note.uri)}; send it with: "
                   f"{sys.executable} -m fractal_exp.tracking deliver '{path.parent.parent}'", file=sys.stderr)
             continue
-        _deliver(path.parent, note, uri or os.environ.get("MLFLOW_TRACKING_URI") or note["uri"])
-        run_ids.append(note["run_id"])
+        _deliver(path.parent, note, uri or os.environ.get("MLFLOW_TRACKING_URI") or note.uri)
+        run_ids.append(note.run_id)
     return run_ids
 
 
-def _deliver(folder: Path, note: Mapping[str, Any], uri: str) -> None:
+def _deliver(folder: Path, note: Note, uri: str) -> None:
     from mlflow.exceptions import MlflowException
 
     client = connect(uri)
     try:
-        run = patiently(uri, client.get_run, note["run_id"], patience=FIRST_PATIENCE)
+        run = patiently(uri, client.get_run, note.run_id, patience=FIRST_PATIENCE)
     except MlflowException as error:
-        raise InputError(f"{shown(uri)} has no run {note['run_id']}, whose rest waits in {folder} ({reason(error)}); "
+        raise InputError(f"{shown(uri)} has no run {note.run_id}, whose rest waits in {folder} ({reason(error)}); "
                          f"name its store with MLFLOW_TRACKING_URI, or move that folder away") from error
     if run.info.status == "RUNNING" and is_written_elsewhere(run.data.tags):
-        raise InputError(f"run {note['run_id']} is being written by process {run.data.tags['pid']}, which will "
+        raise InputError(f"run {note.run_id} is being written by process {run.data.tags['pid']}, which will "
                          f"send the rest itself")
-    if note["status"] and "error" in run.data.tags:  # it may have been taken for killed meanwhile
+    if note.status and "error" in run.data.tags:  # it may have been taken for killed meanwhile
         patiently(uri, client.delete_tag, run.info.run_id, "error")
-    tracker = MlflowTracker(client, note["run_id"], folder.parent, **_known(client, uri, run))
-    tracker.finish(note["status"] or "KILLED")
+    tracker = MlflowTracker(client, note.run_id, folder.parent, **_known(client, uri, run))
+    tracker.finish(note.status or "KILLED")
     if folder.exists():
         raise InputError(f"{shown(uri)} still does not take everything of {folder}; try again")
 
@@ -282,23 +283,3 @@ def _checked_name(kind: str, name: str, character: str) -> str:
         raise InputError(f"{kind} names are letters, digits and '_', '-', '.', ' ' with single slashes between, up to "
                          f"{LONGEST_NAME} characters; got {name!r}")
     return name
-
-
-def _png(name: str, image: Any) -> bytes:
-    import numpy as np
-    from PIL import Image
-
-    if not isinstance(image, Image.Image):
-        pixels = np.asarray(image.detach().cpu() if hasattr(image, "detach") else image)
-        if pixels.ndim != 2 and not (pixels.ndim == 3 and pixels.shape[2] in (3, 4)):
-            raise InputError(f"image {name!r} must have shape (R,C), (R,C,3) or (R,C,4), got {pixels.shape}")
-        if pixels.dtype != np.uint8:
-            pixels = pixels.astype(np.float32)
-            if not (pixels.min() >= -1e-3 and pixels.max() <= 1 + 1e-3):  # rounding of a sum is no mistake
-                raise InputError(f"image {name!r} must lie in [0,1] or be uint8, got values from {pixels.min()} to "
-                                 f"{pixels.max()}")
-            pixels = np.rint(255 * pixels.clip(0, 1)).astype(np.uint8)
-        image = Image.fromarray(pixels)
-    buffer = io.BytesIO()
-    image.save(buffer, "PNG")
-    return buffer.getvalue()

@@ -4,7 +4,7 @@
 import torch
 
 from benchmarks import starts
-from benchmarks.ablation import CoreTime
+from benchmarks.searches import CoreTime
 from fractal_exp import codes, suite
 from fractal_exp.ifs.affine import from_code
 from fractal_exp.ifs.attractor import normalize

@@ -3,14 +3,15 @@
 import os
 
 import pytest
-from safetensors.torch import load_file, save_file
+import torch
 
 from fractal_exp import InputError, codes, tracking
 from fractal_exp.cli import candidates
 from fractal_exp.cli import evaluate as app
 from fractal_exp.cli.candidates import gather
 from fractal_exp.perceptual import fractal_features
-from fractal_exp.runtime import files
+from fractal_exp.runtime import files, weights
+from fractal_exp.runtime.tensors import packed
 
 
 @pytest.fixture
@@ -47,33 +48,22 @@ def test_an_artifact_that_is_too_large_is_not_fetched(fit, tmp_path, monkeypatch
         gather([f"run:{logged.run_id}"], None, tmp_path)
 
 
-@pytest.fixture
-def weights(tmp_path):
-    """A function that writes the weights of this package with another recipe."""
-    with fractal_features.resources.as_file(fractal_features.resources.files("fractal_exp") / "data") as data:
-        tensors = load_file(data / fractal_features.SHIPPED)
-
-    def write(recipe: str):
-        notes = {"format": fractal_features.FORMAT, "version": fractal_features.VERSION, "recipe": recipe}
-        save_file(tensors, tmp_path / "mine.safetensors", metadata=notes)
-        return tmp_path / "mine.safetensors"
-    return write
-
-
 @pytest.mark.parametrize(("recipe", "message"), [
-    ("[" * 100_000, "damaged: its recipe is no JSON that can be read: its lists are nested too deeply"),
-    ('{"steps": 1, "steps": 2}', "damaged: its recipe gives the key 'steps' twice"),
+    ("[" * 100_000, "damaged: its notes is no JSON that can be read: its lists are nested too deeply"),
+    ('{"steps": 1, "steps": 2}', "damaged: its notes gives the key 'steps' twice"),
 ])
-def test_a_crafted_recipe_of_weights_is_refused(weights, recipe, message):
+def test_a_crafted_recipe_of_weights_is_refused(tmp_path, recipe, message):
+    told = f'{{"network": "fractal_features", "scores": {{}}, "recipe": {recipe}}}'
+    (tmp_path / "mine.safetensors").write_bytes(packed({"a": torch.zeros(2)}, weights.FORMAT, "trained", told))
     with pytest.raises(InputError, match=message):
-        fractal_features.load(weights(recipe))
+        fractal_features.load(tmp_path / "mine.safetensors")
 
 
 def test_weights_that_are_huge_or_no_file_are_not_read(tmp_path):
     with open(tmp_path / "huge.safetensors", "wb") as file:
-        file.truncate(2**28 + 1)
-    with pytest.raises(InputError, match="cannot read the weight file .* at most 268435456 are read"):
+        file.truncate(2**31 + 1)
+    with pytest.raises(InputError, match="cannot read the weights .* at most 2147483648 are read"):
         fractal_features.load(tmp_path / "huge.safetensors")
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match="cannot read the weight file .* it is a pipe"):
+    with pytest.raises(InputError, match="cannot read the weights .* it is a pipe"):
         fractal_features.load(tmp_path / "pipe")

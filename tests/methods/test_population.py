@@ -124,14 +124,14 @@ def test_as_released_a_quarter_of_the_nests_is_replaced_as_a_whole():
     settings = {"population": 400, "maps": 3, "side": 16, "flight": 0.0}
     walk = CuckooWalk(TARGET, CuckooParams(**settings, as_released=True), 0)
     before = walk.start()
-    moved = walk.step(before, 0)["nests"] - before["nests"]
+    moved = walk.step(before, 0)["genome"] - before["genome"]
     changed = (moved != 0).flatten(1).any(1)
     assert float(changed.float().mean()) == pytest.approx(.25, abs=.05)
     assert bool((moved[changed][..., :2] != 0).any(-1).float().mean() > .95), "all maps of a nest, not some numbers"
     sound = CuckooWalk(TARGET, CuckooParams(**settings), 0)
-    assert not torch.equal(walk._maps(before["nests"]), before["nests"])
-    torch.testing.assert_close(walk._maps(before["nests"])[..., 4:], before["nests"][..., 4:].tanh())
-    assert torch.equal(sound._maps(before["nests"]), before["nests"])
+    assert not torch.equal(walk.maps(before["genome"]), before["genome"])
+    torch.testing.assert_close(walk.maps(before["genome"])[..., 4:], before["genome"][..., 4:].tanh())
+    assert torch.equal(sound.maps(before["genome"]), before["genome"])
 
 
 def test_as_released_offsets_of_children_stay_within_one_before_tanh():

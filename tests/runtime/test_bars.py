@@ -13,7 +13,7 @@ from fractal_exp.api import _Bar
 from fractal_exp.cli.progress import Reporter
 from fractal_exp.methods.base import Progress
 from fractal_exp.runtime.bars import progress_bar
-from fractal_exp.tracking import NoTracker
+from fractal_exp.tracking import Tracker
 
 STEPS = [Progress(step, step / 2, {"error": 0.25}, stage="search") for step in range(3)]
 
@@ -35,7 +35,7 @@ def terminal(size):
 
 
 @SIZES
-@pytest.mark.parametrize("bar", [lambda: _Bar(True), lambda: Reporter(NoTracker(), None)], ids=["python", "a fit"])
+@pytest.mark.parametrize("bar", [lambda: _Bar(True), lambda: Reporter(Tracker(), None)], ids=["python", "a fit"])
 def test_a_search_shows_how_far_it_is(size, bar):
     with terminal(size) as told:
         with bar() as on_step:

@@ -8,6 +8,7 @@ from torch import nn
 
 from fractal_exp import InputError
 from fractal_exp.runtime import weights
+from fractal_exp.runtime.tensors import digest
 
 
 @pytest.fixture
@@ -68,7 +69,7 @@ def test_a_file_of_another_network(file):
 @pytest.mark.parametrize("notes", ["[1]", "{}", '{"network": "net", "recipe": [1], "scores": {}}'])
 def test_notes_of_another_form_are_refused(tmp_path, notes):
     tensors = {"a": torch.zeros(2)}
-    metadata = {"format": weights.FORMAT, "trained": notes, "sha256": weights._digest(tensors, notes)}
+    metadata = {"format": weights.FORMAT, "trained": notes, "sha256": digest(tensors, notes)}
     (tmp_path / "odd").write_bytes(to_bytes(tensors, metadata=metadata))
     with pytest.raises(InputError, match="odd is damaged: its notes must name"):
         weights.load(tmp_path / "odd", "net")

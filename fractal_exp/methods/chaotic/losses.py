@@ -13,18 +13,13 @@ from operator import add
 from typing import Self, cast
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
-from torch.autograd.function import once_differentiable
 
 from ...errors import InputError
+from ...ops.ssim import local_statistics, ssim
 from ...perceptual import distances as perceptual
 from .rendering import Rendering
 
-SSIM_RADIUS = 5  # an 11×11 window of sigma 1.5
-_TAPS = [math.exp(-((k / 1.5) ** 2) / 2) for k in range(-SSIM_RADIUS, SSIM_RADIUS + 1)]
-SSIM_WINDOW = [tap / sum(_TAPS) for tap in _TAPS]
-SSIM_C1, SSIM_C2 = 0.01**2, 0.03**2  # for a data range of 1
 SMALLEST_CONTRAST = 1 / 255  # below one grey level, stretching would only blow up noise
 
 
@@ -84,22 +79,6 @@ def mip_pyramid(image: Tensor, levels: int, *, stretch: bool = False) -> list[Te
     return pyramid
 
 
-def dssim(image: Tensor, target: Tensor) -> Tensor:
-    """1 - SSIM (…,) of images (…,R,R) in [0,1], R >= 11: in [0,2], 0 for equal images (Wang et al. 2004).
-
-    Gaussian window 11×11 of sigma 1.5, C1 = .01², C2 = .03², population variances, mean over the pixels whose window
-    lies inside the image. Raises `InputError` on smaller images.
-    """
-    _check_pair(image, target)
-    return _dssim(image, target, _local_statistics(target))
-
-
-def moment_distance(image: Tensor, target: Tensor) -> Tensor:
-    """Sum of the squared differences between the `moments` of images (…,R,R): (…,)."""
-    _check_pair(image, target)
-    return (moments(image) - moments(target)).square().sum(-1)
-
-
 def moments(image: Tensor) -> Tensor:
     """Mean, variance, skewness and kurtosis of an image's marginals along x, then along y: (…,R,R) -> (…,8).
 
@@ -149,15 +128,16 @@ class MipMSE(Term):
 
 
 class DSSIM(Term):
-    """`dssim` against the target, whose window statistics are computed once."""
+    """1 - SSIM (see `ops.ssim`): in [0,2], 0 for the target itself, whose window statistics are computed once. Raises
+    `InputError` on images below 11 px a side."""
 
     def prepare(self, target: Tensor) -> Self:
-        self.statistics = _local_statistics(target)
+        self.statistics = local_statistics(target)
         return super().prepare(target)
 
     def forward(self, rendering: Rendering) -> Tensor:
         _check_pair(rendering.image, self.prepared)
-        return _dssim(rendering.image, self.prepared, self.statistics)
+        return 1 - ssim(rendering.image, self.prepared, self.statistics)
 
 
 class PerceptualTerm(Term):
@@ -202,8 +182,8 @@ class Regularizer(Term):
 
 
 class Moments(Term):
-    """`moment_distance` to the target: the classical objective that replaces all others in the paper's ablation
-    (Vrscay and Roehrig 1989, Rinaldo and Zakhor 1994)."""
+    """Sum of the squared differences between the `moments` of image and target: the classical objective that replaces
+    all others in the paper's ablation (Vrscay and Roehrig 1989, Rinaldo and Zakhor 1994)."""
 
     def prepare(self, target: Tensor) -> Self:
         self.target_moments = moments(target)
@@ -273,50 +253,6 @@ def _stretched(image: Tensor) -> Tensor:
     low, high = image.amin((-2, -1), keepdim=True), image.amax((-2, -1), keepdim=True)
     flat = high - low < SMALLEST_CONTRAST
     return torch.where(flat, image, (image - low) / torch.where(flat, 1, high - low))
-
-
-def _dssim(image: Tensor, target: Tensor, statistics: tuple[Tensor, Tensor]) -> Tensor:
-    target_mean, target_variance = statistics
-    mean, variance = _local_statistics(image)
-    covariance = _GaussianBlur.apply(image * target) - mean * target_mean
-    luminance = (2 * mean * target_mean + SSIM_C1) / (mean.square() + target_mean.square() + SSIM_C1)
-    structure = (2 * covariance + SSIM_C2) / (variance + target_variance + SSIM_C2)
-    return 1 - (luminance * structure).mean((-2, -1))
-
-
-def _local_statistics(image: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean and population variance under the window, (…,R-10,R-10) each."""
-    if min(image.shape[-2:]) <= 2 * SSIM_RADIUS:
-        raise InputError(f"SSIM's window needs images of at least {2 * SSIM_RADIUS + 1} px a side, got "
-                         f"{tuple(image.shape[-2:])}")
-    mean = _GaussianBlur.apply(image)
-    return mean, _GaussianBlur.apply(image.square()) - mean.square()
-
-
-class _GaussianBlur(torch.autograd.Function):
-    """SSIM's window where it fits: (…,H,W) -> (…,H-10,W-10).
-
-    Sums of shifted views; on CPUs several times faster than PyTorch's convolutions, which are made for many channels.
-    The adjoint of a symmetric window is the same sum over the zero-padded cotangent.
-    """
-
-    @staticmethod
-    def forward(ctx, image: Tensor) -> Tensor:
-        return _correlate(_correlate(image, -1), -2)
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, cotangent: Tensor) -> Tensor:
-        return _correlate(_correlate(F.pad(cotangent, [2 * SSIM_RADIUS] * 4), -1), -2)
-
-
-def _correlate(image: Tensor, dim: int) -> Tensor:
-    size = image.shape[dim] - 2 * SSIM_RADIUS
-    out = image.narrow(dim, SSIM_RADIUS, size) * SSIM_WINDOW[SSIM_RADIUS]
-    for k in range(SSIM_RADIUS):
-        mirrored = image.narrow(dim, k, size) + image.narrow(dim, 2 * SSIM_RADIUS - k, size)
-        out.add_(mirrored, alpha=SSIM_WINDOW[k])
-    return out
 
 
 def _marginal_moments(density: Tensor) -> Tensor:

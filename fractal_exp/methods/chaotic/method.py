@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ...errors import InputError
 from ...ifs.code import IFS
-from ...runtime.checkpoint import Checkpoint, Snapshot, moments
+from ...runtime.checkpoint import Checkpoint, Snapshot, moments, under
 from ...runtime.checks import check_seconds
 from ...runtime.deadline import Deadline
 from ...runtime.precision import full_precision
@@ -33,8 +33,9 @@ from ..base import (
 )
 from .best_states import BestStates
 from .losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
-from .model import SVD, ForwardModel, Parameterization, Parameters
+from .model import SVD, ForwardModel
 from .optimizers import Alternating, Annealing, Optimizer
+from .problem import FitProblem
 from .readback import Numbers, Pending, steps_at_a_time
 
 
@@ -154,8 +155,9 @@ class Chaotic(Method):
                 raise
 
         self._some(best.states)
-        raw = best.choose(lambda state, draw: problem.loss_value(state, derive(self.seed, "rescoring", draw)),
-                          self.rescoring_draws)
+        with torch.no_grad():
+            raw = best.choose(lambda state, draw: float(problem.loss(state, derive(self.seed, "rescoring", draw))[0]),
+                              self.rescoring_draws)
         is_cut = self.seconds and iteration < total
         stopped = time_is_up(Deadline(self.seconds)) if is_cut else f"all {total} iterations done"
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive(), stopped)
@@ -195,10 +197,10 @@ class Chaotic(Method):
             expected |= {f"optimizer/{name}": value for name, value in moments(raw).items()}
         expected |= {f"best/{i}/{name}": value for i in range(len(kept.losses)) for name, value in raw.items()}
         tensors = {name: tensor.to(self.device) for name, tensor in saved.like(expected).items()}
-        self.optimizer.start(_under("raw/", tensors), self.seed)
-        self.optimizer.load_state(_under("optimizer/", tensors))
+        self.optimizer.start(under("raw/", tensors), self.seed)
+        self.optimizer.load_state(under("optimizer/", tensors))
         for i, (loss, iteration) in enumerate(zip(kept.losses, kept.iterations, strict=True)):
-            best.offer(loss, iteration, _under(f"best/{i}/", tensors))
+            best.offer(loss, iteration, under(f"best/{i}/", tensors))
         return saved.iteration
 
     def _initial(self, iteration: int) -> dict[str, Tensor]:
@@ -275,38 +277,3 @@ def laptop(*, resolution: int = 256, maps: int = 10, iterations: int = 800, star
     return Chaotic(model, objective, optimizer, iterations=iterations, seconds=seconds, seed=seed,
                    starts=1 if init else starts, scouting=scouting, match_target=match_target, init=init,
                    radii=radii)
-
-
-class FitProblem:
-    """The model and the objective on one target, as the optimiser sees them."""
-
-    def __init__(self, model: ForwardModel, objective: WeightedSum, target: Tensor):
-        self.model, self.target = model, target
-        self.objective = objective.prepare(target)
-
-    @property
-    def parameterization(self) -> Parameterization:
-        return self.model.parameterization
-
-    @property
-    def waits(self) -> bool:
-        return self.model.waits(self.target)
-
-    def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        return self.objective(self.model(raw, seed))
-
-    @torch.no_grad()
-    def loss_value(self, raw: Parameters, seed: int) -> float:
-        return float(self.loss(raw, seed)[0])
-
-    @torch.no_grad()
-    def energy(self, raw: Parameters, seed: int | Tensor) -> Tensor:
-        return (self.model(raw, seed).image - self.target).square().mean((-2, -1))
-
-    @torch.no_grad()
-    def draw(self, raw: Parameters, seed: int) -> Tensor:
-        return self.model(raw, seed).image.cpu()
-
-
-def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

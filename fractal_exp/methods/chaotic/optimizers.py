@@ -6,7 +6,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -15,28 +14,7 @@ from ...errors import InputError
 from ...runtime.seeds import derive, generator
 from .cuda_graph import Recorded
 from .model import Parameterization, Parameters
-
-
-class Problem(Protocol):
-    """What is minimised. Both draw their start points and map indices from `seed`; raw may carry a batch of codes."""
-
-    @property
-    def parameterization(self) -> Parameterization:
-        """How raw parameters become maps."""
-        ...
-
-    @property
-    def waits(self) -> bool:
-        """Whether `loss` waits for a GPU, so that no CUDA graph can record it."""
-        ...
-
-    def loss(self, raw: Parameters, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        """The differentiable objective (…,) and its named terms."""
-        ...
-
-    def energy(self, raw: Parameters, seed: int | Tensor) -> Tensor:
-        """The energy (…,) that annealing compares: the plain mean squared error at full resolution."""
-        ...
+from .problem import FitProblem
 
 
 @dataclass(frozen=True)
@@ -67,7 +45,7 @@ class Optimizer(ABC):
         self.raw = {name: value.detach().clone().requires_grad_() for name, value in sorted(raw.items())}
 
     @abstractmethod
-    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+    def step(self, problem: FitProblem, iteration: int, temperature: float) -> Step:
         """One iteration at this temperature, which falls linearly from 1 to 0 over the run."""
 
     def state(self) -> dict[str, Tensor]:
@@ -101,7 +79,7 @@ class GradientDescent(Optimizer):
 
     def start(self, raw: Parameters, seed: int) -> None:
         super().start(raw, seed)
-        self._recorded: tuple[Problem, Recorded] | None = None
+        self._recorded: tuple[FitProblem, Recorded] | None = None
         self.reset_moments()
 
     def reset_moments(self) -> None:
@@ -115,7 +93,7 @@ class GradientDescent(Optimizer):
         self.adam = torch.optim.Adam(list(self.raw.values()), lr=self.lr, capturable=on_gpu)
         self.adam._warned_capturable_if_run_uncaptured = True  # it is, in the first steps and where nothing is recorded
 
-    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+    def step(self, problem: FitProblem, iteration: int, temperature: float) -> Step:
         seed = derive(self.seed, "gradient", iteration)
         if self._records(problem):
             return self._replay(problem, seed)
@@ -125,21 +103,21 @@ class GradientDescent(Optimizer):
         self._descend(problem)
         return Step(scored, loss.detach(), {name: term.detach() for name, term in terms.items()})
 
-    def _differentiate(self, problem: Problem, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+    def _differentiate(self, problem: FitProblem, seed: int | Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         loss, terms = problem.loss(self.raw, seed)
         self.adam.zero_grad()
         loss.backward()
         return loss, terms
 
-    def _descend(self, problem: Problem) -> None:
+    def _descend(self, problem: FitProblem) -> None:
         self.adam.step()
         self._move_to(problem.parameterization.project(self.raw))
 
-    def _records(self, problem: Problem) -> bool:
+    def _records(self, problem: FitProblem) -> bool:
         return (self.cuda_graph and self.recordable and self._device.type == "cuda"
                 and not problem.waits)
 
-    def _replay(self, problem: Problem, seed: int) -> Step:
+    def _replay(self, problem: FitProblem, seed: int) -> Step:
         """A step from the recording, which is made for one problem and the parameters of one start."""
         if self._recorded is None or self._recorded[0] is not problem:
             self._recorded = (problem, Recorded(lambda seed: self._recordable_step(problem, seed), self._device))
@@ -149,7 +127,7 @@ class GradientDescent(Optimizer):
         raw = {name: part.view_as(value) for (name, value), part in zip(self.raw.items(), scored, strict=True)}
         return Step(raw, scores[0], dict(zip(self._term_names, scores[1:].unbind(), strict=True)))
 
-    def _recordable_step(self, problem: Problem, seed: Tensor) -> Tensor:
+    def _recordable_step(self, problem: FitProblem, seed: Tensor) -> Tensor:
         """One step; the parameters scored, their loss and its terms in one tensor."""
         scored = torch.cat([value.detach().flatten() for value in self.raw.values()])  # a copy, before they move
         loss, terms = self._differentiate(problem, seed)
@@ -244,7 +222,7 @@ class AnnealingOnly(Optimizer):
         self.annealing = annealing or Annealing()
 
     @torch.no_grad()
-    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+    def step(self, problem: FitProblem, iteration: int, temperature: float) -> Step:
         move = self.annealing.draw(self.raw, generator(self.seed, "annealing", iteration))
         candidate = self.annealing.propose(self.raw, problem.parameterization, temperature, move.noise)
         both = {name: torch.stack([value, candidate[name]]) for name, value in self.raw.items()}
@@ -283,7 +261,7 @@ class Alternating(GradientDescent):
         self.annealing = annealing or Annealing()
         self.common_random_numbers = common_random_numbers
 
-    def step(self, problem: Problem, iteration: int, temperature: float) -> Step:
+    def step(self, problem: FitProblem, iteration: int, temperature: float) -> Step:
         step = super().step(problem, iteration, temperature)
         if (iteration + 1) % self.every or 1 - temperature >= self.until:
             return step
@@ -304,7 +282,7 @@ class Alternating(GradientDescent):
         return self.together or (self.candidates if self._device.type == "cuda" else 1)
 
     @torch.no_grad()
-    def _anneal(self, problem: Problem, iteration: int, temperature: float, step: Step) -> int:
+    def _anneal(self, problem: FitProblem, iteration: int, temperature: float, step: Step) -> int:
         """A phase after `step`; how many candidates were accepted."""
         moves, seeds = self._draws(iteration)
         energy, tried, accepted, together = float(problem.energy(self.raw, seeds[0])), 0, 0, 1

@@ -10,7 +10,8 @@ from ...errors import InputError
 from ...runtime.seeds import derive
 from .losses import Regularizer, condition
 from .model import SVD, Maps, Parameters
-from .optimizers import Alternating, Problem, Step
+from .optimizers import Alternating, Step
+from .problem import FitProblem
 from .rendering import Rendering
 
 
@@ -54,7 +55,7 @@ class FixedCentre(Alternating):
     is where the phase leads to."""
 
     @torch.no_grad()
-    def _anneal(self, problem: Problem, iteration: int, temperature: float, step: Step) -> int:
+    def _anneal(self, problem: FitProblem, iteration: int, temperature: float, step: Step) -> int:
         moves, seeds = self._draws(iteration)
         noise = {name: torch.stack([move.noise[name] for move in moves]) for name in self.raw}
         proposed = self.annealing.propose(self.raw, problem.parameterization, temperature, noise)

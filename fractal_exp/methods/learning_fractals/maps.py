@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ...ifs.affine import rotation
 from ...ifs.code import IFS
 
 HALF_CANVAS = 5.0
@@ -49,12 +50,6 @@ def matrices(raw: Mapping[str, Tensor]) -> Tensor:
     turned = rotation(raw["theta1"]) * torch.sigmoid(raw["s"])[:, None, :]
     signs: Tensor = StraightThroughSign.apply(raw["d"])  # pyright: ignore[reportAssignmentType]
     return turned @ (rotation(raw["theta2"]) * signs[:, None, :])
-
-
-def rotation(angle: Tensor) -> Tensor:
-    """Matrices (N,2,2) of angles (N,), differentiable."""
-    cos, sin = angle.cos(), angle.sin()
-    return torch.stack([torch.stack([cos, -sin], -1), torch.stack([sin, cos], -1)], -2)
 
 
 def fixed_point(linear: Tensor, offset: Tensor) -> Tensor:

@@ -16,9 +16,11 @@ from torch.nn.utils import clip_grad_norm_
 
 from ...ifs.code import IFS
 from ...ops.sequences import blob_error, sequence
+from ...runtime.checkpoint import under
 from ...runtime.params import Amount, Params, Positive
 from ...runtime.seeds import derive, generator
-from ..stepwise import SMALLEST_INPUT, State, Stepwise, Walk, check_resolution, resized
+from ..base import resized
+from ..stepwise import SMALLEST_INPUT, State, Stepwise, Walk, check_resolution
 from . import maps as affine
 
 MOMENTS = ("exp_avg", "exp_avg_sq")  # of Adam
@@ -80,14 +82,14 @@ class LearningFractalsWalk(Walk):
                 "least": torch.full((), torch.inf, device=self.image.device)}
 
     def step(self, state: State, number: int) -> State:
-        raw = {name: value.clone().requires_grad_() for name, value in _under("raw/", state).items()}
+        raw = {name: value.clone().requires_grad_() for name, value in under("raw/", state).items()}
         loss = self.error(raw, derive(self.seed, "sequences", number)).mean()
         loss.backward()
         clip_gradients(raw, self.params.largest_gradient)
         moments = self._adam(state, raw, number)
         value, least = loss.detach(), state["least"]
         better = bool(value < least)
-        best = _under("raw/" if better else "best/", state)  # the state that was drawn, not the one after it
+        best = under("raw/" if better else "best/", state)  # the state that was drawn, not the one after it
         moved = {name: tensor.detach() for name, tensor in raw.items()}
         self._shake(moved, number)
         return {**_named("raw/", moved), **moments, **_named("best/", best), "least": value if better else least}
@@ -129,7 +131,7 @@ class LearningFractalsWalk(Walk):
 
     def _result(self, state: State) -> dict[str, Tensor]:
         """The numbers of the code that is the result if this state is the last."""
-        return _under("raw/" if self.params.as_released else "best/", state)
+        return under("raw/" if self.params.as_released else "best/", state)
 
     @torch.no_grad()
     def draw(self, state: State) -> Tensor:
@@ -147,10 +149,6 @@ def clip_gradients(raw: Mapping[str, Tensor], largest: float) -> None:
     """Bring the norm of the gradient of all that matrices are made of to `largest` at most, and that of b."""
     clip_grad_norm_([raw[name] for name in affine.MATRIX], largest)
     clip_grad_norm_([raw["b"]], largest)
-
-
-def _under(prefix: str, state: State) -> dict[str, Tensor]:
-    return {name.removeprefix(prefix): value for name, value in state.items() if name.startswith(prefix)}
 
 
 def _named(prefix: str, raw: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -11,9 +11,8 @@ from typing import Annotated, Any
 from pydantic import Field
 from torch import Tensor, nn
 
-from ...ifs import attractor
+from ...ifs import affine, attractor
 from ...ifs.code import IFS
-from ..population.search import largest_singular_value
 from ..pretrained import CodeReader, CodeReaderParams
 from .network import RegressionNetwork
 
@@ -46,6 +45,4 @@ class NeuralRegression(CodeReader):
 
 def code_of(numbers: Tensor, largest: float) -> IFS:
     """The code of rows (N,6), its matrices shrunk to this singular value where they are above it, in the frame."""
-    linear = numbers[:, :4].unflatten(-1, (2, 2))
-    shrink = (largest / largest_singular_value(linear).clamp_min(1e-12)).clamp_max(1)
-    return attractor.normalize(IFS(linear * shrink[:, None, None], numbers[:, 4:]).check_contractive())
+    return attractor.normalize(affine.to_code(affine.shrunk(numbers, largest)).check_contractive())

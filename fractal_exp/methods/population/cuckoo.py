@@ -13,11 +13,10 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from ...ifs.code import IFS
 from ...runtime.params import Amount, Positive, Share
 from ...runtime.seeds import generator
-from ..stepwise import State, Stepwise, Walk
-from .search import Canvas, Overlap, PopulationParams, best_of, bounded, decoded
+from ..stepwise import State, Stepwise
+from .search import Overlap, PopulationParams, PopulationWalk, best_of, bounded
 
 
 class CuckooParams(PopulationParams):
@@ -52,19 +51,15 @@ def levy_steps(shape: torch.Size | tuple[int, ...], exponent: float, random: tor
     return u / torch.randn(shape, generator=random).abs().clamp_min(1e-12) ** (1 / exponent)
 
 
-class CuckooWalk(Walk):
-    """Cuckoo search on one image."""
+class CuckooWalk(PopulationWalk):
+    """Cuckoo search on one image; its genomes are the nests."""
 
-    def __init__(self, image: Tensor, params: CuckooParams, seed: int):
-        self.canvas, self.params, self.seed, self.device = Canvas(image, params, seed), params, seed, image.device
+    params: CuckooParams
 
-    def start(self) -> State:
+    def initial(self) -> Tensor:
         shape, bound = (self.params.population, self.params.maps), self.params.bound
         numbers = 2 * torch.rand(*shape, 6, generator=generator(self.seed, "initial")) - 1
-        nests = torch.cat([bound * numbers[..., :4], numbers[..., 4:]], -1).to(self.device)
-        cost = self.cost(nests)
-        best, least = best_of(nests, cost, nests[0], cost[0])
-        return {"nests": nests, "cost": cost, "best": best.clone(), "least": least.clone()}
+        return torch.cat([bound * numbers[..., :4], numbers[..., 4:]], -1)
 
     def step(self, state: State, number: int) -> State:
         random = generator(self.seed, "generation", number)
@@ -72,11 +67,11 @@ class CuckooWalk(Walk):
         best, least = best_of(nests, cost, state["best"], state["least"])
         nests, cost = self._abandon(nests, cost, random)
         best, least = best_of(nests, cost, best, least)
-        return {"nests": nests, "cost": cost, "best": best.clone(), "least": least.clone()}
+        return {"genome": nests, "cost": cost, "best": best.clone(), "least": least.clone()}
 
     def _fly(self, state: State, random: torch.Generator) -> tuple[Tensor, Tensor]:
         """Every nest flies, the farther the farther it is from the best one; it stays where that is no better."""
-        nests = state["nests"]
+        nests = state["genome"]
         levy = levy_steps(nests.shape, self.params.exponent, random) * torch.randn(nests.shape, generator=random)
         flown = self._held(nests + self.params.flight * levy.to(self.device) * (nests - state["best"]))
         return self._better(nests, state["cost"], flown)
@@ -112,22 +107,12 @@ class CuckooWalk(Walk):
     def evaluations(self, steps: int) -> int:
         return self.params.population * (2 * steps + 1)
 
-    def loss(self, state: State) -> float:
-        return float(state["least"])
-
-    def code(self, state: State) -> IFS:
-        return self.canvas.code(self._maps(state["best"]))
-
-    def draw(self, state: State) -> Tensor:
-        return self.canvas.draw(self._maps(state["best"][None]))[0].float()
-
-    def _maps(self, nests: Tensor) -> Tensor:
+    def maps(self, genome: Tensor) -> Tensor:
         """As released, offsets go through tanh."""
-        return decoded(nests) if self.params.as_released else nests
+        return super().maps(genome) if self.params.as_released else genome
 
-    def cost(self, nests: Tensor) -> Tensor:
-        """What is lowered, of every nest, (P,)."""
-        return mismatch(self.canvas.overlap(self._maps(nests)), self.params.as_released)
+    def cost(self, genome: Tensor) -> Tensor:
+        return mismatch(self.canvas.overlap(self.maps(genome)), self.params.as_released)
 
 
 class Cuckoo(Stepwise):

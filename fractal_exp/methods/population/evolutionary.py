@@ -13,11 +13,11 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from ...ifs.code import IFS
+from ...ifs.affine import rotation
 from ...runtime.params import Amount, Positive
 from ...runtime.seeds import generator
-from ..stepwise import State, Stepwise, Walk
-from .search import Canvas, Overlap, PopulationParams, best_of, bounded, decoded
+from ..stepwise import State, Stepwise
+from .search import Overlap, PopulationParams, PopulationWalk, best_of, bounded
 
 
 class EvolutionaryParams(PopulationParams):
@@ -58,17 +58,10 @@ def tournament(cost: Tensor, opponents: Tensor, kept: int) -> Tensor:
     return score.argsort(descending=True, stable=True)[:kept]
 
 
-class EvolutionaryWalk(Walk):
+class EvolutionaryWalk(PopulationWalk):
     """Evolutionary programming on one image. What is lowered is 1 - f."""
 
-    def __init__(self, image: Tensor, params: EvolutionaryParams, seed: int):
-        self.canvas, self.params, self.seed, self.device = Canvas(image, params, seed), params, seed, image.device
-
-    def start(self) -> State:
-        genome = self._initial().to(self.device)
-        cost = self.cost(genome)
-        best, least = best_of(genome, cost, genome[0], cost[0])
-        return {"genome": genome, "cost": cost, "best": best.clone(), "least": least.clone()}
+    params: EvolutionaryParams
 
     def step(self, state: State, number: int) -> State:
         random = generator(self.seed, "generation", number)
@@ -86,20 +79,10 @@ class EvolutionaryWalk(Walk):
     def evaluations(self, steps: int) -> int:
         return self.params.population * (steps + 1)
 
-    def loss(self, state: State) -> float:
-        return float(state["least"])
-
-    def code(self, state: State) -> IFS:
-        return self.canvas.code(decoded(state["best"]))
-
-    def draw(self, state: State) -> Tensor:
-        return self.canvas.draw(decoded(state["best"][None]))[0].float()
-
     def cost(self, genome: Tensor) -> Tensor:
-        """1 - f of every code, (P,)."""
-        return 1 - fitness(self.canvas.overlap(decoded(genome)), self.params.as_released)
+        return 1 - fitness(self.canvas.overlap(self.maps(genome)), self.params.as_released)
 
-    def _initial(self) -> Tensor:
+    def initial(self) -> Tensor:
         """Rotations or reflections of random angle about two singular values from U(0, bound), with offsets from
         U(-1, 1) before tanh; as released, all matrices are the identity as far as the bound lets them."""
         random, shape = generator(self.seed, "initial"), (self.params.population, self.params.maps)
@@ -111,12 +94,6 @@ class EvolutionaryWalk(Walk):
         if self.params.as_released:
             linear = torch.eye(2).expand_as(linear)
         return bounded(torch.cat([linear.flatten(-2), offset], -1), self.params.bound)
-
-
-def rotation(angle: Tensor) -> Tensor:
-    """Matrices (…,2,2) of angles (…)."""
-    cos, sin = angle.cos(), angle.sin()
-    return torch.stack([torch.stack([cos, -sin], -1), torch.stack([sin, cos], -1)], -2)
 
 
 class Evolutionary(Stepwise):

@@ -5,6 +5,7 @@ A population is a tensor (P,N,6), a row `a b c d e f` for each map: x' = a x + b
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -13,13 +14,14 @@ from pydantic import Field
 from torch import Tensor
 
 from ...errors import InputError
-from ...ifs import attractor
+from ...ifs import affine, attractor
 from ...ifs.attractor import FRAME_SIDE
 from ...ifs.code import IFS, sampling_probabilities
 from ...ops.occupancy import occupancy
 from ...runtime.params import Params
 from ...runtime.seeds import derive
-from ..stepwise import SMALLEST_INPUT, check_resolution, resized
+from ..base import resized
+from ..stepwise import SMALLEST_INPUT, State, Walk, check_resolution
 
 MAPS = 10          # "a conservative number of functions" for all compared methods (section 5.1 of the paper)
 
@@ -100,25 +102,47 @@ class Canvas:
 
     def contracted(self, maps: Tensor) -> tuple[Tensor, Tensor]:
         """Matrices (…,N,2,2), shrunk where they do not contract enough, and offsets (…,N,2)."""
-        linear = maps[..., :4].unflatten(-1, (2, 2))
-        shrink = (self.params.largest / largest_singular_value(linear).clamp_min(1e-12)).clamp_max(1)
-        return linear * shrink[..., None, None], maps[..., 4:]
+        maps = affine.shrunk(maps, self.params.largest)
+        return maps[..., :4].unflatten(-1, (2, 2)), maps[..., 4:]
 
 
-def largest_singular_value(linear: Tensor) -> Tensor:
-    """Of matrices (…,2,2), in closed form."""
-    (a, b), (c, d) = (row.unbind(-1) for row in linear.unbind(-2))
-    return (torch.hypot(a + d, c - b) + torch.hypot(a - d, c + b)) / 2
+class PopulationWalk(Walk):
+    """A search on one image: the genomes (P,N,6) of its codes, what each costs, and the best one that was met."""
+
+    def __init__(self, image: Tensor, params: PopulationParams, seed: int):
+        self.canvas, self.params, self.seed, self.device = Canvas(image, params, seed), params, seed, image.device
+
+    @abstractmethod
+    def initial(self) -> Tensor:
+        """The first genomes, on the CPU."""
+
+    @abstractmethod
+    def cost(self, genome: Tensor) -> Tensor:
+        """What is lowered, of every code, (P,)."""
+
+    def maps(self, genome: Tensor) -> Tensor:
+        """The maps (…,6) of genes (…,6): offsets go through tanh."""
+        return torch.cat([genome[..., :4], genome[..., 4:].tanh()], -1)
+
+    def start(self) -> State:
+        genome = self.initial().to(self.device)
+        cost = self.cost(genome)
+        best, least = best_of(genome, cost, genome[0], cost[0])
+        return {"genome": genome, "cost": cost, "best": best.clone(), "least": least.clone()}
+
+    def loss(self, state: State) -> float:
+        return float(state["least"])
+
+    def code(self, state: State) -> IFS:
+        return self.canvas.code(self.maps(state["best"]))
+
+    def draw(self, state: State) -> Tensor:
+        return self.canvas.draw(self.maps(state["best"][None]))[0].float()
 
 
 def bounded(maps: Tensor, bound: float) -> Tensor:
     """Rows (…,6) with every entry of the matrices within ±bound."""
     return torch.cat([maps[..., :4].clamp(-bound, bound), maps[..., 4:]], -1)
-
-
-def decoded(genome: Tensor) -> Tensor:
-    """The maps (…,6) of genes (…,6): offsets go through tanh."""
-    return torch.cat([genome[..., :4], genome[..., 4:].tanh()], -1)
 
 
 def best_of(maps: Tensor, cost: Tensor, best: Tensor, least: Tensor) -> tuple[Tensor, Tensor]:

@@ -5,7 +5,8 @@ Source: Liang et al. 2021 (SwinIR), as "Learning Image Fractals" (Eurographics 2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from itertools import product
 from typing import Annotated, Any
 
 import torch
@@ -65,7 +66,7 @@ class SuperResolution(Pretrained):
         network, _ = self.loaded()
         factor, tile = self.params.factor, self.params.tile
         enlarged = torch.empty(factor * len(image), factor * len(image))
-        pieces = list(_pieces(len(image), tile))
+        pieces = list(product(range(0, len(image), tile), repeat=2))  # their upper left corners
         for done, (row, column) in enumerate(pieces, 1):
             part = self._enlarge(network, image, row, column)
             enlarged[factor * row:factor * (row + tile), factor * column:factor * (column + tile)] = part
@@ -89,8 +90,3 @@ class SuperResolution(Pretrained):
 def rounded(image: Tensor) -> Tensor:
     """An image as a file of 8 bits holds it. What is nearly black becomes black: a pixel counts as lit above 0."""
     return (image.clamp(0, 1) * GREY_LEVELS).round() / GREY_LEVELS
-
-
-def _pieces(side: int, tile: int) -> Iterator[tuple[int, int]]:
-    """The upper left corners of the pieces."""
-    yield from ((row, column) for row in range(0, side, tile) for column in range(0, side, tile))

@@ -6,7 +6,6 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
 import torch
 from torch import Tensor
 from torch.nn.functional import pad
@@ -19,6 +18,7 @@ from ..images.pixels import write_image
 from ..images.reading import read_grey
 from ..rendering.sheets import comparison_strip
 from ..runtime import threads
+from ..runtime.extras import need
 from ..runtime.files import make_folder, write_atomically
 from ..studies.judging import f1_in_words
 from .reading import POLARITIES
@@ -28,6 +28,9 @@ LARGEST = 50 * 10**6  # pixels of a picture, for the memory
 
 def evaluate_pictures(options: argparse.Namespace) -> None:
     """Judge the pictures that the command line names against the picture that is their truth; write what came out."""
+    need("kornia", "pandas")
+    import pandas as pd
+
     threads.use()
     read_one = partial(read_grey, invert=POLARITIES[options.invert], most_pixels=LARGEST)
     truth, true_lit, notes = read_one(options.truth)

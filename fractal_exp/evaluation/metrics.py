@@ -9,13 +9,14 @@ from torch import Tensor
 from torch.nn.functional import max_pool2d
 
 from ..errors import InputError
-from ..ops import ssim as windowed
 from ..runtime.checks import into_unit
+from ..runtime.extras import need
 
 MSE_FLOOR = 1e-10            # PSNR of equal images: 100 dB
+SSIM_WINDOW = 11             # of sigma 1.5
 CROP = 8                     # an eighth of the image is cut off on each side
 # Pixels a side, from which on the window fits into the inner crop.
-SMALLEST = next(side for side in count(len(windowed.WINDOW)) if side - 2 * (side // CROP) >= len(windowed.WINDOW))
+SMALLEST = next(side for side in count(SSIM_WINDOW) if side - 2 * (side // CROP) >= SSIM_WINDOW)
 
 
 def inner_crop(images: Tensor) -> Tensor:
@@ -56,12 +57,22 @@ def psnr(images: Tensor, truth: Tensor) -> Tensor:
 
 
 def ssim(images: Tensor, truth: Tensor) -> Tensor:
-    """Mean structural similarity of images (B,H,W) in [0,1]; (B,) in [-1,1]. As `skimage.metrics.structural_similarity`
-    with Gaussian weights, see `ops.ssim`. Raises `InputError` on images below 11 px."""
+    """Mean structural similarity of images (B,H,W) in [0,1]; (B,) in [-1,1].
+
+    Gaussian window 11 × 11 of sigma 1.5, data range 1, averaged where the window fits (Wang et al. 2004; as
+    `skimage.metrics.structural_similarity` with Gaussian weights). Raises `InputError` on images below 11 px.
+    """
+    need("kornia")
+    from kornia.metrics import ssim as ssim_map
+
     _check(images, truth)
+    if min(images.shape[-2:]) < SSIM_WINDOW:
+        raise InputError(f"SSIM needs pictures of at least {SSIM_WINDOW} px a side, got "
+                         f"{images.shape[-1]}×{images.shape[-2]}; raise the resolution")
     # In float64: the variance of a bright, nearly constant window is a difference of two large numbers.
-    truth = truth.double()
-    return windowed.ssim(images.double(), truth, windowed.local_statistics(truth)).float()
+    maps = ssim_map(images[:, None].double(), truth[:, None].double(), SSIM_WINDOW, max_val=1.0, eps=0.0,
+                    padding="valid")
+    return maps.mean((-3, -2, -1)).float()
 
 
 METRICS = {"f1": f1, "iou": iou, "psnr": psnr, "ssim": ssim}

@@ -152,7 +152,7 @@ def score(reconstruction: IFS | Renderable, truth: IFS | Renderable, *, resoluti
           seed: int | None = None, perceptual: Perceptual | str = "none", cache: str | Path | None = None,
           device: str = "cpu") -> Scored:
     """`evaluate`, with the images that were compared."""
-    need("pandas")
+    need("kornia", "pandas")
     if align not in ALIGNMENTS:
         raise InputError(f"align must be one of {', '.join(ALIGNMENTS)}, got {align!r}")
     check_resolution(resolution)

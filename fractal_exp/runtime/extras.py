@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from ..errors import InputError
 
 EXTRAS = {  # the libraries that are imported where they are used -> the extra that brings them
-    "hydra": "study", "matplotlib": "study", "mlflow": "study", "omegaconf": "study",
+    "hydra": "study", "kornia": "study", "matplotlib": "study", "mlflow": "study", "omegaconf": "study",
     "pandas": "study", "psutil": "study", "pyarrow": "study", "skimage": "study", "tenacity": "study", "yaml": "study",
     "lpips": "perceptual", "torchvision": "perceptual",
     "imageio": "video", "imageio_ffmpeg": "video",

@@ -71,7 +71,7 @@ def blocked() -> str:
     modules = importlib.metadata.packages_distributions()
     names = sorted(module for module, owners in modules.items()
                    if not {owner.lower().replace("_", "-") for owner in owners} & core)
-    assert {"pandas", "hydra", "mlflow", "matplotlib"} <= set(names) and not {"torch", "numpy"} & set(names)
+    assert {"pandas", "hydra", "mlflow", "kornia", "matplotlib"} <= set(names) and not {"torch", "numpy"} & set(names)
     return json.dumps(names)
 
 
@@ -89,7 +89,7 @@ def test_the_core_alone_inverts_and_renders(blocked, tmp_path):
 
 
 NEEDS = [  # what is asked for, the library that it needs, and the extra that brings it
-    ("from fractal_exp import codes, evaluation as e; e.evaluate(codes.known('fern'), codes.known('fern'))", "pandas",
+    ("from fractal_exp import codes, evaluation as e; e.evaluate(codes.known('fern'), codes.known('fern'))", "kornia",
      "study"),
     ("from fractal_exp.images import samples; samples.retina_vessels(64)", "skimage", "study"),
     ("from fractal_exp.images import samples; samples.snowflake(64)", "matplotlib", "study"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....cameras.kinds import with_camera
+from ....ifs import affine
 from ....runtime.deadline import Deadline
 from ....runtime.seeds import derive
 from ..bins import saturation_corrected
@@ -31,17 +32,21 @@ class MeasureStage(Stage):
         if found is not None:
             levels = with_camera(self.problem.levels, state.measured_through)
             masses = saturation_corrected(masses, found.code, levels, self.params.saturation, seed)
-        return search_on(masses, self.problem.levels.known, regime, self.params, seed, self._smaller_limit)
+        return search_on(masses, self.problem.levels.known, regime, self.params, seed, self._smaller_limit(state))
 
-    @property
-    def _smaller_limit(self) -> float:
+    def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
-        identity does, so the first and third rounds avoid near-isometries in pictures that others drew, and in binary
-        images that may have several rounds."""
+        identity does. So the first and third rounds avoid near-isometries in pictures that others drew, and in binary
+        images that may have several rounds; for other images the second one does, after a code with one."""
         levels = self.problem.levels
         may_mislead = not levels.is_exact or not levels.is_graded and self.problem.rounds > 1
-        avoided = self.params.stages.avoid_isometries and may_mislead and self.round % 2 == 0
-        return CONTRACTION if avoided else 1.0
+        avoided = self.round % 2 == 0 if may_mislead else state.before is not None and _has_isometry(state.before)
+        return CONTRACTION if self.params.stages.avoid_isometries and avoided else 1.0
+
+
+def _has_isometry(found: Candidate) -> bool:
+    """Whether a map of a code may be a symmetry of the shape."""
+    return bool((affine.smaller_singular(found.maps) > CONTRACTION).any())
 
 
 class Restart(MeasureStage):
@@ -66,11 +71,13 @@ class Restart(MeasureStage):
         return not agree and not self._is_near(state)
 
     def _is_near(self, state: State) -> bool:
-        """Whether the best set of the round, of a right number of maps, draws the image so well that no further one is
-        needed. Other levels than densities do not tell: a wrong code may draw them well, or their camera is unknown."""
-        levels = self.problem.levels
-        is_judged = levels.is_exact and levels.is_density and state.best and state.best.score < WRONG_NUMBER
-        return bool(is_judged) and self.problem.noise_ratio(state.leader) < NEAR
+        """Whether the best set of the round draws the image so well that no further one is needed. It has a right
+        number of maps, and none that may be a symmetry of the shape. Other levels than densities do not tell: a wrong
+        code may draw them well, or their camera is unknown."""
+        levels, best = self.problem.levels, state.best
+        if best is None or best.score >= WRONG_NUMBER or not (levels.is_exact and levels.is_density):
+            return False
+        return not _has_isometry(best) and self.problem.noise_ratio(best) < NEAR
 
     def open(self, state: State) -> State:
         # the words in seed paths name random streams: another word gives other numbers

@@ -108,7 +108,7 @@ def test_what_lies_beyond_the_part_that_is_shown_counts_in_no_error():
     part, whole = (replace(target_of(cut), known=each) for each in (known, None))
     start = paving(target_of(image), 24)
     beyond = ~known.mask(len(image))
-    drawn = [drawing(descended(start, each, 200, 3), len(image))[beyond].mean() for each in (part, whole)]
+    drawn = [drawing(descended(start, each, 300, 3), len(image))[beyond].mean() for each in (part, whole)]
     assert drawn[0] > 2 * drawn[1], "what is drawn beyond is taken away only where the picture says that it is empty"
 
 

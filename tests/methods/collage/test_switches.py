@@ -18,6 +18,8 @@ from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State
 from fractal_exp.suite import target
 
+TURN = torch.tensor([[-0.499, 0.864, -0.864, -0.499, 0, 0]])   # of the triangle about its middle, but for a little
+
 
 @pytest.fixture(scope="module")
 def doubled():
@@ -72,10 +74,13 @@ def test_a_restart_is_left_out_once_two_have_agreed_on_a_right_number_of_maps(do
 
 def test_no_restart_follows_once_a_set_draws_a_density_well(doubled):
     maps, image = doubled
-    near, far = (State(best=tied(each, 0.0), scores=(0.5,)) for each in (maps[:3], 0.5 * maps[:3]))
+    near, far = (State(best=replace(tied(each, 0.0), score=0.5), scores=(0.5,)) for each in (maps[:3], 0.5 * maps[:3]))
     assert Restart(problem(image), 0, 1).is_wanted(far) and not Restart(problem(image), 0, 1).is_wanted(near)
     binary = Restart(problem((image > 0).float(), levels="binary"), 0, 1)
     assert binary.is_wanted(near), "a wrong code may draw it well"
+    too_many = replace(near, best=replace(near.leader, score=1.5))
+    turned = replace(near, best=replace(near.leader, maps=torch.cat([maps[:3], TURN])))
+    assert all(Restart(problem(image), 0, 1).is_wanted(state) for state in (too_many, turned))
 
 
 def test_later_rounds_have_half_of_the_restarts(doubled):

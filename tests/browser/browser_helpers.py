@@ -47,9 +47,16 @@ class Opened:
 
     def picture(self) -> np.ndarray:
         """What is seen, (H,W) in [0,1], as the page itself saves it."""
+        return self._saved("L") / 255
+
+    def colours(self) -> np.ndarray:
+        """The same in colour, (H,W,3), 0 to 255."""
+        return self._saved("RGB").astype(float)
+
+    def _saved(self, mode: str) -> np.ndarray:
         with self.page.expect_download() as download:
             self.page.keyboard.press("s")
-        return np.asarray(Image.open(io.BytesIO(Path(download.value.path()).read_bytes())).convert("L")) / 255
+        return np.asarray(Image.open(io.BytesIO(Path(download.value.path()).read_bytes())).convert(mode))
 
     def text(self, name: str) -> str:
         return self.page.inner_text(f"#{name}")

@@ -1,14 +1,12 @@
 """Colours in the page, in a real browser: those of a code as `render` draws them, and those that a hand chooses."""
 
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser_helpers import COARSE, Opened
-from PIL import Image
+from browser_helpers import COARSE
 
 from fractal_exp import IFS, Colours, View, codes, render
 from fractal_exp.ifs import attractor
@@ -24,13 +22,6 @@ def path(tmp_path_factory) -> Path:
     return FERN.save_html(tmp_path_factory.mktemp("page") / "fern.html")
 
 
-def seen(opened: Opened) -> np.ndarray:
-    """The picture (H,W,3), 0 to 255."""
-    with opened.page.expect_download() as download:
-        opened.page.keyboard.press("s")
-    return np.asarray(Image.open(io.BytesIO(Path(download.value.path()).read_bytes())).convert("RGB")).astype(float)
-
-
 def truth(code: IFS, view: View, side: int = 128, ground: float = 0.0) -> np.ndarray:
     return 255 * on_ground(render(code, view, resolution=side, mode="colour"), (ground, ground, ground)).numpy()
 
@@ -41,7 +32,7 @@ def test_a_code_with_colours_is_shown_in_them_at_any_depth(path, open_page, thro
     view = View() if zoom == 1 else View(DEEP, zoom)
     (x, y), opened = view.center, open_page()
     opened.go(f"file://{path}?thrower={thrower}#x={x!r}&y={y!r}&zoom={view.zoom!r}")
-    expected, picture = truth(FERN, view), seen(opened)
+    expected, picture = truth(FERN, view), opened.colours()
     lit = expected.sum(-1) > 0
     assert lit.any() and np.abs(picture - expected)[lit].mean() < 14  # the points differ, the colours do not:
     assert np.abs(picture[lit].mean(0) - expected[lit].mean(0)).max() < 3
@@ -62,7 +53,7 @@ def test_other_colours_are_chosen_by_keys_alone(path, open_page, thrower):
         opened.drawn()
         page.keyboard.press("Escape")
         assert not page.is_visible("#colours") and page.evaluate("document.activeElement.id") == "do-colour"
-        pictures[by] = seen(opened)
+        pictures[by] = opened.colours()
         page.keyboard.press("p")
     assert np.ptp(pictures["plain"], axis=-1).max() == 0
     for by in ("map", "address", "density"):
@@ -73,7 +64,7 @@ def test_other_colours_are_chosen_by_keys_alone(path, open_page, thrower):
     for _ in range(10):
         page.keyboard.press("ArrowRight")
     page.keyboard.press("Escape")
-    assert seen(opened).sum() != pictures["density"].sum()
+    assert opened.colours().sum() != pictures["density"].sum()
     opened.page.wait_for_timeout(500)
     assert "by=density" in page.url and "tone=2" in page.url
     assert not opened.said
@@ -81,24 +72,24 @@ def test_other_colours_are_chosen_by_keys_alone(path, open_page, thrower):
 
 def test_a_ground_of_ones_own_and_a_link_that_keeps_it(path, open_page):
     opened = open_page((480, 400), **COARSE).go(f"file://{path}#x=0&y=0&zoom=1&by=map&palette=fire&ground=204060")
-    assert seen(opened)[0, 0].tolist() == [0x20, 0x40, 0x60]
+    assert opened.colours()[0, 0].tolist() == [0x20, 0x40, 0x60]
     opened.page.keyboard.press("p")
     assert opened.page.input_value("#palette") == "fire" and opened.page.is_checked("#own-ground")
     opened.page.uncheck("#own-ground")
     opened.page.keyboard.press("Escape")
-    assert seen(opened)[0, 0].tolist() == [0, 0, 0]
+    assert opened.colours()[0, 0].tolist() == [0, 0, 0]
 
 
 def test_a_code_with_colours_stands_on_the_ground_that_they_were_found_on(tmp_path, open_page):
     found = replace(FERN, meta={"ground": "#fff8e7"})
     opened = open_page((900, 600), **COARSE).go(f"file://{found.save_html(tmp_path / 'found.html')}")
     page, ground = opened.page, [0xff, 0xf8, 0xe7]
-    assert seen(opened)[0, 0].tolist() == ground
+    assert opened.colours()[0, 0].tolist() == ground
     page.keyboard.press("p")
     page.select_option("#by", "plain")
     opened.drawn()
     page.keyboard.press("Escape")
-    assert seen(opened)[0, 0].tolist() == [0, 0, 0], "white ink would not be seen on it"
+    assert opened.colours()[0, 0].tolist() == [0, 0, 0], "white ink would not be seen on it"
     page.keyboard.press("e")
     page.keyboard.press("x")
     exported = json.loads(page.input_value("#out-text"))
@@ -112,7 +103,7 @@ def test_a_code_with_colours_stands_on_the_ground_that_they_were_found_on(tmp_pa
         page.select_option("#by", "own")
         page.keyboard.press("Escape")
         opened.drawn()
-        assert seen(opened)[0, 0].tolist() == expected, named
+        assert opened.colours()[0, 0].tolist() == expected, named
     assert not opened.said
 
 
@@ -121,7 +112,7 @@ def test_a_code_without_colours_offers_none_until_one_with_colours_is_imported(t
     opened = open_page((900, 600), **COARSE).go(f"file://{plain}")
     page = opened.page
     options = "Array.from(document.getElementById('by').options, (option) => option.value)"
-    assert "own" not in page.evaluate(options) and np.ptp(seen(opened), axis=-1).max() == 0
+    assert "own" not in page.evaluate(options) and np.ptp(opened.colours(), axis=-1).max() == 0
     page.keyboard.press("e")
     page.keyboard.press("o")
     page.fill("#in-text", FERN.save(tmp_path / "code.json").read_text())
@@ -129,7 +120,7 @@ def test_a_code_without_colours_offers_none_until_one_with_colours_is_imported(t
     page.wait_for_selector('html[data-state="drawing"]', state="attached")
     opened.drawn()
     assert "own" in page.evaluate(options) and page.input_value("#by") == "own"
-    assert np.ptp(seen(opened), axis=-1).max() > 60
+    assert np.ptp(opened.colours(), axis=-1).max() > 60
     page.keyboard.press("x")
     exported = IFS.from_json(json.loads(page.input_value("#out-text")))
     assert exported.colours.rgb.tolist() == FERN.colours.rgb.tolist()

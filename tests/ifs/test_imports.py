@@ -6,8 +6,8 @@ from functools import reduce
 import numpy as np
 import pytest
 import torch
+from flam3 import DRAWS, difference, drawn
 from format_files import flame, xform
-from test_flame import DRAWS, difference, drawn
 
 from fractal_exp import IFS, InputError, View, codes, render
 from fractal_exp.cli import convert

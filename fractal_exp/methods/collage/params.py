@@ -251,7 +251,8 @@ class StageParams(Params):
     independent_rounds: Count = 4
     """Maximum number of rounds on a binary image. Each begins from nothing. 0: rounds continue from each other."""
     avoid_isometries: bool = True
-    """Whether the first, third … round avoids near-isometries, in a picture that others drew and in a binary image."""
+    """Whether every other round avoids near-isometries: the first, third … of a picture that others drew and of a
+    binary image; the second, fourth … of another image, after a code with one."""
     largest_side: Annotated[int, Field(ge=64)] = 512
     """Maximum side, pixels, of the image that is searched. A larger one is shrunk."""
     full_side: Annotated[int, Field(ge=64)] = 1024

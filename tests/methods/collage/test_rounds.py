@@ -62,6 +62,22 @@ def test_the_stages_of_a_round_come_in_order(triangle):
     assert stages[-1].name == "rounding"
 
 
+def test_every_other_round_after_an_isometry_does_without(triangle):
+    code, image = triangle
+    right = affine.from_code(code)
+
+    def limits(maps, **options):
+        before = tied(maps, 1.0)
+        for number, stages in enumerate(plan_of(problem(image, rounds=4, **options)).rounds):
+            for stage in stages[:-1]:  # the last is judged by renderings, and has no such limit
+                stage.open(State(best=before, before=before if number else None, current=before))
+                yield stage.search.smaller_limit
+
+    assert list(limits(torch.cat([right, TURN]))) == 2 * [1, 1, 1, 0.9, 0.9, 0.9]
+    assert list(limits(right)) == 4 * [1, 1, 1]
+    assert list(limits(torch.cat([right, TURN]), stages={"avoid_isometries": False})) == 4 * [1, 1, 1]
+
+
 def test_a_search_without_isometries_finds_and_takes_none():
     """A turn of a square explains its measure as well as the identity does."""
     masses = torch.zeros(64, 64)

@@ -36,11 +36,12 @@ class MeasureStage(Stage):
 
     def _smaller_limit(self, state: State) -> float:
         """Upper limit of a map's smaller singular value. A symmetry of the shape explains its measure as well as the
-        identity does. So the first and third rounds avoid near-isometries in pictures that others drew, and in binary
-        images that may have several rounds; for other images the second one does, after a code with one."""
+        identity does. So every other round avoids near-isometries: the first and the third in pictures that others
+        drew, and in binary images that may have several rounds; the second in other images, after a code with one."""
         levels = self.problem.levels
-        may_mislead = not levels.is_exact or not levels.is_graded and self.problem.rounds > 1
-        avoided = self.round % 2 == 0 if may_mislead else state.before is not None and _has_isometry(state.before)
+        from_start = not levels.is_exact or not levels.is_graded and self.problem.rounds > 1
+        has_failed = state.before is not None and _has_isometry(state.before)
+        avoided = self.round % 2 == 0 if from_start else self.round % 2 == 1 and has_failed
         return CONTRACTION if self.params.stages.avoid_isometries and avoided else 1.0
 
 

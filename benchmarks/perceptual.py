@@ -28,7 +28,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from fractal_exp.methods.chaotic import losses
-from fractal_exp.ops.ssim import local_statistics, ssim
+from fractal_exp.methods.chaotic.ssim import local_statistics, ssim
 from fractal_exp.perceptual import distances as perceptual
 from fractal_exp.perceptual import fractal_features
 from fractal_exp.runtime import threads

@@ -16,9 +16,9 @@ import torch
 from torch import Tensor, nn
 
 from ...errors import InputError
-from ...ops.ssim import local_statistics, ssim
 from ...perceptual import distances as perceptual
 from .rendering import Rendering
+from .ssim import local_statistics, ssim
 
 SMALLEST_CONTRAST = 1 / 255  # below one grey level, stretching would only blow up noise
 
@@ -128,7 +128,7 @@ class MipMSE(Term):
 
 
 class DSSIM(Term):
-    """1 - SSIM (see `ops.ssim`): in [0,2], 0 for the target itself, whose window statistics are computed once. Raises
+    """1 - SSIM (see `ssim.ssim`): in [0,2], 0 for the target itself, whose window statistics are computed once. Raises
     `InputError` on images below 11 px a side."""
 
     def prepare(self, target: Tensor) -> Self:

@@ -11,7 +11,7 @@ from skimage.metrics import structural_similarity
 from fractal_exp.methods.chaotic import losses
 from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Moments, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic.rendering import Rendering
-from fractal_exp.ops.ssim import local_statistics, ssim
+from fractal_exp.methods.chaotic.ssim import local_statistics, ssim
 
 IMAGE_TERMS = {"mse": lambda: MipMSE(levels=1), "mip": MipMSE, "mip_stretch": lambda: MipMSE(stretch=True),
                "dssim": DSSIM, "moments": Moments}

@@ -1,4 +1,4 @@
-"""Structural similarity of images (Wang et al. 2004), differentiable."""
+"""The structural similarity (Wang et al. 2004) that fits minimise. Scores have kornia's."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from ..errors import InputError
+from ...errors import InputError
 
 RADIUS = 5  # an 11×11 window of sigma 1.5
 _TAPS = [math.exp(-((k / 1.5) ** 2) / 2) for k in range(-RADIUS, RADIUS + 1)]

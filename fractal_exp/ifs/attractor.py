@@ -61,7 +61,7 @@ def _sampled(code: IFS) -> np.ndarray:
 @lru_cache(maxsize=32)
 def _likely_box(code: IFS) -> tuple[np.ndarray, np.ndarray]:
     """The lower left and upper right corner (2,) of a box beyond which a code hardly has a point."""
-    x, y = _sampled(code).T  # numpy takes ten times as long for both columns at once
+    x, y = _sampled(code).T  # one column at a time: numpy is slow along the short side of both
     low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
     return (low + high - BEYOND * (high - low)) / 2, (low + high + BEYOND * (high - low)) / 2
 

@@ -2,8 +2,15 @@ import numpy as np
 import pytest
 import torch
 
-from fractal_exp import IFS, InputError
-from fractal_exp.ifs.attractor import bounding_disc, normalize, support_function, visible_box
+from fractal_exp import IFS, InputError, codes
+from fractal_exp.ifs.attractor import (
+    bounding_disc,
+    normalize,
+    random_letters,
+    random_points,
+    support_function,
+    visible_box,
+)
 
 
 def rows(*maps) -> IFS:
@@ -85,3 +92,17 @@ def test_the_visible_box_ends_where_the_last_likely_word_sends_the_mean():
     p = 0.002
     code = IFS(torch.eye(2).expand(2, 2, 2) / 2, torch.tensor([[0.0, 0], [0.5, 0]]), torch.tensor([1 - p, p]))
     np.testing.assert_allclose(visible_box(code)[2], 0.75 + p / 4, atol=1e-6)  # p is the mean of the measure
+
+
+def test_points_are_those_of_numpys_random_letters_step_by_step():
+    code = codes.known("fern")
+    chances, (linear, offset) = code.sampling_probabilities().double().numpy(), (
+        value.double().numpy() for value in (code.linear, code.offset))
+    letters = random_letters(code, 3000, seed=4)
+    expected = np.random.Generator(np.random.PCG64(4)).choice(len(code), letters.shape, p=chances / chances.sum())
+    assert np.array_equal(letters, expected)
+    points, maps = random_points(code, 3000, seed=4)
+    assert np.array_equal(maps, expected[-3:].ravel())
+    chosen = maps[1000:2000]  # of the second step of a thousand games
+    moved = np.einsum("kij,kj->ki", linear[chosen], points[:1000]) + offset[chosen]
+    assert np.allclose(moved, points[1000:2000], atol=1e-12)

@@ -27,7 +27,7 @@ from .paving import LARGEST
 SAMPLES = 1200          # of the measure that every map moves in a step
 MATRIX_RATE = 0.004     # of matrix entries at the first step, for Adam
 OFFSET_RATE = 0.0024    # of where the measure's mean goes, canvas units
-MASS_RATE = 0.01      # of the logarithms of the weights
+MASS_RATE = 0.02      # of the logarithms of the weights
 RATES_LEFT = 0.1        # share of the rates that is left at the last step
 MEMORY = 0.75           # of the drawing that is compared, a moving average over steps: less noise, but it lags behind
 OWN_FROM = 0.4          # share of the steps after which maps move points of their own measure

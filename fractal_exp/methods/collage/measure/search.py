@@ -158,8 +158,9 @@ class MeasureSearch:
     # -- starting -----------------------------------------------------------------------------------------------------
 
     def start(self) -> Candidate:
-        """The best mixture of random sets. Each set descends on the coarse grid. Then non-negative least squares
-        weights all their maps together, and leaves most weights at zero."""
+        """The best mixture of random sets. Each set descends on the coarse grid, without a map that stretches: one
+        explains much of any shape, and wrong sets grow around it. Then non-negative least squares weights all their
+        maps together, and leaves most weights at zero."""
         count, slack, g = START_SETS * START_MAPS, self.params.search.slack, generator(self.seed, "start")
         matrices = affine.random_matrices(count, *MEDIUM, LEAST_RATIO, g, reflections=self.params.births.reflections)
         place = self.coarse.samples.cpu()[torch.multinomial(self.coarse.samples[:, 2].cpu(), count, True,
@@ -168,7 +169,7 @@ class MeasureSearch:
         some = some.view(START_SETS, START_MAPS, 6).to(self.slack.device)
         weights = affine.volumes(some)
         weights = (1 - slack) * weights / weights.sum(1, keepdim=True)
-        pool, _, _ = descend(some, weights, self.coarse, self._descent(START),
+        pool, _, _ = descend(some, weights, self.coarse, replace(self._descent(START), largest=SMALLER),
                              backgrounds=slack * self.coarse.bins[None])
         return self._mixture(pool.view(-1, 6), self.coarse, START_MIXTURE)
 

@@ -3,8 +3,9 @@
     python -m benchmarks.darkness --record benchmarks/results/darkness.jsonl    minutes on two cores
 
 The first four fractals of the suite at 1024², 480 000 points, without LPIPS and without the regulariser: the squared
-error over mip levels with its weight plus D-SSIM, as written, stretched as released, and as written with maps played by
-their area and the target matched to the splats (`model.probabilities=area method.match_target=true`).
+error over mip levels with its weight plus D-SSIM. The levels are summed as written, stretched as released, or averaged
+as by `loss=full`; averaged also with maps played by their area and the target matched to the splats
+(`model.probabilities=area method.match_target=true`).
 """
 
 from __future__ import annotations
@@ -28,8 +29,11 @@ H200, H100 = record.RESULTS / "gpu_h200", record.RESULTS / "gpu_h100"
 FITS = {0: {"fit": H200 / "fit_of_the_papers_method" / "code.json",
             "fit, matched": H100 / "fit_with_match_target" / "code.json"},
         **{index: {"fit": H200 / "fits_of_the_papers_method" / f"{index}.json"} for index in (1, 2, 3)}}
-WAYS = {  # stretched levels, probabilities of the maps, and whether the target is matched
-    "as written": (False, "uniform", False), "stretched": (True, "uniform", False), "by area": (False, "area", True)}
+WAYS = {  # the term of mip levels and its weight, probabilities of the maps, and whether the target is matched
+    "as written": (MipMSE(summed=True), 10, "uniform", False),
+    "stretched": (MipMSE(stretch=True), 100 / 9, "uniform", False),  # the released mean is over nine of ten levels
+    "averaged": (MipMSE(), 10, "uniform", False),
+    "by area": (MipMSE(), 10, "area", True)}
 
 
 @torch.no_grad()
@@ -38,11 +42,10 @@ def objectives(index: int) -> dict[str, dict[str, float]]:
     target = SuiteFractal(index).load(SIDE)
     codes = {"truth": target.truth, **{name: IFS.load(path) for name, path in FITS[index].items()}}
     found: dict[str, dict[str, float]] = {}
-    for way, (stretch, probabilities, matched) in WAYS.items():
+    for way, (levels, weight, probabilities, matched) in WAYS.items():
         model = ForwardModel(SVD(), resolution=SIDE, probabilities=probabilities)
         image = model.match(target.image, SEED) if matched else target.image
-        weights = {"mse": 100 / 9 if stretch else 10, "ssim": 1}  # the released mean is over nine of ten levels
-        objective = WeightedSum(weights, {"mse": MipMSE(stretch=stretch), "ssim": DSSIM()}).prepare(image)
+        objective = WeightedSum({"mse": weight, "ssim": 1}, {"mse": levels, "ssim": DSSIM()}).prepare(image)
         drawn = {"black": torch.zeros_like(image), "white": torch.ones_like(image),
                  **{name: model(model.encode(code), SEED).image for name, code in codes.items() if code}}
         nothing = torch.zeros(1, 2)

@@ -84,10 +84,23 @@ def test_a_preset_is_the_same_method_at_every_scale(scale):
         assert preset["starts"] == 1 and preset["match_target"] is False
         assert preset["optimizer"]["annealing"]["sharpness"] == 10
     assert ours["starts"] == 10 and ours["match_target"] is True and ours["optimizer"]["annealing"]["sharpness"] == 1000
-    assert released["kept"] == 1 and released["result_after_step"] is True
-    same = {"laptop": ours, "paper": written}
-    if scale in same:
-        assert same[scale] == plain(f"scale={scale}")["method"], "what method=chaotic is at this scale"
+    assert released["kept"] == 1 and released["result"] == "after_step"
+    assert written["result"] == "last" and written["objective"]["terms"]["mse"]["summed"] is True
+    if scale == "laptop":
+        assert ours == plain("scale=laptop")["method"], "what method=chaotic is at this scale"
+
+
+def test_the_appendix_is_what_method_chaotic_leaves_out_at_the_scale_of_the_paper():
+    plainly, written = (plain("scale=paper", f"method={name}")["method"] for name in ("chaotic", "chaotic_written"))
+    written["optimizer"] |= {"common_random_numbers": True, "energy_before_step": False}
+    written["objective"]["terms"]["mse"]["summed"] = False
+    assert written | {"result": "best"} == plainly
+
+
+@pytest.mark.parametrize("name", ["written", "released"])
+def test_annealing_alone_draws_new_points_where_the_method_does(name):
+    assert plain(f"method=chaotic_{name}", "ablation=no_gradients")["optimizer"]["common_random_numbers"] is False
+    assert plain("method=chaotic", "ablation=no_gradients")["optimizer"]["common_random_numbers"] is True
 
 
 @pytest.mark.parametrize("scale", ["laptop", "paper"])

@@ -83,7 +83,7 @@ def test_every_ablation_is_there_and_is_what_the_page_says():
 def test_a_preset_sets_what_the_page_says_and_nothing_else():
     rows = dict(stated("sets"))
     written, released, ours = (rows[f"`chaotic_{name}`"] for name in ("written", "released", "ours"))
-    for name, sets in {"written": written, "released": written | released, "ours": ours}.items():
+    for name, sets in {"written": written, "released": released, "ours": ours}.items():
         for scale in ("laptop", "paper"):
             config = plain(f"scale={scale}", f"method=chaotic_{name}")
             for key, value in sets.items():
@@ -93,7 +93,7 @@ def test_a_preset_sets_what_the_page_says_and_nothing_else():
     changed = {leaf for group in groups for leaf in leaves(config, group) if not leaf.startswith(REPEATED)
                if OmegaConf.select(OmegaConf.create(config), leaf)
                != OmegaConf.select(OmegaConf.create(plainly), leaf)}
-    assert changed == set(released)
+    assert changed == {key for key in written | released if written.get(key) != released.get(key)}
 
 
 @pytest.mark.parametrize("path", SCALES, ids=lambda path: path.stem)

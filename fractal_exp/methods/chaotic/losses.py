@@ -54,8 +54,10 @@ def mse(image: Tensor, target: Tensor) -> Tensor:
     return (image - target).square().mean((-2, -1))
 
 
-def mip_mse(image: Tensor, target: Tensor, *, stretch: bool = False, levels: int | None = None) -> Tensor:
-    """Mean over mip levels of the mean squared error per pixel (…,) of images (…,R,R) (equation 5 of the paper).
+def mip_mse(image: Tensor, target: Tensor, *, stretch: bool = False, levels: int | None = None,
+            summed: bool = False) -> Tensor:
+    """Mean over mip levels of the mean squared error per pixel (…,) of images (…,R,R), or their sum (equation 5 of the
+    paper).
 
     Levels are 2×2 means, from R down to 2, or the first `levels` of them. `stretch`, as in the paper's program: from
     the second level on each image is stretched to [0,1] before the error is taken and before the next level; an image
@@ -64,10 +66,13 @@ def mip_mse(image: Tensor, target: Tensor, *, stretch: bool = False, levels: int
     """
     _check_pair(image, target)
     count = _mip_levels(image.shape, levels)
-    if not stretch:  # taking means is linear: one pyramid of the difference is enough
-        return reduce(add, (level.square().mean((-2, -1)) for level in mip_pyramid(image - target, count))) / count
-    pairs = zip(mip_pyramid(image, count, stretch=True), mip_pyramid(target, count, stretch=True), strict=True)
-    return reduce(add, ((a - b).square().mean((-2, -1)) for a, b in pairs)) / count
+    if stretch:
+        pairs = zip(mip_pyramid(image, count, stretch=True), mip_pyramid(target, count, stretch=True), strict=True)
+        differences = [a - b for a, b in pairs]
+    else:  # taking means is linear: one pyramid of the difference is enough
+        differences = mip_pyramid(image - target, count)
+    total = reduce(add, (each.square().mean((-2, -1)) for each in differences))
+    return total if summed else total / count
 
 
 def mip_pyramid(image: Tensor, levels: int, *, stretch: bool = False) -> list[Tensor]:
@@ -113,18 +118,18 @@ class MipMSE(Term):
     """`mip_mse` against the target. Raises `InputError` on levels < 1, and in `prepare` on a resolution that cannot be
     halved so often."""
 
-    def __init__(self, stretch: bool = False, levels: int | None = None):
+    def __init__(self, stretch: bool = False, levels: int | None = None, summed: bool = False):
         super().__init__()
         if levels is not None and levels < 1:
             raise InputError(f"the number of mip levels must be at least 1 (or none for all down to 2×2), got {levels}")
-        self.stretch, self.levels = stretch, levels
+        self.stretch, self.levels, self.summed = stretch, levels, summed
 
     def prepare(self, target: Tensor) -> Self:
         _mip_levels(target.shape, self.levels)
         return super().prepare(target)
 
     def forward(self, rendering: Rendering) -> Tensor:
-        return mip_mse(rendering.image, self.prepared, stretch=self.stretch, levels=self.levels)
+        return mip_mse(rendering.image, self.prepared, stretch=self.stretch, levels=self.levels, summed=self.summed)
 
 
 class DSSIM(Term):

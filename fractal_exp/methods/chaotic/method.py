@@ -33,10 +33,12 @@ from ..base import (
 )
 from .best_states import BestStates
 from .losses import DSSIM, MipMSE, Regularizer, WeightedSum, perceptual_term
-from .model import SVD, ForwardModel
+from .model import SVD, ForwardModel, Parameters
 from .optimizers import Alternating, Annealing, Optimizer
 from .problem import FitProblem
 from .readback import Numbers, Pending, steps_at_a_time
+
+RESULTS = "best", "after_step", "last"   # which state of a fit is its result
 
 
 class Kept(BaseModel):
@@ -66,11 +68,11 @@ class Chaotic(Method):
     annealing), and the run proper goes on from the best state that they met. The paper has one; with few maps, most
     single starts end in a poor local minimum, and a hundred iterations show which.
 
-    The result is the best state by total loss: the best `kept` contractive states seen are drawn again with
-    `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well.
-
-    result_after_step: keep the parameters that the step of a low loss led to, annealing included, in place of those
-    whose loss it is. The released program does so, with kept=1.
+    result: "best", the best state by total loss: the best `kept` contractive states seen are drawn again with
+    `rescoring_draws` fresh sets of points, since the loss that singled them out was a lucky draw as well; "after_step",
+    the same of the parameters that the step of a low loss led to, annealing included, in place of those whose loss it
+    is, as the released program does, with kept=1; "last", the parameters after the last step, as in the paper's
+    appendix.
 
     match_target: compare with the target as the model itself would draw it (`ForwardModel.match`), which the paper
     does not. radii: of the splats, in units of the model's, each for an equal part of the run; with some above 1 a fit
@@ -83,7 +85,7 @@ class Chaotic(Method):
     def __init__(self, model: ForwardModel, objective: WeightedSum, optimizer: Optimizer, *, iterations: int = 15_000,
                  seconds: float | None = None, seed: int = 0, starts: int = 1, scouting: int = 100, kept: int = 8,
                  rescoring_draws: int = 4, match_target: bool = False, previews: int = 20, device: str = "cpu",
-                 init: Method | None = None, radii: Sequence[float] = (1.0,), result_after_step: bool = False):
+                 init: Method | None = None, radii: Sequence[float] = (1.0,), result: str = "best"):
         counts = {"iterations": iterations, "starts": starts, "scouting": scouting, "kept": kept,
                   "rescoring_draws": rescoring_draws}
         for name, value in counts.items():
@@ -98,13 +100,15 @@ class Chaotic(Method):
             raise InputError(f"radii must be one or more numbers above 0, got {list(radii)}")
         if previews < 0:
             raise InputError(f"previews must be at least 0, got {previews}")
+        if result not in RESULTS:
+            raise InputError(f"result must be one of {', '.join(RESULTS)}, got {result!r}")
         check_seconds(seconds)
         self.model, self.objective, self.optimizer = model, objective, optimizer
         self.iterations, self.seconds, self.seed = iterations, seconds, seed
         self.scouted, self.scouting = (starts * scouting if starts > 1 else 0), scouting
         self.kept, self.rescoring_draws, self.previews = kept, rescoring_draws, previews
         self.match_target, self.device, self.init = match_target, check_device(device), init
-        self.radii, self.result_after_step = tuple(radii), result_after_step
+        self.radii, self.result = tuple(radii), result
 
     @full_precision()
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None,
@@ -137,7 +141,7 @@ class Chaotic(Method):
                            else (1 - fraction) * total / self.iterations)
             try:
                 step = self.optimizer.step(problem, iteration, temperature)
-                if self.result_after_step:
+                if self.result == "after_step":
                     step = replace(step, raw={name: raw.detach().clone() for name, raw in self.optimizer.raw.items()})
                 iteration += 1
                 elapsed = (time.monotonic() - start_time) / self.seconds if self.seconds else 0.0
@@ -154,13 +158,17 @@ class Chaotic(Method):
                     checkpoint.save(good)
                 raise
 
-        self._some(best.states)
-        with torch.no_grad():
-            raw = best.choose(lambda state, draw: float(problem.loss(state, derive(self.seed, "rescoring", draw))[0]),
-                              self.rescoring_draws)
+        raw = self.optimizer.raw if self.result == "last" else self._best(best, problem)
         is_cut = self.seconds and iteration < total
         stopped = time_is_up(Deadline(self.seconds)) if is_cut else f"all {total} iterations done"
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive(), stopped)
+
+    @torch.no_grad()
+    def _best(self, best: BestStates, problem: FitProblem) -> Parameters:
+        """The state of the lowest mean loss over new draws."""
+        self._some(best.states)
+        return best.choose(lambda state, draw: float(problem.loss(state, derive(self.seed, "rescoring", draw))[0]),
+                           self.rescoring_draws)
 
     def _radius(self, iteration: float) -> float:
         """Of the splats at this iteration, or where time has come as far as that."""

@@ -213,26 +213,33 @@ class Annealing:
 class AnnealingOnly(Optimizer):
     """One candidate an iteration, judged by the whole objective: w/o gradients.
 
-    The current state and the candidate are rendered with the same random numbers, together as a batch.
+    The current state and the candidate are rendered together as a batch. common_random_numbers: with the same start
+    points and map indices; otherwise each has its own.
     """
 
     scouting_temperature = 1.0
 
-    def __init__(self, *, annealing: Annealing | None = None):
-        self.annealing = annealing or Annealing()
+    def __init__(self, *, annealing: Annealing | None = None, common_random_numbers: bool = True):
+        self.annealing, self.common_random_numbers = annealing or Annealing(), common_random_numbers
 
     @torch.no_grad()
     def step(self, problem: FitProblem, iteration: int, temperature: float) -> Step:
         move = self.annealing.draw(self.raw, generator(self.seed, "annealing", iteration))
         candidate = self.annealing.propose(self.raw, problem.parameterization, temperature, move.noise)
         both = {name: torch.stack([value, candidate[name]]) for name, value in self.raw.items()}
-        loss, terms = problem.loss(both, derive(self.seed, "energy", iteration))
+        loss, terms = problem.loss(both, self._points(iteration))
         scored = Step(self._copy(), loss[0], {name: term[0] for name, term in terms.items()})
         accepted = self.annealing.accepts(float(loss[1] - loss[0]), temperature, move.u)
         if accepted:
             self._move_to(candidate)
             scored = Step(self._copy(), loss[1], {name: term[1] for name, term in terms.items()})
         return Step(scored.raw, scored.loss, scored.terms, accepted=float(accepted))
+
+    def _points(self, iteration: int) -> int | Tensor:
+        """The seed of both renderings of a step, or one (2,) of each."""
+        if self.common_random_numbers:
+            return derive(self.seed, "energy", iteration)
+        return torch.tensor([derive(self.seed, "energy", iteration, j) for j in range(2)])
 
 
 class Alternating(GradientDescent):
@@ -242,6 +249,8 @@ class Alternating(GradientDescent):
     are tried one after another, the centre moving with each accepted one, and Adam's moments are reset.
     common_random_numbers: render the current state and all candidates of a phase with the same start points and
     map indices, so that energies differ by the parameters alone; otherwise each render draws its own.
+    energy_before_step: candidates are compared with the image from before Adam's step, as in the paper's appendix, and
+    not with one of the state that they are proposed from.
     together: at most so many candidates are rendered as a batch (default: one on a CPU, any number on a GPU). Those
     that follow an accepted one are rendered again, from where the centre then is, so that the outcome is the same, to
     the rounding of energies. Not to waste many, a batch has one candidate after an accepted one, and twice as many as
@@ -249,8 +258,8 @@ class Alternating(GradientDescent):
     """
 
     def __init__(self, *, lr: float = 1e-2, every: int = 250, candidates: int = 10, until: float = 0.5,
-                 annealing: Annealing | None = None, common_random_numbers: bool = True, together: int | None = None,
-                 cuda_graph: bool = True):
+                 annealing: Annealing | None = None, common_random_numbers: bool = True,
+                 energy_before_step: bool = False, together: int | None = None, cuda_graph: bool = True):
         super().__init__(lr=lr, cuda_graph=cuda_graph)
         if every < 1 or candidates < 1 or not 0 <= until <= 1:
             raise InputError("expected every >= 1, candidates >= 1 and until in [0, 1], got "
@@ -259,7 +268,7 @@ class Alternating(GradientDescent):
             raise InputError(f"at least one candidate is rendered at a time, got together={together}")
         self.every, self.candidates, self.until, self.together = every, candidates, until, together
         self.annealing = annealing or Annealing()
-        self.common_random_numbers = common_random_numbers
+        self.common_random_numbers, self.energy_before_step = common_random_numbers, energy_before_step
 
     def step(self, problem: FitProblem, iteration: int, temperature: float) -> Step:
         step = super().step(problem, iteration, temperature)
@@ -276,6 +285,11 @@ class Alternating(GradientDescent):
         return moves, [derive(self.seed, "energy", iteration, 0 if self.common_random_numbers else j)
                        for j in range(self.candidates + 1)]
 
+    def _current_energy(self, problem: FitProblem, iteration: int, step: Step, seed: int) -> float:
+        if self.energy_before_step:
+            return float(problem.energy(step.raw, derive(self.seed, "gradient", iteration)))
+        return float(problem.energy(self.raw, seed))
+
     @property
     def at_a_time(self) -> int:
         """How many candidates are rendered as a batch, at most."""
@@ -285,7 +299,7 @@ class Alternating(GradientDescent):
     def _anneal(self, problem: FitProblem, iteration: int, temperature: float, step: Step) -> int:
         """A phase after `step`; how many candidates were accepted."""
         moves, seeds = self._draws(iteration)
-        energy, tried, accepted, together = float(problem.energy(self.raw, seeds[0])), 0, 0, 1
+        energy, tried, accepted, together = self._current_energy(problem, iteration, step, seeds[0]), 0, 0, 1
         while tried < self.candidates:
             ahead = moves[tried:tried + together]
             together = min(2 * together, self.at_a_time)

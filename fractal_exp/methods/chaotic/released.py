@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from ...errors import InputError
-from ...runtime.seeds import derive
 from .losses import Regularizer, condition
 from .model import SVD, Maps, Parameters
 from .optimizers import Alternating, Step
@@ -51,15 +50,14 @@ class MeanCondition(Regularizer):
 
 class FixedCentre(Alternating):
     """Alternating descent and annealing whose candidates are all proposed about the state before the phase. Each is
-    compared with the one accepted before it, the first with the image from before Adam's step; the last one accepted
-    is where the phase leads to."""
+    compared with the one accepted before it; the last one accepted is where the phase leads to."""
 
     @torch.no_grad()
     def _anneal(self, problem: FitProblem, iteration: int, temperature: float, step: Step) -> int:
         moves, seeds = self._draws(iteration)
         noise = {name: torch.stack([move.noise[name] for move in moves]) for name in self.raw}
         proposed = self.annealing.propose(self.raw, problem.parameterization, temperature, noise)
-        energy, accepted = float(problem.energy(step.raw, derive(self.seed, "gradient", iteration))), []
+        energy, accepted = self._current_energy(problem, iteration, step, seeds[0]), []
         for place in range(0, self.candidates, self.at_a_time):
             some = slice(place, place + self.at_a_time)
             energies = problem.energy({name: value[some] for name, value in proposed.items()},

@@ -59,6 +59,8 @@ def test_mip_mse_is_the_mean_over_levels_of_the_mean_squared_error():
     assert float(losses.mip_mse(torch.tensor(a), torch.tensor(b))) == pytest.approx(np.mean(expected), rel=1e-5)
     three = losses.mip_mse(torch.tensor(a), torch.tensor(b), levels=3)
     assert float(three) == pytest.approx(np.mean(expected[:3]), rel=1e-5)
+    summed = losses.mip_mse(torch.tensor(a), torch.tensor(b), levels=3, summed=True)
+    assert float(summed) == pytest.approx(np.sum(expected[:3]), rel=1e-5), "as in equation 5"
 
 
 def test_stretched_mip_mse_stretches_before_the_error_and_before_the_next_level():

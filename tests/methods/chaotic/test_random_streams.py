@@ -1,5 +1,7 @@
 """Random numbers of fits: new at every step, other ones for another seed and another parameter."""
 
+from functools import partial
+
 import pytest
 import torch
 
@@ -25,7 +27,7 @@ class Flat:
         self.loss_seeds, self.energy_seeds = [], []
 
     def loss(self, raw, seed):
-        self.loss_seeds.append(int(seed))
+        self.loss_seeds += torch.as_tensor(seed).flatten().tolist()
         total = 0 * sum(value.sum((-2, -1)) for value in raw.values())
         return total, {"flat": total}
 
@@ -72,8 +74,10 @@ def test_every_step_every_parameter_and_every_seed_has_random_numbers_of_its_own
     assert all(torch.equal(a, b) for a, b in zip(drawn(name, seed=1), drawn(name, seed=1), strict=True))
 
 
-@pytest.mark.parametrize("build", [GradientDescent, NoisyGradientDescent, AnnealingOnly])
-def test_every_iteration_and_every_seed_plays_other_points(build):
+@pytest.mark.parametrize(("build", "each"), [
+    (GradientDescent, 1), (NoisyGradientDescent, 1), (AnnealingOnly, 1),
+    (partial(AnnealingOnly, common_random_numbers=False), 2)], ids=["descent", "noisy", "annealing", "apart"])
+def test_every_iteration_and_every_seed_plays_other_points(build, each):
     seeds = set()
     for seed in (1, 2):
         optimizer, problem = build(), Flat()
@@ -81,7 +85,7 @@ def test_every_iteration_and_every_seed_plays_other_points(build):
         for i in range(5):
             optimizer.step(problem, i, 0.9)
         seeds |= set(problem.loss_seeds)
-    assert len(seeds) == 10
+    assert len(seeds) == 10 * each
 
 
 @pytest.mark.parametrize("common", [True, False])

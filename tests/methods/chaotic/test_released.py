@@ -9,7 +9,7 @@ from chaotic_helpers import fit, random
 from fractal_exp import InputError, codes
 from fractal_exp.methods.chaotic.losses import regularizer
 from fractal_exp.methods.chaotic.model import SVD, ForwardModel
-from fractal_exp.methods.chaotic.optimizers import Annealing
+from fractal_exp.methods.chaotic.optimizers import Alternating, Annealing
 from fractal_exp.methods.chaotic.released import QR, FixedCentre, MeanCondition, householder
 from fractal_exp.methods.chaotic.rendering import Rendering
 from fractal_exp.runtime.seeds import derive
@@ -94,7 +94,7 @@ class Told:
 def phase(*energies, together=None, sharpness=1000.0):
     """A phase of annealing after the first step; the optimiser, the problem and the parameters before that step."""
     optimizer, problem = FixedCentre(every=1, candidates=4, annealing=Annealing(sharpness=sharpness), together=together,
-                                     common_random_numbers=False), Told(*energies)
+                                     common_random_numbers=False, energy_before_step=True), Told(*energies)
     start = QR().initial(2, random())
     optimizer.start(start, 3)
     return optimizer, problem, start, optimizer.step(problem, 0, 1.0)
@@ -121,9 +121,35 @@ def test_nothing_moves_where_no_candidate_is_accepted():
     assert float((optimizer.raw["offset"].detach() - start["offset"]).abs().max()) < .0101, "but for Adam's step"
 
 
+@pytest.mark.parametrize("before", [True, False])
+def test_the_appendix_compares_the_first_candidate_with_the_image_from_before_the_step(before):
+    optimizer, problem = Alternating(every=1, candidates=1, energy_before_step=before,
+                                     common_random_numbers=False), Told(4.0, 5.0)
+    start = QR().initial(2, random())
+    optimizer.start(start, 3)
+    optimizer.step(problem, 0, 1.0)
+    (asked, seed), _ = problem.asked
+    assert torch.equal(asked["offset"], start["offset"]) == before
+    assert (seed == derive(3, "gradient", 0)) == before
+
+
+TARGET = ForwardModel(SVD(), resolution=32, maps=3, trajectories=400, length=60)
+
+
+def test_the_last_state_is_the_result_where_it_is_asked_for():
+    target = TARGET(SVD().initial(3, random(5)), 0)
+    method = fit(iterations=4, result="last")
+    found = method.reconstruct(target.image).code
+    expected = method.model.code(method.optimizer.raw, derive(0, "frame"))
+    assert torch.equal(found.linear, expected.linear)
+    assert not torch.equal(found.linear, fit(iterations=4).reconstruct(target.image).code.linear)
+    with pytest.raises(InputError, match="result must be one of best, after_step, last"):
+        fit(result="first")
+
+
 def test_the_result_is_what_the_best_step_led_to():
-    target = ForwardModel(SVD(), resolution=32, maps=3, trajectories=400, length=60)(SVD().initial(3, random(5)), 0)
-    scored, reached = (fit(iterations=1, kept=1, result_after_step=after) for after in (False, True))
+    target = TARGET(SVD().initial(3, random(5)), 0)
+    scored, reached = (fit(iterations=1, kept=1, result=result) for result in ("best", "after_step"))
     one, other = (method.reconstruct(target.image).code for method in (scored, reached))
     expected = reached.model.code(reached.optimizer.raw, derive(0, "frame"))
     assert torch.equal(other.linear, expected.linear) and not torch.equal(one.linear, other.linear)

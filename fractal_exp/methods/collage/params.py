@@ -35,8 +35,8 @@ class SearchParams(Params):
     """Large neighbourhood search (Shaw 1998) on the image's measure: stages 1 and 2."""
 
     restarts: Annotated[int, Field(ge=1, le=1000)] = 5
-    """Searches from random maps in the first round, and one more where `camera.grey_inside` says so. Later rounds may
-    have half as many."""
+    """Searches from random maps in the first round, and one more where `camera.curves` lets an image be a density.
+    Later rounds may have half as many."""
     mixture: bool = True
     """Whether non-negative least squares mix the maps of all restarts, and the search goes on from the mixture."""
     moves: Count = 50

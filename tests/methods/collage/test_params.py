@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 
 import fractal_exp.conf
+import fractal_exp.sweeps
 import pytest
 import yaml
 from collage_helpers import image_search, merged, small, tied
@@ -55,6 +56,13 @@ def test_leaving_a_part_out_changes_the_parameters_that_it_names_and_nothing_els
     different = {name for name in full if full[name] != changed[name]}
     assert different == {name for name in leaves(text)}
     assert changed["variant"] == ("full" if part == FULL else f"without_{part}")
+
+
+def test_the_ablation_leaves_out_every_part_that_its_targets_have():
+    text = (Path(next(iter(fractal_exp.sweeps.__path__))) / "collage_ablation.yaml").read_text()
+    others = set(re.findall("`(.+?)`", "".join(line for line in text.splitlines() if line.startswith("#"))))
+    tried = yaml.safe_load(text)["hydra"]["sweeper"]["params"]["without"].split(",")
+    assert others <= set(PARTS) and set(tried) == set(PARTS) - others
 
 
 # Through every stage, in as few moves as it takes.

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..evaluation.summary import METRICS, bootstrap_interval
 from ..runtime.files import parse_record
 from ..tracking.addresses import dashboard_line, database_path
-from .published import COLUMNS, TABLES
+from .published import AS_PUBLISHED, COLUMNS, TABLES
 
 MEASURED, TRIVIAL, PUBLISHED = "measured", "trivial", "published"
 # Metrics trivial/white_f1 … of a run -> row.
@@ -175,12 +175,14 @@ def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
     """Kendall's tau-b between the orders by F1 of the measured rows and of the published rows of the same names, its
     two-sided p, and the number of these rows; NaN for fewer than three.
 
-    table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree.
+    table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree. A row of
+    `AS_PUBLISHED` stands for the published one if none has its name.
     """
     if "f1" not in table:
         return np.nan, np.nan, 0
     ours, theirs = (table[(table["source"] == source) & table["f1"].notna()].set_index("row")["f1"]
                     for source in (MEASURED, PUBLISHED))
+    ours = ours.rename({mine: name for mine, name in AS_PUBLISHED.items() if name not in ours})
     common = ours.index.intersection(theirs.index)
     if len(common) < 3:
         return np.nan, np.nan, len(common)

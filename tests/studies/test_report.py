@@ -85,6 +85,18 @@ def test_trivial_and_published_rows_stand_apart_and_are_the_papers(sweep):
     assert published["finished"].isna().all() and published["f1_low"].isna().all()
 
 
+def test_the_released_method_stands_for_the_published_one_unless_a_row_has_its_name():
+    def order(scores):
+        return report.agreement(pd.DataFrame(
+            [{"row": row, "source": "measured", "f1": f1} for row, f1 in scores.items()]
+            + [{"row": row, "source": "published", "f1": f1}
+               for row, f1 in {"cuckoo": .1, "evolutionary": .2, "chaotic": .3}.items()]))
+
+    searches = {"cuckoo": .2, "evolutionary": .4}
+    assert order({**searches, "chaotic_released": .5, "chaotic_written": .1})[::2] == (pytest.approx(1), 3)
+    assert order({**searches, "chaotic_released": .5, "chaotic": .3})[0] == pytest.approx(1 / 3)
+
+
 def test_the_order_of_rows_is_held_against_the_published_one():
     def table(scores):
         return pd.DataFrame([{"row": row, "source": "measured", "f1": f1} for row, f1 in scores.items()]

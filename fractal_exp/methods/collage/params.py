@@ -235,7 +235,7 @@ class GrowthParams(Params):
     at_once: Annotated[int, Field(ge=2)] = 21
     """Number of maps asked for (`maps`, `bytes`) from which they are grown without a search."""
     steps: Steps = 2000
-    """Adam steps of all maps together, for 128 maps or more; fewer maps take fewer."""
+    """Adam steps of all maps together. A sketch at the start of a search takes half of them."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

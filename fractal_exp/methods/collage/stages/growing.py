@@ -19,9 +19,6 @@ from ..growth.paving import paving
 from ..state import Grown, WeightedMaps
 from .base import SearchProblem
 
-MANY = 128           # maps from which on all steps are taken
-LEAST_STEPS = 0.4    # share of the steps that a few maps take
-
 
 class Grower:
     """Sets of as many maps as asked for, that show the image of a search. on_the_way: the set that moves or moved
@@ -32,10 +29,9 @@ class Grower:
         self.on_the_way: Found | None = None
         self.target = Exposed.of(problem.image, problem.levels)
 
-    def grown(self, count: int, deadline: Deadline = NO_DEADLINE) -> Grown:
-        """`count` maps that have moved together."""
+    def grown(self, count: int, deadline: Deadline = NO_DEADLINE, share: float = 1.0) -> Grown:
+        """`count` maps that have moved together, for this share of the steps."""
         start = paving(self.target, count, derive(self.seed, "growth", count))
-        share = min(1.0, max(LEAST_STEPS, count / MANY))
         steps = math.ceil(share * self.problem.params.growth.steps)
         return self._shown(*descended(start, self.target, steps, derive(self.seed, "growth", count), deadline,
                                       self._note))

@@ -15,6 +15,7 @@ from .growing import Grower
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 GAIN = 0.01     # minimum gain in likeness for each doubling of the number of maps: many maps also fit noise
 TILES = 64      # number of maps that are grown first; if they are more like the picture, the search for few ends
+SKETCHED = 0.5      # share of the steps that a sketch takes, so that time is left for a search
 SKETCH_ENDS = 0.6   # share of the time limit at which a sketch ends, and from which the most maps are grown first
 
 
@@ -22,7 +23,7 @@ class Growth(Stage):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
     the grown sets. It is skipped if the search found the code."""
 
-    name = "growth"
+    name, share = "growth", 1.0
     is_last_word = True
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
@@ -67,7 +68,7 @@ class Growth(Stage):
 
     def move(self, state: State) -> State:
         is_late = self.problem.deadline.until(SKETCH_ENDS).passed  # no time is left for more than one
-        grown = self.grower.grown(self._missing(state)[-1 if is_late else 0], self.limit)
+        grown = self.grower.grown(self._missing(state)[-1 if is_late else 0], self.limit, self.share)
         return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def is_settled(self, state: State) -> bool:
@@ -136,7 +137,7 @@ class Growth(Stage):
 class Sketch(Growth):
     """Growth at the start of a search, for a picture that is grey inside: most such pictures are photographs."""
 
-    name = "sketch"
+    name, share = "sketch", SKETCHED
     is_last_word = False
 
     @staticmethod

@@ -85,10 +85,10 @@ def load(kind: str, weights: str | Path | None = None, input_range: str = "corre
 
     kind: one of `kinds()`. weights: for LPIPS a torchvision checkpoint or a bare `features` state dict of the backbone
     (.pth, or .safetensors); without it torch's cache is looked up ($TORCH_HOME/hub/checkpoints), then torchvision's
-    download tried. For "fractal" a file of its own format; without it the one in this package. input_range, of
-    LPIPS alone: "correct" maps [0,1] to the [-1,1] that it was trained with, "released" feeds [0,1] as it is, as the
-    paper's program does. Raises `WeightsUnavailable` if there are no weights to be had, and `InputError` on
-    an unknown kind or range and on a file that is missing, unreadable or of another network.
+    download tried. For "fractal" a file of its own format; without it the one in this package. input_range: of LPIPS,
+    "correct" maps [0,1] to the [-1,1] that it was trained with, "released" feeds [0,1] as it is, as the paper's program
+    does; "fractal" is fed with [0,1] in any case. Raises `WeightsUnavailable` if there are no weights to be had, and
+    `InputError` on an unknown kind or range and on a file that is missing, unreadable or of another network.
     """
     if kind not in LOADERS:
         raise InputError(f"there is no perceptual distance {kind!r}; choose one of {', '.join(kinds())}, or leave the "
@@ -217,10 +217,7 @@ _BACKBONES = (
 
 
 def _load_fractal(weights: str | Path | None, input_range: str) -> PerceptualDistance:
-    """LPIPS's construction on the network of `fractal_features`, which takes [0,1] as it is."""
-    if input_range != "correct":
-        raise InputError(f"input_range={input_range} is a choice of LPIPS alone; 'fractal' takes images in [0,1] as "
-                         "they are: leave it out")
+    """LPIPS's construction on the network of `fractal_features`, which takes [0,1] as it is, as `released` feeds it."""
     found = fractal_features.load(weights)
     found.layers.to(memory_format=torch.channels_last)
     return PerceptualDistance("fractal", found.layers, fractal_features.TAPS, list(found.channel_weights),

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from commands import said
 from configured import ABLATIONS
+from hydra.utils import instantiate
 from places import ROOT
 from processes import end_of, wait_for
 from sweeps_helpers import jobs_of, run, start, stored
@@ -48,6 +49,14 @@ def test_the_ablations_are_the_papers_rows_each_one_difference_from_the_full_met
         changed = {line.split(":")[0] for line in compare(full, job)} - {"variant"}
         assert changed
         assert all(any(key == named or key.startswith(f"{named}.") for named in ABLATIONS[name]) for key in changed)
+
+
+@pytest.mark.parametrize("name", ["written", "released"])
+def test_the_ablations_of_a_preset_can_all_be_built(name):
+    jobs = jobs_of("ablations", f"method=chaotic_{name}", "sweep.count=1", "target.index=0")
+    rows = {job["variant"]: instantiate(job["method"]) for job in jobs}
+    assert len(rows) == len(TABLES["ablations"].rows) and f"as_{name}" in rows
+    assert all(method.result != "best" for method in rows.values()), "what a row does not name stays"
 
 
 def test_the_comparison_holds_every_method_there_is():

@@ -30,7 +30,7 @@ FITS = {0: {"fit": H200 / "fit_of_the_papers_method" / "code.json",
             "fit, matched": H100 / "fit_with_match_target" / "code.json"},
         **{index: {"fit": H200 / "fits_of_the_papers_method" / f"{index}.json"} for index in (1, 2, 3)}}
 WAYS = {  # the term of mip levels and its weight, probabilities of the maps, and whether the target is matched
-    "as written": (MipMSE(summed=True), 10, "uniform", False),
+    "summed, as written": (MipMSE(summed=True), 10, "uniform", False),
     "stretched": (MipMSE(stretch=True), 100 / 9, "uniform", False),  # the released mean is over nine of ten levels
     "averaged": (MipMSE(), 10, "uniform", False),
     "by area": (MipMSE(), 10, "area", True)}

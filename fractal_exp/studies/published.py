@@ -14,8 +14,8 @@ AS_PUBLISHED = {"chaotic_released": "chaotic"}   # our row that does what the pu
 class PublishedTable:
     """A table of the paper: its source, and for each row the scores (in the order of COLUMNS) and any seconds.
 
-    A row has the name of our row with the same meaning. `chaotic` is the paper's method; where it was run in several
-    ways, that of `AS_PUBLISHED` stands for it.
+    A row has the name of our row with the same meaning. `chaotic` is the paper's method; where it was also run as in
+    `AS_PUBLISHED`, that row stands for it.
     """
 
     source: str

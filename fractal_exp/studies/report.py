@@ -176,13 +176,15 @@ def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
     two-sided p, and the number of these rows; NaN for fewer than three.
 
     table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree. A row of
-    `AS_PUBLISHED` stands for the published one if none has its name.
+    `AS_PUBLISHED` stands for the published one, also where a row has its name.
     """
     if "f1" not in table:
         return np.nan, np.nan, 0
     ours, theirs = (table[(table["source"] == source) & table["f1"].notna()].set_index("row")["f1"]
                     for source in (MEASURED, PUBLISHED))
-    ours = ours.rename({mine: name for mine, name in AS_PUBLISHED.items() if name not in ours})
+    for mine, name in AS_PUBLISHED.items():
+        if mine in ours:
+            ours = ours.drop(name, errors="ignore").rename({mine: name})
     common = ours.index.intersection(theirs.index)
     if len(common) < 3:
         return np.nan, np.nan, len(common)

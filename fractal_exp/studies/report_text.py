@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from .published import TABLES
+from .published import AS_PUBLISHED, TABLES
 from .report import MEASURED, PUBLISHED, TRIVIAL, Sweep, agreement, same_rows
 
 TITLES = {"f1": "F1", "iou": "IoU", "f1_frame": "F1, frame", "iou_frame": "IoU, frame", "psnr": "PSNR", "ssim": "SSIM",
@@ -105,8 +105,11 @@ def failures(sweep: Sweep) -> list[str]:
 def order_of_rows(table: pd.DataFrame) -> list[str]:
     """A line on how the order of the measured rows agrees with the published one, where that can be said."""
     tau, chance, rows = agreement(table)
+    measured = set(table.loc[table["source"] == MEASURED, "row"])
+    stand_in = "".join(f" {mine} stands for {name}." for mine, name in AS_PUBLISHED.items()
+                       if mine in measured)
     return [] if np.isnan(tau) else [f"Order of these {rows} rows by F1, against the published order: Kendall's tau "
-                                     f"{tau:.2f} (p = {chance:.2g})."]
+                                     f"{tau:.2f} (p = {chance:.2g}).{stand_in}"]
 
 
 def markdown(sweep: Sweep, table: pd.DataFrame) -> str:

@@ -44,7 +44,8 @@ def test_every_ablation_is_listed_here():
 
 @pytest.mark.parametrize("name", ABLATIONS)
 @pytest.mark.parametrize("words", [
-    (), ("method=chaotic_released",), pytest.param(("scale=paper",), marks=pytest.mark.slow)], ids=" ".join)
+    (), ("method=chaotic_released",), *(pytest.param((word,), marks=pytest.mark.slow)
+                                        for word in ("method=chaotic_written", "scale=paper"))], ids=" ".join)
 def test_an_ablation_differs_from_the_full_method_by_what_it_names_alone(name, words):
     full, ablated = plain(*words), plain(*words, f"ablation={name}")
     full.pop("method"), ablated.pop("method")  # repeats model, loss and optimizer

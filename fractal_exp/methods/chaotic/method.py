@@ -158,7 +158,7 @@ class Chaotic(Method):
                     checkpoint.save(good)
                 raise
 
-        raw = self.optimizer.raw if self.result == "last" else self._best(best, problem)
+        raw = self._last() if self.result == "last" else self._best(best, problem)
         is_cut = self.seconds and iteration < total
         stopped = time_is_up(Deadline(self.seconds)) if is_cut else f"all {total} iterations done"
         return CodeReconstruction(self.model.code(raw, derive(self.seed, "frame")).check_contractive(), stopped)
@@ -169,6 +169,11 @@ class Chaotic(Method):
         self._some(best.states)
         return best.choose(lambda state, draw: float(problem.loss(state, derive(self.seed, "rescoring", draw))[0]),
                            self.rescoring_draws)
+
+    def _last(self) -> Parameters:
+        """The state after the last step. Raises `FitDiverged` if its maps do not contract."""
+        raw = self.optimizer.raw
+        return self._some([raw] if bool(self.model.is_contractive(raw).all()) else [])[0]
 
     def _radius(self, iteration: float) -> float:
         """Of the splats at this iteration, or where time has come as far as that."""

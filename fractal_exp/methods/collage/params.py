@@ -235,7 +235,8 @@ class GrowthParams(Params):
     at_once: Annotated[int, Field(ge=2)] = 21
     """Number of maps asked for (`maps`, `bytes`) from which they are grown without a search."""
     steps: Steps = 2000
-    """Adam steps of all maps together. A sketch at the start of a search takes half of them."""
+    """Adam steps of all maps together. Maps that are grown before a search take half of them,
+    unless no more are asked for."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

@@ -138,6 +138,18 @@ def test_where_maps_are_grown_first_no_construction_is_looked_for():
         assert (Sketch in stages, Construction in stages) == (grown, not grown)
 
 
+@pytest.mark.parametrize(("asked", "share"), [({}, 0.5), ({"at_most": 70}, 0.5), ({"at_most": 64}, 1.0),
+                                              ({"maps": 10}, 1.0)])
+def test_a_sketch_takes_half_the_steps_unless_its_number_is_asked_for(asked, share, monkeypatch):
+    some, steps = stage(clouds(), **merged({"growth": {"steps": 40, "usual": 128}}, asked)), []
+    monkeypatch.setattr("fractal_exp.methods.collage.stages.growing.descended", lambda start, target, count, *_: (
+        steps.append(count), (start, 1.0))[1])
+    state = State(best=tied(BLOB))
+    for each in (Sketch(some.problem), Growth(some.problem)):
+        each.move(each.open(state))
+    assert steps[0] == 40 * share and set(steps[1:]) == {40}
+
+
 def test_what_a_sketch_has_grown_is_not_grown_again():
     some = stage(clouds(48), seconds=50, growth={"usual": 70, "steps": 1})
     few, many = (replace(some.grower.plain(count), likeness=0.5) for count in (64, 70))

@@ -4,7 +4,7 @@ import pytest
 import torch
 from collage_helpers import PARAMS
 
-from fractal_exp import IFS, invert, suite
+from fractal_exp import IFS, codes, invert, suite
 from fractal_exp.cameras.kinds import levels_of
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.image.jacobian import FromPoints
@@ -19,6 +19,15 @@ STRETCHING = IFS([[[0.2, 0.1], [-0.2, 0.3]], [[-0.2, -0.7], [-0.7, 0.1]], [[0.8,
 
 def maps_of(*matrices):
     return torch.tensor([[*matrix, 0.1 * i, -0.1 * i] for i, matrix in enumerate(matrices)])
+
+
+def test_no_map_stretches_in_the_random_sets_of_a_start(monkeypatch):
+    image = suite.target(codes.known("gosper_island"), 48)
+    search, pools = MeasureSearch(image, Regime.whole(PARAMS), PARAMS), []
+    monkeypatch.setattr(search, "_mixture", lambda pool, *_: pools.append(pool))
+    search.start()
+    [pool] = pools
+    assert search.largest == LARGEST and float(affine.largest_singular(pool).max()) <= SMALLER + 1e-4
 
 
 def test_maps_that_contract_in_any_way_stay():

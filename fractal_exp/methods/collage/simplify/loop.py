@@ -2,8 +2,8 @@
 
 A code is simpler if it has fewer maps, or more numbers that are simple. Each way to simpler codes is a function from a
 `Draft` to others, in a `Proposer` that says how they are polished. A new way is such a function, an entry where codes
-are `simplified`, a parameter that switches it off, and a test. A way that `repeats` proposes codes of fewer maps, or of
-more fixed entries, than the draft's, so that the loop ends.
+are `simplified`, a parameter that switches it off, with its file in `conf/without`, and a test. A way that `repeats`
+proposes codes of fewer maps, or of more fixed entries, than the draft's, so that the loop ends.
 """
 
 from __future__ import annotations

@@ -23,7 +23,8 @@ class Growth(Stage):
     """Each move grows one number of maps on the curve of likeness. At the end, the stage chooses between the found and
     the grown sets. It is skipped if the search found the code."""
 
-    name, share = "growth", 1.0
+    name = "growth"
+    share = 1.0   # of the steps that a set moves for
     is_last_word = True
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
@@ -137,7 +138,7 @@ class Growth(Stage):
 class Sketch(Growth):
     """Growth at the start of a search, for a picture that is grey inside: most such pictures are photographs."""
 
-    name, share = "sketch", SKETCHED
+    name = "sketch"
     is_last_word = False
 
     @staticmethod
@@ -148,6 +149,11 @@ class Sketch(Growth):
     def _counts(self) -> list[int]:
         """Those that `Promise` compares. The others are grown at the end, if the search finds no code."""
         return [min(TILES, super()._counts()[-1])]
+
+    @property
+    def share(self) -> float:
+        """All steps if the number is the one that is asked for: no later stage grows it again."""
+        return SKETCHED if self.counts[-1] < super()._counts()[-1] else 1.0
 
     @property
     def expected_moves(self) -> int:

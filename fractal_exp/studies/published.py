@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 COLUMNS = ("f1", "iou", "psnr", "ssim", "lpips")
+FULL = "full"   # the row of the method without an ablation
 AS_PUBLISHED = {"chaotic_released": "chaotic"}   # our row that does what the published one did, under another name
 
 

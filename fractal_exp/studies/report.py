@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..evaluation.summary import METRICS, bootstrap_interval
 from ..runtime.files import parse_record
 from ..tracking.addresses import dashboard_line, database_path
-from .published import AS_PUBLISHED, COLUMNS, TABLES
+from .published import AS_PUBLISHED, COLUMNS, FULL, TABLES
 
 MEASURED, TRIVIAL, PUBLISHED = "measured", "trivial", "published"
 # Metrics trivial/white_f1 … of a run -> row.
@@ -171,11 +171,12 @@ def _scores(jobs: pd.DataFrame, metrics: list[str], seed: int, prefix: str = "")
     return scores
 
 
-def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
+def agreement(table: pd.DataFrame, baseline: str | None = None) -> tuple[float, float, int]:
     """Kendall's tau-b between the orders by F1 of the measured rows and of the published rows of the same names, its
     two-sided p, and the number of these rows; NaN for fewer than three.
 
-    table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree. A row of
+    table: of `summary`. Scores of different views may be far apart, while the order of rows can still agree. baseline:
+    the row of the full method, as_released for one, whose ablations are then as_released+no_mip and the like. A row of
     `AS_PUBLISHED` stands for the published one, also where a row has its name.
     """
     if "f1" not in table:
@@ -185,6 +186,8 @@ def agreement(table: pd.DataFrame) -> tuple[float, float, int]:
     for mine, name in AS_PUBLISHED.items():
         if mine in ours:
             ours = ours.drop(name, errors="ignore").rename({mine: name})
+    if baseline:
+        ours = ours.rename(lambda row: FULL if row == baseline else row.removeprefix(f"{baseline}+"))
     common = ours.index.intersection(theirs.index)
     if len(common) < 3:
         return np.nan, np.nan, len(common)

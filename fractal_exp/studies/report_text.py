@@ -102,9 +102,9 @@ def failures(sweep: Sweep) -> list[str]:
             for line in lost.itertuples()]
 
 
-def order_of_rows(table: pd.DataFrame) -> list[str]:
+def order_of_rows(table: pd.DataFrame, baseline: str | None = None) -> list[str]:
     """A line on how the order of the measured rows agrees with the published one, where that can be said."""
-    tau, chance, rows = agreement(table)
+    tau, chance, rows = agreement(table, baseline)
     measured = set(table.loc[table["source"] == MEASURED, "row"])
     stand_in = "".join(f" {mine} stands for {name}." for mine, name in AS_PUBLISHED.items()
                        if mine in measured)
@@ -121,7 +121,7 @@ def markdown(sweep: Sweep, table: pd.DataFrame) -> str:
                   for line in (head, ["-" * width for width in widths], *rows)]
         blocks += [f"{caption[:1].upper()}{caption[1:]}:", "\n".join(f"| {' | '.join(line)} |" for line in padded)]
     blocks += [f"The same results, number for number: {', '.join(rows)}." for rows in same_rows(sweep)]
-    blocks += order_of_rows(table)
+    blocks += order_of_rows(table, sweep.baseline)
     if lost := failures(sweep):
         blocks.append("Not finished:\n\n" + "\n".join(f"- {line}" for line in lost))
     return "\n\n".join(blocks) + "\n"
@@ -143,7 +143,7 @@ def latex(sweep: Sweep, table: pd.DataFrame) -> str:
         for row in rows:
             known = dict(zip(head, row, strict=True))
             lines.append(" & ".join(_escape(known.get(title, "")) for title in heads) + r" \\")
-    for said in order_of_rows(table):
+    for said in order_of_rows(table, sweep.baseline):
         lines.append(rf"\midrule \multicolumn{{{len(heads)}}}{{l}}{{\footnotesize {_escape(said)}}} \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", r"\end{table}", ""])
 

@@ -22,6 +22,7 @@ from fractal_exp.cli import sweep as command
 from fractal_exp.cli.jobs import job_name
 from fractal_exp.images import samples, write_image
 from fractal_exp.runtime.checkpoint import compare
+from fractal_exp.studies import report
 from fractal_exp.studies.published import TABLES
 from fractal_exp.tracking.store import is_alive
 
@@ -57,6 +58,15 @@ def test_the_ablations_of_a_preset_can_all_be_built(name):
     rows = {job["variant"]: instantiate(job["method"]) for job in jobs}
     assert len(rows) == len(TABLES["ablations"].rows) and f"as_{name}" in rows
     assert all(method.result != "best" for method in rows.values()), "what a row does not name stays"
+
+
+def test_the_ablations_of_a_preset_are_compared_with_it(tmp_path):
+    status, printed = run(tmp_path, "ablations", "method=chaotic_released", "ablation=none,no_ssim", "sweep.count=2")
+    assert status == 0, printed
+    sweep, _ = stored(tmp_path, "ablations")
+    assert sweep.baseline == "as_released"
+    table = report.summary(sweep).set_index("row")
+    assert table.loc["as_released+no_ssim", "compared"] == 2
 
 
 def test_the_comparison_holds_every_method_there_is():

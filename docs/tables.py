@@ -22,6 +22,7 @@ from .cells import Rows, frame, interval, lines_of, percent, share, short
 ROOT = Path(__file__).parents[1]
 RESULTS, PARTS = ROOT / "benchmarks" / "results", ROOT / "conf" / "without"
 FULL = "nothing"                   # the name of the whole method among the parts
+FEW = 5                            # paired differences of which an interval says nothing
 
 VIEWS = {("attractor", "bbox"): "own box", ("attractor", "none"): "input", ("released", "bbox"): "own box"}
 DRAWN = {"result": "the code", "truth, drawn anew": "the truth, rendered with other points", "all white": "all white",
@@ -98,9 +99,9 @@ def leaves(node: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 def ablation(*folders: Path) -> tuple[list[str], Rows]:
     """A row for each part that was left out, a column for each kind of pictures: the paired difference of F1 with its
     95% interval, in bold if that lacks zero, and the change in the number of recovered codes."""
-    fits = pd.concat([frame(folder) for folder in folders], ignore_index=True)
-    for old, name in {"fractal": "target", "f1_box": "f1", "exact": "recovered"}.items():
-        fits = fits.rename(columns={old: name}) if name not in fits else fits
+    older = {"fractal": "target", "f1_box": "f1", "exact": "recovered"}   # names in earlier records
+    fits = pd.concat([each.rename(columns={old: name for old, name in older.items() if name not in each})
+                      for each in map(frame, folders)], ignore_index=True)
     fits["target"] = fits["target"].astype(str)
     kinds = list(dict.fromkeys(fits["set"]))
     whole = fits[fits["without"] == FULL].set_index(["set", "target"])
@@ -135,7 +136,8 @@ def _difference(without: pd.DataFrame, whole: pd.DataFrame) -> str:
     both = without.index.intersection(whole.index)
     if both.empty:
         return ""
-    change = _mean_change(without.loc[both, "f1"] - whole.loc[both, "f1"])
+    changes = without.loc[both, "f1"] - whole.loc[both, "f1"]
+    change = short(changes.mean(), sign="+") if len(both) < FEW else _mean_change(changes)
     gained = int(without.loc[both, "recovered"].sum() - whole.loc[both, "recovered"].sum())
     return f"{change}<br>{short(gained, 0, '+') if gained else '±0'}"
 

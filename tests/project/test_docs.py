@@ -123,14 +123,14 @@ def test_every_table_of_results_is_made_from_files_that_are_there(page, asked):
 
 def test_a_table_of_results_states_what_its_files_hold(tmp_path, monkeypatch):
     monkeypatch.setattr(results, "RESULTS", tmp_path)
-    fits = [{"set": kind, "without": part, "target": k, "f1": 0.9 - 0.1 * (part != "nothing") * (kind == "grey"),
-             "recovered": part == "nothing" or k < 2} for kind in ("grey", "trees") for part in ("nothing", "roots")
-            for k in range(3)]
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "codes.jsonl").write_text("\n".join(map(json.dumps, fits)))
-    assert hooks.on_page_markdown("[table: ablation parts]").splitlines()[2:] == [
-        "| nothing | .900<br>3 of 3 | .900<br>3 of 3 |", "| `roots` | **−.100** [−.100, −.100]<br>−1 | +.000 [+.000, "
-        "+.000]<br>−1 |"]
+    for folder, f1, recovered, count in (("older", "f1_box", "exact", 5), ("parts", "f1", "recovered", 3)):
+        fits = [{"set": folder, "without": part, "target": k, f1: 0.9 - 0.1 * (part != "nothing"),
+                 recovered: part == "nothing" or k < 2} for part in ("nothing", "roots") for k in range(count)]
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "codes.jsonl").write_text("\n".join(map(json.dumps, fits)))
+    assert hooks.on_page_markdown("[table: ablation older parts]").splitlines()[2:] == [
+        "| nothing | .900<br>5 of 5 | .900<br>3 of 3 |",
+        "| `roots` | **−.100** [−.100, −.100]<br>−3 | −.100<br>−1 |"], "three differences have no interval"
     rows = {"full": (.6, .7), "no_mip": (.4, .5)}
     (tmp_path / "paper").mkdir()
     (tmp_path / "paper" / "fits.jsonl").write_text("\n".join(json.dumps(

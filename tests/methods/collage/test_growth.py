@@ -138,16 +138,19 @@ def test_where_maps_are_grown_first_no_construction_is_looked_for():
         assert (Sketch in stages, Construction in stages) == (grown, not grown)
 
 
-@pytest.mark.parametrize(("asked", "share"), [({}, 0.5), ({"at_most": 70}, 0.5), ({"at_most": 64}, 1.0),
-                                              ({"maps": 10}, 1.0)])
-def test_a_sketch_takes_half_the_steps_unless_its_number_is_asked_for(asked, share, monkeypatch):
-    some, steps = stage(clouds(), **merged({"growth": {"steps": 40, "usual": 128}}, asked)), []
-    monkeypatch.setattr("fractal_exp.methods.collage.stages.growing.descended", lambda start, target, count, *_: (
-        steps.append(count), (start, 1.0))[1])
-    state = State(best=tied(BLOB))
-    for each in (Sketch(some.problem), Growth(some.problem)):
-        each.move(each.open(state))
-    assert steps[0] == 40 * share and set(steps[1:]) == {40}
+@pytest.mark.parametrize(("asked", "first", "shares"), [
+    ({}, {64: 0.5}, {16: 0.5, 64: 0.5, 128: 1.0}), ({"at_most": 64}, {64: 1.0}, {16: 0.5, 64: 1.0}),
+    ({"maps": 10}, {10: 1.0}, {10: 1.0}), ({"likeness": 0.999}, {64: 1.0}, {16: 1.0, 64: 1.0, 128: 1.0, 256: 1.0})])
+def test_what_is_returned_takes_all_steps_and_smaller_numbers_half(asked, first, shares, monkeypatch):
+    some, taken = stage(clouds(), growth={"counts": (16, 64, 128, 256), "usual": 128}, **asked), {}
+    monkeypatch.setattr(Grower, "grown", lambda self, count, deadline, share: taken.update({count: share}) or Grown(
+        torch.zeros(count, 6), None, 0.5, None))
+    for each, wanted in ((Sketch, first), (Growth, shares)):
+        taken.clear()
+        state = State(best=tied(BLOB), current=tied(BLOB))
+        while each(some.problem)._missing(state):
+            state = each(some.problem).move(state)
+        assert taken == wanted
 
 
 def test_what_a_sketch_has_grown_is_not_grown_again():

@@ -15,7 +15,7 @@ from .growing import Grower
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 GAIN = 0.01     # minimum gain in likeness for each doubling of the number of maps: many maps also fit noise
 TILES = 64      # number of maps that are grown first; if they are more like the picture, the search for few ends
-SKETCHED = 0.5      # share of the steps that a sketch takes, so that time is left for a search
+HURRIED = 0.5   # share of the steps that a number of maps takes which is not the one to return
 SKETCH_ENDS = 0.6   # share of the time limit at which a sketch ends, and from which the most maps are grown first
 
 
@@ -24,7 +24,6 @@ class Growth(Stage):
     the grown sets. It is skipped if the search found the code."""
 
     name = "growth"
-    share = 1.0   # of the steps that a set moves for
     is_last_word = True
 
     def __init__(self, problem: SearchProblem, number: int = 0, restart: float = 0):
@@ -34,10 +33,14 @@ class Growth(Stage):
 
     def _counts(self) -> list[int]:
         """The numbers of maps on the curve. Under a short time limit, it has one point alone."""
-        params, growth = self.params, self.params.growth
-        last = params.maps or params.most_maps or (max(growth.counts) if params.likeness else growth.usual)
         hurried = (self.problem.deadline.seconds or USUAL) < USUAL
-        return [*([] if hurried else [count for count in growth.counts if count < last]), last]
+        return [*([] if hurried else [each for each in self.params.growth.counts if each < self._last]), self._last]
+
+    @property
+    def _last(self) -> int:
+        """The largest number of maps: what is asked for, or the usual one."""
+        params, growth = self.params, self.params.growth
+        return params.maps or params.most_maps or (max(growth.counts) if params.likeness else growth.usual)
 
     @property
     def expected_moves(self) -> int:
@@ -69,7 +72,8 @@ class Growth(Stage):
 
     def move(self, state: State) -> State:
         is_late = self.problem.deadline.until(SKETCH_ENDS).passed  # no time is left for more than one
-        grown = self.grower.grown(self._missing(state)[-1 if is_late else 0], self.limit, self.share)
+        count = self._missing(state)[-1 if is_late else 0]
+        grown = self.grower.grown(count, self.limit, 1.0 if count == self._last or self.params.likeness else HURRIED)
         return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def is_settled(self, state: State) -> bool:
@@ -148,12 +152,7 @@ class Sketch(Growth):
 
     def _counts(self) -> list[int]:
         """Those that `Promise` compares. The others are grown at the end, if the search finds no code."""
-        return [min(TILES, super()._counts()[-1])]
-
-    @property
-    def share(self) -> float:
-        """All steps if the number is the one that is asked for: no later stage grows it again."""
-        return SKETCHED if self.counts[-1] < super()._counts()[-1] else 1.0
+        return [min(TILES, self._last)]
 
     @property
     def expected_moves(self) -> int:

@@ -106,8 +106,7 @@ def order_of_rows(table: pd.DataFrame, baseline: str | None = None) -> list[str]
     """A line on how the order of the measured rows agrees with the published one, where that can be said."""
     tau, chance, rows = agreement(table, baseline)
     measured = set(table.loc[table["source"] == MEASURED, "row"])
-    stand_in = "".join(f" {mine} stands for {name}." for mine, name in AS_PUBLISHED.items()
-                       if mine in measured)
+    stand_in = "".join(f" {mine} stands for {name}." for mine, name in AS_PUBLISHED.items() if mine in measured)
     return [] if np.isnan(tau) else [f"Order of these {rows} rows by F1, against the published order: Kendall's tau "
                                      f"{tau:.2f} (p = {chance:.2g}).{stand_in}"]
 

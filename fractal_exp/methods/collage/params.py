@@ -235,8 +235,8 @@ class GrowthParams(Params):
     at_once: Annotated[int, Field(ge=2)] = 21
     """Number of maps asked for (`maps`, `bytes`) from which they are grown without a search."""
     steps: Steps = 2000
-    """Adam steps of all maps together. Numbers of maps below the one to return take half of them, unless a likeness is
-    asked for."""
+    """Adam steps of all maps together. Smaller numbers of maps, grown beside the one that is asked for, take half of
+    them, unless a likeness is asked for."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

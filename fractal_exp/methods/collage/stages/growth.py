@@ -15,7 +15,7 @@ from .growing import Grower
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
 GAIN = 0.01     # minimum gain in likeness for each doubling of the number of maps: many maps also fit noise
 TILES = 64      # number of maps that are grown first; if they are more like the picture, the search for few ends
-HURRIED = 0.5   # share of the steps that a number of maps takes which is not the one to return
+SHORTENED = 0.5   # share of the steps that smaller numbers of maps take, beside the one that is asked for
 SKETCH_ENDS = 0.6   # share of the time limit at which a sketch ends, and from which the most maps are grown first
 
 
@@ -73,7 +73,7 @@ class Growth(Stage):
     def move(self, state: State) -> State:
         is_late = self.problem.deadline.until(SKETCH_ENDS).passed  # no time is left for more than one
         count = self._missing(state)[-1 if is_late else 0]
-        grown = self.grower.grown(count, self.limit, 1.0 if count == self._last or self.params.likeness else HURRIED)
+        grown = self.grower.grown(count, self.limit, 1.0 if count == self._last or self.params.likeness else SHORTENED)
         return replace(state.moved(grown.candidate), curve=(*state.curve, grown))
 
     def is_settled(self, state: State) -> bool:

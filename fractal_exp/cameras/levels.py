@@ -14,6 +14,7 @@ from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 from ..ifs.code import IFS
 from ..images.known import Known
 from ..ops import cuda_launch
+from ..rendering.curve import Curve
 from .camera import KNOWN, LENGTHS, Camera
 from .params import CameraParams
 
@@ -88,6 +89,11 @@ class Levels(ABC):
     def lit_above(self) -> float:
         """The grey level above which a pixel belongs to the shape."""
         return THRESHOLD
+
+    @property
+    def curve(self) -> Curve:
+        """The tone curve, by which grey levels follow masses."""
+        return Curve(linear=self.is_linear)
 
     @property
     def pen(self) -> float:
@@ -190,14 +196,14 @@ class Density(Levels):
         return self.hits(image)
 
     def hits(self, image: Tensor) -> Tensor:
-        """-log(1 - I): the expected number of points in a subpixel that is hit with probability I."""
-        return -(1 - image.clamp(max=1 - UNLIT / self.supersample**2)).log()
+        """The expected number of points in a subpixel: -log(1 - I) if it is hit with probability I."""
+        return self.curve.mass(image, 1 - UNLIT / self.supersample**2)
 
     def unlit(self, grey: Tensor, around: Tensor) -> Tensor:
         return 1 - grey
 
     def shrunk(self, image: Tensor, size: int) -> Tensor:
-        return 1 - (-mean_of(self.hits(image), size)).exp()
+        return self.curve.grey(mean_of(self.hits(image), size))
 
 
 class Coverage(Levels):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
 from ..ifs.code import IFS
+from ..rendering.curve import Curve
 from .blur import blurred
 from .camera import Camera
 from .grain import LARGEST, grain
@@ -101,18 +103,13 @@ class Drawn(Coverage):
                                          independent))
 
 
-class Dots(Density):
-    """A scatter plot: each point is a dot of unknown width and opacity. Grey levels are I = 1 - exp(-gain · density),
-    with the density relative to a uniform one on the canvas. The blur is the standard deviation of a dot's Gaussian."""
+class ExposedDensity(Density):
+    """A density of unknown exposure: grey levels are I = 1 - exp(-gain · density), with the density relative to a
+    uniform one on the canvas, and then as the tone curve has it. The blur is that of each point, the standard deviation
+    of a Gaussian."""
 
-    kind = "dots"
     is_exact = False
-    is_grainy = True
-    values = "gain", "blur"
-
-    def measure(self, image: Tensor) -> Tensor:
-        """The hits by the grey around each pixel, because a single dot may fill a pixel."""
-        return self.hits(blurred(image, DOT_WINDOW_PX))
+    blurs_px: ClassVar[Sequence[float]] = BLURS_PX   # that are tried
 
     @property
     def lit_above(self) -> float:
@@ -126,9 +123,39 @@ class Dots(Density):
     def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
         camera = self.camera
         if not camera.is_known:
-            return super().render(code, resolution, seed, independent=independent)
+            return self.curve.displayed(super().render(code, resolution, seed, independent=independent))
         sigma = (camera.blur or 0.0) * resolution * DOT_SUPERSAMPLE / 2
-        return self.toned(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
+        ink = self.inked(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
+        return self.curve.displayed(ink)
+
+    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
+        """Pairs of a camera and the ink (R,R) of the code with it, before the tone curve."""
+        params, pixel = self.params, 2 / resolution
+        density = self._density(code, resolution, seed, False)
+        for sigma in given(params.blur_px, self.blurs_px):
+            spread = blurred(density, sigma * DOT_SUPERSAMPLE)
+            for gain in given(params.gain, GAINS):
+                yield Camera(self.kind, gain=gain, blur=sigma * pixel), self.inked(spread, gain)
+
+    def _density(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
+        return self.occupied(code, resolution * DOT_SUPERSAMPLE, 1, self.points(resolution), seed, independent,
+                             "density")
+
+    def inked(self, density: Tensor, gain: float) -> Tensor:
+        """The share of ink in [0,1] of pixels (R,R), from a density (2R,2R)."""
+        return avg_pool2d(Curve().grey(gain * density)[None], DOT_SUPERSAMPLE)[0]
+
+
+class Dots(ExposedDensity):
+    """A scatter plot: each point is a dot of unknown width and opacity."""
+
+    kind = "dots"
+    is_grainy = True
+    values = "gain", "blur"
+
+    def measure(self, image: Tensor) -> Tensor:
+        """The hits by the grey around each pixel, because a single dot may fill a pixel."""
+        return self.hits(blurred(image, DOT_WINDOW_PX))
 
     def plotted(self, code: IFS, resolution: int, seed: int) -> Tensor:
         drawing = self.render(code, resolution, seed)
@@ -137,39 +164,17 @@ class Dots(Density):
         shown = 1.0 if self.known is None else self.known.mask(resolution).to(drawing)
         area = min(max(grain(self.image.to(drawing) * shown, drawing * shown, PLOTTED_PX), LEAST_DOT), LARGEST)
         count = float(self.hits(drawing).sum()) / (1 - math.exp(-area))
-        return 1 - (-area * counted(code, resolution, count, seed, self.camera.blur or 0.0)).exp()
-
-    def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
-        """Pairs of a camera and the rendering (R,R) of the code with it."""
-        params, pixel = self.params, 2 / resolution
-        density = self._density(code, resolution, seed, False)
-        for sigma in given(params.blur_px, self.blurs_px):
-            spread = blurred(density, sigma * DOT_SUPERSAMPLE)
-            for gain in given(params.gain, GAINS):
-                yield Camera(self.kind, gain=gain, blur=sigma * pixel), self.toned(spread, gain)
-
-    @property
-    def blurs_px(self) -> Sequence[float]:
-        """Blurs that are tried, pixels."""
-        return BLURS_PX
-
-    def _density(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
-        return self.occupied(code, resolution * DOT_SUPERSAMPLE, 1, self.points(resolution), seed, independent,
-                             "density")
-
-    def toned(self, density: Tensor, gain: float) -> Tensor:
-        """Grey levels (R,R) of a density (2R,2R)."""
-        return avg_pool2d((1 - (-gain * density).exp())[None], DOT_SUPERSAMPLE)[0]
+        return self.curve.grey(area * counted(code, resolution, count, seed, self.camera.blur or 0.0))
 
 
-class ToneMapped(Dots):
-    """A density seen through a tone curve, as flame renderers and plots of logarithmic counts show it. Grey levels are
-    I = (1 - exp(-gain · density))^(1 / gamma), which with both numbers free is close to a logarithm too."""
+class ToneMapped(ExposedDensity):
+    """A density seen through a tone curve, as flame renderers and plots of logarithmic counts show it. With gain and
+    gamma free, the curve is close to a logarithm too."""
 
     kind = "tonemapped"
     is_curved = True
-    is_grainy = False
     values = "gain", "gamma", "blur"
+    blurs_px = CURVED_BLURS_PX
 
     @classmethod
     def is_worth_trying(cls, angles: Mapping[str, float]) -> bool:
@@ -177,28 +182,9 @@ class ToneMapped(Dots):
         return angles.get(Dots.kind, 0.0) <= CURVED_FROM * angles.get(Drawn.kind, math.inf)
 
     @property
-    def gamma(self) -> float:
-        """The gamma that is known, or a usual one."""
-        return self.camera.gamma or self.params.gamma or USUAL_GAMMA
-
-    @property
-    def blurs_px(self) -> Sequence[float]:
-        return CURVED_BLURS_PX
-
-    def plotted(self, code: IFS, resolution: int, seed: int) -> Tensor:
-        return self.noisy(code, resolution, seed)
-
-    def render(self, code: IFS, resolution: int, seed: int, *, independent: bool = False) -> Tensor:
-        return curved(super().render(code, resolution, seed, independent=independent), self.gamma)
-
-    def measure(self, image: Tensor) -> Tensor:
-        return self.hits(image)
-
-    def hits(self, image: Tensor) -> Tensor:
-        return super().hits(image.clamp_min(0) ** self.gamma)
-
-    def shrunk(self, image: Tensor, size: int) -> Tensor:
-        return curved(super().shrunk(image, size), self.gamma)
+    def curve(self) -> Curve:
+        """With the gamma that is known, or a usual one."""
+        return Curve(self.camera.gamma or self.params.gamma or USUAL_GAMMA)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
         """The camera whose rendering (R,R) has the histogram most like the image's, with this rendering. A map
@@ -206,12 +192,13 @@ class ToneMapped(Dots):
         wanted, gammas = self._levels_of(self.picture.cpu()), given(self.params.gamma, GAMMAS)
         shown = 1.0 if self.known is None else self.known.mask(resolution).float()
         found, least = [], math.inf
-        for camera, grey in super().candidates(code, resolution, seed):
-            levels = self._levels_of(grey * shown)
+        for camera, ink in super().candidates(code, resolution, seed):
+            levels = self._levels_of(ink * shown)
             for gamma in gammas:
-                off = float((curved(levels, gamma).sqrt().asin() - wanted.sqrt().asin()).square().sum())
+                curve = Curve(gamma)
+                off = float((curve.displayed(levels).sqrt().asin() - wanted.sqrt().asin()).square().sum())
                 if off < least:
-                    found, least = [(replace(camera, gamma=gamma), curved(grey, gamma))], off
+                    found, least = [(replace(camera, gamma=gamma), curve.displayed(ink))], off
         yield from found
 
     def _levels_of(self, image: Tensor) -> Tensor:
@@ -230,11 +217,6 @@ def distance_to(lit: Tensor) -> Tensor:
 def inked(distance: Tensor, radius: float) -> Tensor:
     """The share (R,R) of each pixel within a radius, from distances (3R,3R); both in pixels."""
     return avg_pool2d(((radius - distance) * PEN_SUPERSAMPLE + 0.5).clamp(0, 1)[None], PEN_SUPERSAMPLE)[0]
-
-
-def curved(grey: Tensor, gamma: float) -> Tensor:
-    """Grey levels in [0,1] after a display with this gamma."""
-    return grey.clamp_min(0) ** (1 / gamma)
 
 
 def given(value: float | None, others: Sequence[float]) -> Sequence[float]:

@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..ifs.code import IFS
 from ..ops.filters import filtered
 from ..runtime.checks import check_number, shown
+from .curve import Curve
 
 log = logging.getLogger(__name__)
 
@@ -93,8 +94,7 @@ class Tone:
 
     def grey(self, density: Tensor, exposure: float) -> Tensor:
         """Grey levels (…) in [0,1] of a density (…)."""
-        ink = exposure * density
-        return (ink.clamp(max=1) if self.linear else -torch.expm1(-ink)) ** (1 / self.gamma)
+        return Curve(self.gamma, self.linear).grey(exposure * density).clamp(max=1)
 
     def towards(self, other: Tone, t: float) -> Tone:
         """The tone at time t in [0,1] on the way to another: light and gamma move along straight lines."""

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 import torch
-from growth_helpers import BRANCH, clouds, grower, target_of
+from growth_helpers import BRANCH, clouds, grower, stage, target_of
 
 from fractal_exp.cameras.camera import Camera
+from fractal_exp.cameras.kinds import with_camera
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cameras.pens import Dots
 from fractal_exp.cameras.points import counted
@@ -26,11 +27,8 @@ from fractal_exp.runtime.seeds import generator
 def test_a_pixel_of_mass_m_shows_what_its_levels_say(levels, whole):
     image = torch.full((32, 32), 0.3)
     seen = target_of(image, levels)
-    torch.testing.assert_close(seen.shown(seen.masses), image)
+    torch.testing.assert_close(seen.curve.grey(seen.masses), image)
     assert seen.mass == pytest.approx(whole * 32**2, rel=1e-4)
-    m = torch.linspace(0, 2, 5, dtype=torch.float64, requires_grad=True)
-    slope, = torch.autograd.grad(seen.shown(m).sum(), m)
-    torch.testing.assert_close(seen.slope(m.detach()), slope)
 
 
 def test_points_of_a_picture_are_where_its_masses_are():
@@ -87,6 +85,22 @@ def test_maps_of_a_known_exposure_keep_its_mass_and_others_find_one():
             assert float(drawn.mean()) == pytest.approx(float(clouds().mean()), rel=0.3)
         else:
             assert mass == known.mass
+
+
+def test_maps_of_a_tone_curve_are_grown_through_it():
+    """The same masses, seen through a gamma of 3: growth reads them, and draws what is seen."""
+    curved = clouds() ** (1 / 3)
+    some = stage(curved, levels="tonemapped", growth={"steps": 300}, camera={"gamma": 3.0}).grower
+    torch.testing.assert_close(some.target.masses, target_of(clouds()).masses, rtol=1e-3, atol=1e-4)
+    grown = some.grown(24)
+    assert grown.camera.kind == "tonemapped" and grown.camera.gamma == 3.0
+    drawn = with_camera(some.levels, grown.camera).render(grown.code, len(curved), 0)
+    assert float((drawn - curved).square().mean()) < 0.02
+
+
+def test_a_known_gain_fixes_the_mass_of_grown_maps():
+    some = stage(clouds(), camera={"gain": 0.5}).grower
+    assert some.target.mass == 0.5 * 96**2 and some.grown(8).camera.gain == 0.5
 
 
 def test_a_descent_repeats_bit_for_bit():

@@ -75,9 +75,9 @@ def descended(start: WeightedMaps, target: Exposed, steps: int, seed: int, deadl
         with torch.no_grad():
             drawing = filtered(drawn, BLUR)
             average = drawing if average is None else average.lerp(drawing, max(1 - MEMORY, 1 / (k + 1)))
-            shown = target.shown(average) * target.shows
+            shown = target.curve.grey(average) * target.shows
             slope = 2 * (shown - target.grey) - SIMILARITY * similarity.slope(shown)
-            slope = filtered(slope * target.slope(average) * target.shows, BLUR)
+            slope = filtered(slope * target.curve.slope(average) * target.shows, BLUR)
         adam.zero_grad()
         drawn.backward(slope)
         for group, rate in zip(adam.param_groups, moving, strict=True):

@@ -12,6 +12,7 @@ from torch.nn.functional import adaptive_avg_pool2d
 from ....cameras.levels import Levels
 from ....ifs.canvas import pixel_to_canvas
 from ....images.known import Known
+from ....rendering.curve import Curve
 
 SIDE = 256          # maximum side, pixels, of the picture at which growth aims; a larger one is shrunk
 WHITEST = 0.985     # grey level from which a pixel counts as white, which would take infinite mass
@@ -19,12 +20,14 @@ WHITEST = 0.985     # grey level from which a pixel counts as white, which would
 
 @dataclass(frozen=True)
 class Exposed:
-    """A picture `grey` (R,R) in [0,1], with grey levels I = 1 - exp(-m), or I = m if it `is_linear`, for the mass m
-    of a pixel. mass: the whole mass that a code's drawing has; None: any, for pictures whose exposure is not known.
-    known: the part of the canvas that the picture shows; None: all of it."""
+    """A picture `grey` (R,R) in [0,1], and the tone curve by which its grey levels follow the masses of pixels.
+
+    mass: the whole mass that a code's drawing has; None: any, for pictures whose exposure is not known. known: the part
+    of the canvas that the picture shows; None: all of it.
+    """
 
     grey: Tensor
-    is_linear: bool = False
+    curve: Curve = Curve()
     mass: float | None = None
     known: Known | None = None
 
@@ -33,7 +36,7 @@ class Exposed:
         """What an image (R,R) shows, on at most `SIDE` pixels a side."""
         image = image.cpu().float()
         grey = adaptive_avg_pool2d(image[None], SIDE)[0] if len(image) > SIDE else image
-        return cls(grey, levels.is_linear, levels.whole_mass(len(grey)), levels.known)
+        return cls(grey, levels.curve, levels.whole_mass(len(grey)), levels.known)
 
     @property
     def side(self) -> int:
@@ -48,15 +51,7 @@ class Exposed:
     @cached_property
     def masses(self) -> Tensor:
         """The masses (R,R) of pixels."""
-        return self.grey if self.is_linear else -(1 - self.grey.clamp(max=WHITEST)).log()
-
-    def shown(self, masses: Tensor) -> Tensor:
-        """The grey levels (R,R) of masses."""
-        return masses if self.is_linear else 1 - (-masses).exp()
-
-    def slope(self, masses: Tensor) -> Tensor:
-        """The derivative of `shown`."""
-        return torch.ones_like(masses) if self.is_linear else (-masses).exp()
+        return self.curve.mass(self.grey, WHITEST)
 
     def points(self, count: int, generator: torch.Generator) -> Tensor:
         """Points (count,2) of the canvas, distributed as the masses, one in each of `count` equal parts of them."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
+from torch import Tensor
+
 from ....cameras.camera import Camera
 from ....cameras.estimate import showing
 from ....cameras.kinds import kind_of
-from ....cameras.levels import may_be_density
-from ....cameras.pens import Dots
+from ....cameras.levels import Levels, may_be_density
 from ....likeness import share_inside
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
@@ -27,7 +28,8 @@ class Grower:
     def __init__(self, problem: SearchProblem, seed: int = 0):
         self.problem, self.seed, self.image = problem, seed, problem.image
         self.on_the_way: Found | None = None
-        self.target = Exposed.of(problem.image, problem.levels)
+        self.levels = _drawn_by(problem.levels, problem.image)
+        self.target = Exposed.of(problem.image, self.levels)
 
     def grown(self, count: int, deadline: Deadline = NO_DEADLINE, share: float = 1.0) -> Grown:
         """`count` maps that have moved together, for this share of the steps."""
@@ -70,18 +72,23 @@ class Grower:
         return Grown(maps.maps, maps.weights, self.likeness(maps, camera), camera)
 
     def _camera(self, maps: WeightedMaps, mass: float) -> Camera:
-        """That of the image if it is known. Else dots: of the exposure that was found where the picture is grey, and
-        elsewhere of that which shows most of the shape."""
-        levels, side = self.problem.levels, self.target.side
-        if levels.is_exact or not levels.params.estimate:
-            return levels.camera
-        if Dots.kind not in levels.kinds:
+        """That of the image if it is known. Else that of the exposure that was found, where the picture is grey, and
+        elsewhere that which shows most of the shape."""
+        levels, side, given = self.levels, self.target.side, self.problem.levels
+        if given.is_exact or not levels.params.estimate:
+            return given.camera
+        if not levels.is_density:
             return showing(self.image, levels, maps.code, self.seed) or levels.camera
-        known = levels.params
-        found = Camera(Dots.kind, gain=known.gain or mass / side**2,
-                       blur=2 * (BLUR_PX / side if known.blur_px is None else known.blur_px / len(self.image)))
-        if self.is_grey:
-            return found
-        dots = kind_of(Dots.kind)(levels.params, self.image, kinds=(Dots.kind,)).within(levels.known)
-        return showing(self.image, dots, maps.code, self.seed) or found
+        blur = levels.params.blur_px
+        found = Camera(levels.kind, gain=levels.params.gain or mass / side**2,
+                       gamma=levels.curve.gamma if levels.is_curved else None,
+                       blur=2 * (BLUR_PX / side if blur is None else blur / len(self.image)))
+        return found if self.is_grey else showing(self.image, levels, maps.code, self.seed) or found
 
+
+def _drawn_by(levels: Levels, image: Tensor) -> Levels:
+    """Those that draw grown maps on an image (R,R): of a density, if the image may have one, or else these."""
+    kinds = [kind for kind in levels.kinds if kind_of(kind).is_density]
+    if levels.is_exact or not kinds:
+        return levels
+    return kind_of(kinds[0])(levels.params, image, kinds=tuple(kinds[:1])).within(levels.known)

@@ -1,0 +1,38 @@
+"""The tone curve of a picture: which grey level a pixel shows for the mass in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+LEAST_SHARE = 1e-3   # at which the slope of a gamma ends, which would be infinite at black
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Pixels of mass m, 0 or more, show the grey level I = (1 - exp(-m))^(1 / gamma), as ink of many small dots does,
+    or I = m^(1 / gamma) if the curve is `linear`."""
+
+    gamma: float = 1.0
+    linear: bool = False
+
+    def grey(self, mass: Tensor) -> Tensor:
+        """Grey levels (…) of masses (…)."""
+        return self.displayed(mass if self.linear else 1 - (-mass).exp())
+
+    def mass(self, grey: Tensor, whitest: float) -> Tensor:
+        """Masses (…) of grey levels (…). whitest: the share of ink, below 1, that a white pixel counts as, since white
+        would take infinite mass; a linear curve has no such limit."""
+        share = grey.clamp_min(0) ** self.gamma
+        return share if self.linear else -(1 - share.clamp(max=whitest)).log()
+
+    def slope(self, mass: Tensor) -> Tensor:
+        """The derivative (…) of `grey`."""
+        share = mass if self.linear else 1 - (-mass).exp()
+        along = share.clamp_min(LEAST_SHARE) ** (1 / self.gamma - 1) / self.gamma
+        return along if self.linear else along * (-mass).exp()
+
+    def displayed(self, share: Tensor) -> Tensor:
+        """Grey levels (…) of shares of ink (…), after a display with this gamma."""
+        return share.clamp_min(0) ** (1 / self.gamma)

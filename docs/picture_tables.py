@@ -71,10 +71,12 @@ def shapes(*folders: Path) -> tuple[list[str], Rows]:
     rows = []
     for folder in folders:
         fits = frame(folder)
-        rows += [[f"{fits['maps'].iloc[0]}", f"for {role}", f"{len(each)}", short(each["f1_input"].mean()),
-                  short(each["f1_input"].min()), short(each["f1_paving"].mean()), f"{each['core_seconds'].mean():.0f}"]
+        rows += [[f"{fits['maps'].iloc[0]}", f"for {role}", f"{len(each)}", short(each["f1_light"].mean()),
+                  short(each["f1_light"].min()), short(each["f1_dark"].dropna().mean()), short(each["f1_input"].mean()),
+                  short(each["f1_paving"].mean()), f"{each['core_seconds'].mean():.0f}"]
                  for role, each in [*fits.groupby("role"), ("both", fits)]]
-    return ["maps", "shapes", "number", "F1 within a pixel", "worst", "plain paving", "seconds"], rows
+    return ["maps", "shapes", "number", "F1 of the light", "worst", "F1 of the dark", "F1 by area", "plain paving",
+            "seconds"], rows
 
 
 def photographs(path: Path) -> tuple[list[str], Rows]:

@@ -22,6 +22,7 @@ from fractal_exp.likeness import Likeness
 from fractal_exp.methods.base import Progress
 from fractal_exp.methods.collage import given
 from fractal_exp.methods.collage.method import Collage
+from fractal_exp.rendering.tone import Tone, own_tone, with_tone
 from fractal_exp.runtime import parent, threads
 from fractal_exp.runtime.files import write_atomically
 from fractal_exp.verdict import Verdict
@@ -77,9 +78,10 @@ def fit(kind: str, name: str, setting: Setting) -> dict[str, Any]:
         scores = _scores(kind, name, found.code, found.target)
     except Exception as error:  # a set goes on without one of its pictures
         return line | {"error": f"{type(error).__name__}: {error}"}
+    tone = own_tone(found.code)
     return line | {"maps": len(found.code), **scores, **took, "stopped": found.stopped,
                    "verdict": found.facts()["verdict"], "likeness": found.likeness.f1_1px,
-                   "code": archive.plain(found.code)}
+                   "code": archive.plain(found.code), "tone": tone and tone.facts()}
 
 
 def _merged(options: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
@@ -152,8 +154,9 @@ def read(folder: Path) -> list[dict[str, Any]]:
 
 
 def code_of(line: Mapping[str, Any]) -> IFS:
-    """The code of a line."""
-    return IFS(**line["code"])
+    """The code of a line, with its tone."""
+    tone = line.get("tone")
+    return with_tone(IFS(**line["code"]), tone and Tone(**tone))
 
 
 def _key(line: Mapping[str, Any]) -> str:

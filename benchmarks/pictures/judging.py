@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import torch
 from PIL import Image, ImageDraw
 
+from fractal_exp import render
 from fractal_exp.errors import InputError
 from fractal_exp.evaluation.code_error import displacements
+from fractal_exp.evaluation.inside import LIT, f1_dark
 from fractal_exp.ifs.code import IFS
 from fractal_exp.rendering.still import render_with_info
+from fractal_exp.rendering.tone import usual_mode
 
 from .figures import Truth
 
@@ -74,6 +78,19 @@ def shape_of(image: np.ndarray) -> np.ndarray:
 def shapes(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The masks of the picture (R,R) that a code was found on, and of the code's drawing."""
     return shape_of(image), drawing(code, len(image))
+
+
+def redrawn(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The picture (R,R) that a code was found on, and the code drawn as a still of it: with its tone, if it has one."""
+    return image, render(code, resolution=len(image), mode=usual_mode(code)).numpy()
+
+
+def light_and_dark(code: IFS, image: np.ndarray) -> dict[str, float | None]:
+    """F1 within a pixel of the light, and of the dark inside the outline, of a code's still against the picture (R,R)
+    that it was found on; None where nothing is dark inside."""
+    shape, still = (torch.from_numpy(each) for each in redrawn(code, image))
+    return {"f1_light": f1_within_a_pixel((still > LIT).numpy(), (shape > LIT).numpy()),
+            "f1_dark": f1_dark(still, shape)}
 
 
 def likeness(code: IFS, image: np.ndarray) -> dict[str, float]:

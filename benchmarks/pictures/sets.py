@@ -91,7 +91,7 @@ def _densities(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _score_shape(name: str, code: IFS, read: ReadImage) -> Scores:
     image = read.image.numpy()
     plain = paving(judging.shape_of(image), len(code))
-    return {**judging.likeness(code, image), "f1_paving": judging.likeness(plain, image)["f1_input"],
+    return {**judging.light_and_dark(code, image), **judging.likeness(code, image), "f1_paving": judging.likeness(plain, image)["f1_input"],
             "licence": shapes()[name].licence}
 
 
@@ -127,7 +127,8 @@ SETS: dict[str, PictureSet] = {
                           tables.density, {"frame": "keep", "resolution": density_maps.BINS, "maps": density_maps.MAPS},
                           _densities),
     "shapes": PictureSet(lambda: {name: each.role for name, each in shapes().items()},
-                         lambda name: shapes()[name].make(0), _score_shape, tables.shapes),
+                         lambda name: shapes()[name].make(0), _score_shape, tables.shapes,
+                         shown=judging.redrawn),
     "binary": PictureSet(lambda: {name: ("tuning", "reporting")[k % 2] for k, name in enumerate(binary.names())},
                          binary.picture, _score_binary, tables.binary, {"frame": "keep"}, _thresholded,
                          truth=lambda name, read: attractor.normalize(binary.truth(name))),

@@ -97,12 +97,13 @@ def shapes(fits: pd.DataFrame) -> dict[str, pd.DataFrame]:
     each = pd.DataFrame([{"shape": row["picture"], "role": row["role"], **_shape_row(fits.loc[[index]]),
                           "licence": row["licence"]} for index, row in fits.iterrows()])
     return {"Overall": pd.DataFrame([_shape_row(fits)]), "By number of maps": by_maps,
-            "Shapes": each.drop(columns=["n", "below paving", "worst F1"])}
+            "Shapes": each.drop(columns=["n", "below paving", "worst"])}
 
 
 def _shape_row(rows: pd.DataFrame) -> dict[str, object]:
     return {"n": len(rows), "maps": _mean(rows["maps"], 1), "bytes": _mean(BYTES_A_MAP * rows["maps"], 0),
-            "F1 within 1 px": _mean(rows["f1_input"]), "worst F1": f"{rows['f1_input'].min():.3f}",
+            "F1 of the light": _mean(rows["f1_light"]), "worst": f"{rows['f1_light'].min():.3f}",
+            "F1 of the dark": _mean(rows["f1_dark"].dropna()), "F1 by area": _mean(rows["f1_input"]),
             "paving F1": _mean(rows["f1_paving"]), "below paving": int((rows["f1_input"] < rows["f1_paving"]).sum()),
             "core s": _core(rows), "wall s": _mean(rows["wall_seconds"], 1)}
 

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks import archive
 from benchmarks.pictures import __main__ as command
-from benchmarks.pictures import fitting, report
+from benchmarks.pictures import fitting, judging, report
 from benchmarks.pictures.sets import SETS
-from fractal_exp import IFS
+from fractal_exp import IFS, codes, render
+from fractal_exp.ifs import attractor
 from fractal_exp.images.reading import read_target
+from fractal_exp.rendering.tone import Tone, own_tone, with_tone
 
 SETTING = fitting.Setting(0.2, "wall", {"rounds": 1, "resolution": 64})
 
@@ -21,7 +24,7 @@ def line(name: str, **changes) -> dict:
     scores = SETS["textbook"].score(name, code, read_target(SETS["textbook"].picture(name), 64))
     return {"set": "textbook", "picture": name, "role": SETS["textbook"].roles()[name], "limit": 0.2, "clock": "wall",
             "options": {"resolution": 64}, "commit": "0123456789", "machine": "a machine", "maps": 2, **scores,
-            "core_seconds": 1.0, "wall_seconds": 2.0, "code": fitting.archive.plain(code)} | changes
+            "core_seconds": 1.0, "wall_seconds": 2.0, "code": archive.plain(code)} | changes
 
 
 def test_a_fit_is_a_line_with_code_scores_and_circumstances():
@@ -112,3 +115,19 @@ def test_codes_that_are_there_are_judged_again(tmp_path):
     assert again["iou"] == pytest.approx(first["iou"]) and again["recovered"] == first["recovered"]
     assert again["verdict"]["kind"] != "recovered" and again["likeness"] < .9, "two maps on a line"
     assert failed["error"] == "it was killed"
+
+
+def test_light_and_dark_are_those_of_a_still_with_the_codes_tone():
+    """A fern's faint parts are lit by area, and nearly black with the tone of a picture whose grey is that of a density:
+    so the light of the picture itself is told by the tone alone."""
+    fern = attractor.normalize(codes.known("fern"))
+    picture = render(with_tone(fern, Tone(light=0.1)), resolution=96, mode="tone")
+    with_its_tone, without = (judging.light_and_dark(code, picture.numpy())
+                              for code in (with_tone(fern, Tone(light=0.1)), fern))
+    assert with_its_tone["f1_light"] > 0.99 > without["f1_light"]
+
+
+def test_a_line_keeps_the_tone_of_its_code():
+    fern = attractor.normalize(codes.known("fern"))
+    assert own_tone(fitting.code_of({"code": archive.plain(fern), "tone": {"light": 0.2}})) == Tone(0.2)
+    assert own_tone(fitting.code_of({"code": archive.plain(fern)})) is None

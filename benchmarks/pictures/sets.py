@@ -91,8 +91,8 @@ def _densities(code: IFS, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _score_shape(name: str, code: IFS, read: ReadImage) -> Scores:
     image = read.image.numpy()
     plain = paving(judging.shape_of(image), len(code))
-    return {**judging.light_and_dark(code, image), **judging.likeness(code, image), "f1_paving": judging.likeness(plain, image)["f1_input"],
-            "licence": shapes()[name].licence}
+    return {**judging.light_and_dark(code, image), **judging.likeness(code, image),
+            "f1_paving": judging.likeness(plain, image)["f1_input"], "licence": shapes()[name].licence}
 
 
 def _score_binary(name: str, code: IFS, read: ReadImage) -> Scores:

@@ -118,8 +118,7 @@ def test_codes_that_are_there_are_judged_again(tmp_path):
 
 
 def test_light_and_dark_are_those_of_a_still_with_the_codes_tone():
-    """A fern's faint parts are lit by area, and nearly black with the tone of a picture whose grey is that of a density:
-    so the light of the picture itself is told by the tone alone."""
+    """By area, a fern is as light where it is faint as elsewhere. With the tone of a grey picture, it is not."""
     fern = attractor.normalize(codes.known("fern"))
     picture = render(with_tone(fern, Tone(light=0.1)), resolution=96, mode="tone")
     with_its_tone, without = (judging.light_and_dark(code, picture.numpy())

@@ -13,13 +13,12 @@ from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify import drawn
-from fractal_exp.methods.collage.simplify.drawn import simplest
+from fractal_exp.methods.collage.simplify.drawn import simplified_in_every_way
 from fractal_exp.methods.collage.simplify.flat import on_their_line
 from fractal_exp.methods.collage.simplify.loop import Draft, Price, Proposer, maps_polished, simplified
 from fractal_exp.methods.collage.simplify.parents import fewer, parents, uncontained
 from fractal_exp.methods.collage.simplify.removal import unseen, without_doubles, without_least, without_needless
-from fractal_exp.methods.collage.simplify.symmetry import simplest as least_turned
-from fractal_exp.methods.collage.simplify.symmetry import symmetries
+from fractal_exp.methods.collage.simplify.symmetry import least_turned, symmetries
 from fractal_exp.methods.collage.state import WeightedMaps
 
 PARAMS, SIDE = CollageParams(), 128
@@ -213,7 +212,7 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
     doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
     only = {"parent_maps": 0, "pruning": False, "unseen": None, "needless": None}   # nothing else leaves maps out
-    found = simplest(fitted(penned(GASKET), doubled, moves=only)).shown
+    found = simplified_in_every_way(fitted(penned(GASKET), doubled, moves=only)).shown
     assert len(found.maps) == 3
     assert torch.allclose(found.maps[:, :4], torch.tensor([0.5, 0, 0, 0.5]).expand(3, 4), atol=0.01)
 
@@ -222,14 +221,14 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
 def test_a_number_of_maps_that_was_asked_for_stays():
     maps = affine.from_code(GASKET)
     doubled = torch.cat([maps, maps[:1]])
-    assert len(simplest(fitted(penned(GASKET), doubled, maps=4)).shown.maps) == 4
+    assert len(simplified_in_every_way(fitted(penned(GASKET), doubled, maps=4)).shown.maps) == 4
 
 
 def simplest_of(picture, code, pen_px):
     """The simplest code of a picture, which is first looked at with this pen."""
     levels = with_camera(levels_of(picture, DRAWN, CAMERA), pen_camera(0.0, pen_px * PIXEL, 0.0))
     judge = ImageObjective(picture, levels, PARAMS)
-    return simplest(fitted(judge, code, rounding={"matrices": False})).shown.maps
+    return simplified_in_every_way(fitted(judge, code, rounding={"matrices": False})).shown.maps
 
 
 @pytest.mark.slow
@@ -260,4 +259,4 @@ def test_parents_are_found_though_points_take_long_to_reach_a_line():
 def test_the_simplest_code_has_no_needless_maps():
     many, judge = with_compositions(), inked(THICK_INK)
     only = {"moves": {"parent_maps": 0, "pruning": False}, "rounding": {"matrices": False}}
-    assert len(simplest(fitted(judge, many.maps, many.weights, **only)).shown.maps) == 4
+    assert len(simplified_in_every_way(fitted(judge, many.maps, many.weights, **only)).shown.maps) == 4

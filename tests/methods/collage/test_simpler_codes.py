@@ -7,7 +7,7 @@ from drawn_helpers import at, triangles
 
 from fractal_exp import codes
 from fractal_exp.cameras.kinds import levels_of, with_camera
-from fractal_exp.cameras.pens import Dots, Drawn
+from fractal_exp.cameras.pens import Dots, Inked
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage.image.objective import ImageObjective
@@ -39,7 +39,7 @@ def inked(camera=INK, code=CULCITA, **options) -> ImageObjective:
 
 def penned(code, pen=PEN, **options) -> ImageObjective:
     """A drawing with this pen, looked at with this pen."""
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(code, SIDE, 0)
+    image = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen).render(code, SIDE, 0)
     return ImageObjective(image, with_camera(levels_of(image, DRAWN, CAMERA), pen), PARAMS.updated(**options))
 
 
@@ -235,7 +235,7 @@ def simplest_of(picture, code, pen_px):
 def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
-    picture = Drawn(CAMERA, None, pen_camera(0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
+    picture = Inked(CAMERA, None, pen_camera(0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
     assert torch.allclose(simplest_of(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
@@ -244,7 +244,7 @@ def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
     """Two maps, each of which turns half of the curve a little, up and down again."""
     rise = 0.0125
     curve = torch.tensor([[0.5, -rise, rise, 0.5, -0.375, 0], [0.5, rise, -rise, 0.5, 0.375, 0]])
-    picture = Drawn(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
+    picture = Inked(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
     assert torch.allclose(simplest_of(picture, curve, pen_px=1), curve, atol=1e-3)
 
 

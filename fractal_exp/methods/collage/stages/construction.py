@@ -9,7 +9,7 @@ from functools import cached_property
 from ....cameras.blur import blurred
 from ....cameras.camera import KNOWN, LENGTHS
 from ....cameras.kinds import with_camera
-from ....cameras.pens import Drawn
+from ....cameras.pens import Inked
 from ....cameras.strokes import Strokes, flat_maps
 from ....likeness import ALIKE, TILED_MAPS, UNLIKE
 from ....runtime.seeds import derive
@@ -24,7 +24,7 @@ from ..trees.trunk import with_trunk
 from .base import SearchProblem, Stage
 
 ENDS = 0.75             # share of the time limit at which the stage ends
-TILES, STROKES = Drawn.kind, Strokes.kind  # tiles are coverage with a tile size above 0; without one it is a pen
+TILES, STROKES = Inked.kind, Strokes.kind  # tiles are coverage with a tile size above 0; without one it is a pen
 LEAST_TREE = 3         # maps: a trunk and two branches
 BELOW = 0.985          # likeness of a code, or of strokes, below which a construction, or another one, is sought
 BRANCHES = 4, 3, 2     # most maps in each search for branches; the first one comes before those for tiles

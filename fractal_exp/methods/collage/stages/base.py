@@ -97,11 +97,6 @@ class SearchProblem:
         return self.image is not self.given
 
     @property
-    def kind(self) -> str:
-        """Which stages the image needs, a name in `stages.PLANS`."""
-        return "drawn" if not self.levels.is_exact else "crossed" if self.is_crossed else "rendered"
-
-    @property
     def is_crossed(self) -> bool:
         """Whether populations of sets replace stages 1 and 2."""
         few = 2 <= (self.params.maps or 0) <= self.params.population.most_maps
@@ -149,12 +144,11 @@ class SearchProblem:
 
     def masses_of(self, number: int, measured_through: Camera | None = None) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""
-        masses = self._masses(with_camera(self.levels, measured_through)) if measured_through else self.masses
+        masses = self.masses
+        if measured_through:
+            levels = with_camera(self.levels, measured_through)  # which also say how the image is shrunk
+            masses = levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
         return masses if self.levels.is_exact else blurred(masses, number * DRAWN_BLUR_PX)
-
-    def _masses(self, levels: Levels) -> Tensor:
-        """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
-        return levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
 
     def camera(self, code: IFS, measured_through: Camera | None = None) -> Camera:
         """The camera of the image, estimated from a nearly right code, once for each code; the one that is known if the

@@ -210,7 +210,6 @@ class ImageSearch(Tools):
 
     def candidate(self, rendered: Rendered) -> Candidate:
         """What the search keeps of a rendering."""
-        weights = None if rendered.weights is None else rendered.probabilities
-        rendered = replace(rendered, weights=weights)
-        self.shown.keep(rendered, rendered)
-        return Candidate(rendered.maps, weights, rendered.error, self.score(rendered), self.objective.levels.camera)
+        found = rendered.candidate(self.objective.levels.camera)
+        self.shown.keep(found, replace(rendered, weights=found.weights))
+        return replace(found, score=self.score(rendered))

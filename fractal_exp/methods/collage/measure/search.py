@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....cameras.points import TRAJECTORY, WARMUP
 from ....ifs import affine
-from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, orbit_bins, pushforward
 from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
-from ..bins import attractor_bins, binned, grid_for
+from ..bins import binned, grid_for
 from ..limits import SMALLER, largest_for, limited
 from ..params import CollageParams
 from ..state import Candidate
@@ -107,7 +108,10 @@ class MeasureSearch:
                  smaller_limit: float = SMALLER):
         size = grid_for(masses.shape[0], regime.grid)
         self.params, self.regime, self.seed, self.smaller_limit = params, regime, seed, smaller_limit
-        self._aim_at(*(binned(masses, cells) for cells in (size, size // COARSER)))
+        self._aim_at(*(self._binned(masses, cells) for cells in (size, size // COARSER)))
+
+    def _binned(self, masses: Tensor, size: int) -> BinnedMeasure:
+        return binned(masses, size)
 
     def _aim_at(self, measure: BinnedMeasure, coarse: BinnedMeasure) -> None:
         self.measure, self.coarse, self.largest = measure, coarse, largest_for(measure.covariance)
@@ -141,7 +145,9 @@ class MeasureSearch:
 
     def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
         """The measure (G,G) of the attractor."""
-        return attractor_bins(maps, weights, self.measure.size, points=ATTRACTOR_POINTS, seed=derive(self.seed, "a"))
+        count = ATTRACTOR_POINTS // (TRAJECTORY - WARMUP)
+        return orbit_bins(maps[None], weights / weights.sum(), self.measure.size, seed=derive(self.seed, "a"),
+                          trajectories=count, length=TRAJECTORY, warmup=WARMUP)[0]
 
     def descend_batch(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
         """A batch of maps (B,N,6) and weights (B,N) after descent on the whole measure, and its errors (B,)."""

@@ -116,8 +116,7 @@ class Construction(Stage):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        promising = math.inf if self._has_tiles else \
-            GAIN**0.5 * self.objective.angle(few.error)
+        promising = math.inf if self._has_tiles else GAIN**0.5 * self.objective.angle(few.error)
         seen = self._polished(self._coarse, self._registered(self._trees(few, TRUNK_STROKES)))
         if not seen or angle_of(seen[0]) > promising:
             return []
@@ -134,8 +133,7 @@ class Construction(Stage):
         """The trees at the depths at which their strokes come closest to the lines of the picture."""
         registration = Registration(self.objective, self.deadline)
         fits = sorted((each for tree in trees for each in registration.fits(tree)), key=misfit_of)
-        return [self.objective.judge(each.maps.to(self.objective.image))
-                for each in fits[:REGISTERED_KEPT]]
+        return [self.objective.judge(each.maps.to(self.objective.image)) for each in fits[:REGISTERED_KEPT]]
 
     def _trees(self, found: Rendered, most: int) -> list[Rendered]:
         """The copies of a code with a trunk of at most so many strokes and, apart from that, of one."""
@@ -194,8 +192,7 @@ class Construction(Stage):
             return False
         if has_strokes(found):
             return self._likeness_of_drawing(found) >= DRAWN_ALIKE
-        return self._likeness_of_drawing(found) >= ALIKE \
-            and self._likeness(found) >= UNLIKE
+        return self._likeness_of_drawing(found) >= ALIKE and self._likeness(found) >= UNLIKE
 
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""

@@ -1,8 +1,10 @@
 """The parameters of collage search, one class per component. docs/method.md explains where the method uses each.
 
 Where a docstring names no source, the value was found by trial on tuning suites (docs/lab_notes.md). Each part has a
-setting that switches it off: `enabled=false` or another switch, a count of 0, odds of 0. Numbers that nobody varies are
-constants beside their use.
+setting that switches it off: `enabled=false` or another switch, a count or odds of 0, nothing (null, or an empty list)
+in the place of a number. The plan of a search leaves out a stage that is off. Any other part looks at its own setting:
+a function that is to change something returns it as it is, and one that proposes something proposes nothing. Numbers
+that nobody varies are constants beside their use.
 """
 
 from __future__ import annotations

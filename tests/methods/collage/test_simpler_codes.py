@@ -17,7 +17,12 @@ from fractal_exp.methods.collage.simplify.drawn import simplified_in_every_way
 from fractal_exp.methods.collage.simplify.flat import on_their_line
 from fractal_exp.methods.collage.simplify.loop import Draft, Price, Proposer, maps_polished, simplified
 from fractal_exp.methods.collage.simplify.parents import fewer, parents, uncontained
-from fractal_exp.methods.collage.simplify.removal import unseen, without_doubles, without_least, without_needless
+from fractal_exp.methods.collage.simplify.removal import (
+    dropping_unseen,
+    without_doubles,
+    without_least,
+    without_needless,
+)
 from fractal_exp.methods.collage.simplify.symmetry import least_turned, symmetries
 from fractal_exp.methods.collage.state import WeightedMaps
 
@@ -54,7 +59,7 @@ def with_fewer(fit: Draft, way=fewer) -> Draft:
 
 
 def without_unseen(fit: Draft) -> Draft:
-    return simplified(fit, unseen(fit.objective.params), Price.of_drawn(fit.objective))
+    return simplified(fit, [dropping_unseen(fit.objective.params)], Price.of_drawn(fit.objective))
 
 
 def with_compositions() -> WeightedMaps:

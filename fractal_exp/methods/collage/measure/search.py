@@ -139,9 +139,13 @@ class MeasureSearch:
         """The candidate with its score."""
         drawable = limited(maps, weights, self.largest)
         if drawable is not maps and not torch.equal(drawable, maps):
-            maps, error = drawable, float(collage_error(self._explained(drawable, weights)[None], self.measure)[0])
+            maps, error = drawable, self._error(drawable, weights)
         far = float(collage_error(self._attractor(maps, weights)[None], self.measure)[0])
         return Candidate(maps, weights, error, self.cheap_score(maps, weights, error) + ATTRACTOR_WEIGHT * far)
+
+    def _error(self, maps: Tensor, weights: Tensor) -> float:
+        """The collage error."""
+        return float(collage_error(self._explained(maps, weights)[None], self.measure)[0])
 
     def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
         """The measure (G,G) of the attractor."""
@@ -245,11 +249,13 @@ class MeasureSearch:
 
     def _with_births(self, sets: list[_Ruined], g: torch.Generator) -> list[_Ruined]:
         """The sets with their new maps. Maps are added one after another, but to all sets at once."""
+        place = Birthplace(self.measure, self.coarse, (self.largest, self.smaller_limit), self.regime.candidates,
+                           self.params.births)
         for turn in range(max(each.births for each in sets)):
             active = [i for i, each in enumerate(sets) if turn < each.births]
             backgrounds = torch.stack([self._explained(sets[i].maps, sets[i].weights) for i in active])
             sizes = [LARGE if sets[i].large and turn == 0 else self.regime.sizes for i in active]
-            born, masses = self._births(backgrounds, sizes, g)
+            born, masses = place.births(backgrounds, sizes, 1 - self.params.search.slack, g)
             for row, i in enumerate(active):
                 best = torch.rand((), generator=g) < BEST_BIRTH
                 pick = 0 if best else int(torch.randint(born.shape[1], (), generator=g))
@@ -257,11 +263,6 @@ class MeasureSearch:
                 sets[i] = _Ruined(torch.cat([old.maps, born[row, pick][None]]),
                                   torch.cat([old.weights, masses[row, pick][None]]), old.large, old.births)
         return sets
-
-    def _births(self, backgrounds: Tensor, sizes: list[Interval], g: torch.Generator) -> tuple[Tensor, Tensor]:
-        limits = self.largest, self.smaller_limit
-        place = Birthplace(self.measure, self.coarse, limits, self.regime.candidates, self.params.births)
-        return place.births(backgrounds, sizes, 1 - self.params.search.slack, g)
 
     def _explained(self, maps: Tensor, weights: Tensor) -> Tensor:
         return self.slack + pushforward(maps[None], weights[None], self.measure.samples, self.measure.size)[0]

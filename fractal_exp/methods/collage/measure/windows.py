@@ -14,7 +14,7 @@ from torch import Tensor
 
 from ....cameras.points import attractor_points
 from ....images.known import Known
-from ....ops.collage import BinnedMeasure, collage_error
+from ....ops.collage import BinnedMeasure
 from ....runtime.seeds import derive
 from ..bins import binned, hats
 from ..limits import SMALLER
@@ -85,9 +85,6 @@ class WindowSearch(MeasureSearch):
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         self._complete(WeightedMaps(maps, weights))
         return super().judged(maps, weights, self._error(maps, weights))
-
-    def _error(self, maps: Tensor, weights: Tensor) -> float:
-        return float(collage_error(self._explained(maps, weights)[None], self.measure)[0])
 
     def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
         """The measure (G,G) of the attractor in the window, of the mass that is seen there."""

@@ -200,17 +200,13 @@ class SearchProblem:
         seed = derive(self.seed, *path)
         camera = self.camera(code, measured_through) if camera is None else camera
         objective = self.objective(len(self.image), code, seed, camera=camera)
-        seen = objective.levels
+        seen, kind = objective.levels, ImageSearch
         masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses
-        return self._searching(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
+        if not self.levels.is_exact:
+            from ..moves.drawn import DrawnSearch  # for other pictures alone
 
-    @property
-    def _searching(self) -> type[ImageSearch]:
-        if self.levels.is_exact:
-            return ImageSearch
-        from ..moves.drawn import DrawnSearch  # for other pictures alone
-
-        return DrawnSearch
+            kind = DrawnSearch
+        return kind(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
 
 
 class Stage(ABC):

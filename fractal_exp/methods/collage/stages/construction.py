@@ -197,7 +197,8 @@ class Construction(Stage):
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
         price = Price(share=self.params.moves.worth)
-        return (has_pen(found) and len(found.maps) < len(now.maps)
+        has_pen = found.camera is not None and found.camera.tile == 0
+        return (has_pen and len(found.maps) < len(now.maps)
                 and not self._is_explained(now) and self._likeness(found) >= ALIKE
                 and price.score(found.error, len(found.maps)) < price.score(now.error, len(now.maps)))
 
@@ -241,11 +242,6 @@ def _tries(problem: SearchProblem) -> list[_Try]:
 def has_strokes(found: Candidate) -> bool:
     """Whether a code was last judged by what it draws as strokes."""
     return found.camera is not None and found.camera.depth is not None
-
-
-def has_pen(found: Candidate) -> bool:
-    """Whether a code was last judged by its attractor, drawn with a pen."""
-    return found.camera is not None and found.camera.tile == 0
 
 
 def is_construction(found: Candidate) -> bool:

@@ -129,14 +129,11 @@ class ImageMoves(Stage):
     def _is_better(self, found: Candidate, before: Candidate) -> bool:
         """By the framed score in a binary image, unless one of the codes is nearly right. Else by the errors as angles:
         an error counts subpixels, of which cameras have different numbers."""
-        if self.problem.is_framed_firmly and not any(map(self._is_nearly_right, (found, before))):
+        if self.problem.is_framed_firmly and not any(
+                self.search.noise_ratio(each) < FIRM_ABOVE for each in (found, before)):
             return self.search.framed_score(found) < self.search.framed_score(before)
         now, then = (with_camera(self.problem.levels, each.camera).supersample for each in (found, before))
         return found.score / now**2 < before.score / then**2
-
-    def _is_nearly_right(self, candidate: Candidate) -> bool:
-        """Whether a code needs no firm polish in the frame of a binary image."""
-        return self.search.noise_ratio(candidate) < FIRM_ABOVE
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
         """The code, if rounding alone corrects it; None if another round is worth while."""

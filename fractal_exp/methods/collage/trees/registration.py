@@ -130,7 +130,10 @@ class Registration:
                 damping *= DAMPING_UP
             if _cost(pairs, reach) > (1 - LITTLE) * before:
                 break
-        return self._as_maps(tree, float(sum((each.distances**2).mean() for each in pairs)))
+        copies, segments = (torch.from_numpy(each).float() for each in tree)
+        trunk = flat_maps_onto([(first, last) for first, last in segments.double()], copies, self.points)
+        misfit = float(sum((each.distances**2).mean() for each in pairs))
+        return Registered(torch.cat([copies, trunk.to(copies)]), misfit)
 
     def _pairs(self, tree: _Tree, depth: int) -> tuple[_Pairs, _Pairs]:
         """Each point of the strokes with the nearest pixel of the shape, and each pixel on a line of the picture with
@@ -141,11 +144,6 @@ class Registration:
         (there, lit), (here, near) = self.lit.query(drawn.places), KDTree(drawn.places).query(self.lines)
         return (_Pairs(there, *_seen_along(drawn, self.lit.data[lit])),
                 _Pairs(here, *_seen_along(_Points(*(each[near] for each in drawn)), self.lines)))
-
-    def _as_maps(self, tree: _Tree, misfit: float) -> Registered:
-        copies, segments = (torch.from_numpy(each).float() for each in tree)
-        trunk = flat_maps_onto([(first, last) for first, last in segments.double()], copies, self.points)
-        return Registered(torch.cat([copies, trunk.to(copies)]), misfit)
 
 
 def _seen_along(points: _Points, goals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

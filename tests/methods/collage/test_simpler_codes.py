@@ -188,7 +188,7 @@ def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
     assert found.objective.levels.camera.gain == pytest.approx(INK.gain, rel=0.1)
     assert without_needless(found, uncontained, without_least) is found, "all are needed"
     assert len(without_needless(fit, uncontained).shown.maps) == 4
-    for options in {"maps": 8}, {"moves": {"needless": None}}:
+    for options in {"maps": 8}, {"simplify": {"needless": None}}:
         kept = fitted(judge, many.maps, many.weights, **options)
         assert without_needless(kept, uncontained, without_least) is kept
 
@@ -197,7 +197,7 @@ def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
 def test_a_map_that_is_hardly_seen_stays(camera):
     judge = inked(camera, CYCLOSORUS)
     code = affine.from_code(CYCLOSORUS), CYCLOSORUS.probabilities
-    fit, loose = fitted(judge, *code), fitted(judge, *code, moves={"needless": 0.002})
+    fit, loose = fitted(judge, *code), fitted(judge, *code, simplify={"needless": 0.002})
     assert without_needless(fit, uncontained, without_least) is fit
     assert len(without_needless(loose, uncontained, without_least).shown.maps) == 3, "the stem"
 
@@ -216,8 +216,9 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
     maps = affine.from_code(GASKET)
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
     doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
-    only = {"parent_maps": 0, "pruning": False, "unseen": None, "needless": None}   # nothing else leaves maps out
-    found = simplified_in_every_way(fitted(penned(GASKET), doubled, moves=only)).shown
+    # nothing else leaves maps out
+    only = {"simplify": {"parent_maps": 0, "unseen": None, "needless": None}, "moves": {"pruning": False}}
+    found = simplified_in_every_way(fitted(penned(GASKET), doubled, **only)).shown
     assert len(found.maps) == 3
     assert torch.allclose(found.maps[:, :4], torch.tensor([0.5, 0, 0, 0.5]).expand(3, 4), atol=0.01)
 
@@ -263,5 +264,5 @@ def test_parents_are_found_though_points_take_long_to_reach_a_line():
 @pytest.mark.usefixtures("one_camera")
 def test_the_simplest_code_has_no_needless_maps():
     many, judge = with_compositions(), inked(THICK_INK)
-    only = {"moves": {"parent_maps": 0, "pruning": False}, "rounding": {"matrices": False}}
+    only = {"simplify": {"parent_maps": 0}, "moves": {"pruning": False}, "rounding": {"matrices": False}}
     assert len(simplified_in_every_way(fitted(judge, many.maps, many.weights, **only)).shown.maps) == 4

@@ -55,7 +55,7 @@ def test_without_cleaning_every_step_is_a_move(doubled):
 
 @pytest.mark.parametrize(("unseen", "tried"), [(0.002, 4), (None, 0)])
 def test_a_map_that_nobody_sees_stays_if_none_is_to_be_dropped(doubled, unseen, tried):
-    picture = objective(doubled[1], moves={"unseen": unseen})
+    picture = objective(doubled[1], simplify={"unseen": unseen})
     assert len(list(one_unseen(Draft(picture, picture.judge(doubled[0]))))) == tried
 
 

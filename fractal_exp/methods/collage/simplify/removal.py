@@ -22,19 +22,19 @@ POINTS = 20_000   # of the attractor, that measure this distance
 
 def one_unseen(draft: Draft) -> Iterable[Draft]:
     """`without_one`, unless this way is switched off."""
-    return () if draft.objective.params.moves.unseen is None else without_one(draft)
+    return () if draft.objective.params.simplify.unseen is None else without_one(draft)
 
 
 def without_least(draft: Draft) -> Iterable[Draft]:
     """The code without one of those maps that are missed least."""
-    is_off = draft.objective.params.moves.needless is None
+    is_off = draft.objective.params.simplify.needless is None
     return () if is_off else sorted(without_one(draft), key=lambda each: each.shown.error)[:TRIED]
 
 
 def dropping_unseen(params: CollageParams) -> Proposer:
     """Leave out maps that nobody sees. Such maps compensate for an imperfect camera, for instance for the widths of a
     tree's branches."""
-    return Proposer(one_unseen, maps_polished(params.rounding.polish), loss=params.moves.unseen, early=True)
+    return Proposer(one_unseen, maps_polished(params.rounding.polish), loss=params.simplify.unseen, early=True)
 
 
 def without_needless(draft: Draft, *ways: Way, deadline: Deadline = NO_DEADLINE) -> Draft:
@@ -49,7 +49,7 @@ def without_needless(draft: Draft, *ways: Way, deadline: Deadline = NO_DEADLINE)
         return draft
     polish = camera_polished(params.rounding.polish)
     start = next(polish(draft, deadline))
-    proposers = [Proposer(way, polish, loss=params.moves.needless) for way in ways]
+    proposers = [Proposer(way, polish, loss=params.simplify.needless) for way in ways]
     found = simplified(start, proposers, Price.of_drawn(start.objective), deadline)
     return draft if found is start else found
 

@@ -47,7 +47,8 @@ def symmetries(image: Tensor, params: RoundingParams) -> list[Tensor]:
     side = len(image)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
     centre = torch.stack([(image.sum(0) * axis).sum(), -(image.sum(1) * axis).sum()]) / image.sum()
-    about = [_about(matrix, centre) for matrix in (_tried() if params.symmetries else [_rotation(0.0, 1.0)])]
+    about = [torch.cat([matrix.flatten(), centre - matrix @ centre])
+             for matrix in (_tried() if params.symmetries else [_rotation(0.0, 1.0)])]
     return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= LIKENESS)]
 
 
@@ -68,10 +69,6 @@ def _tried() -> list[Tensor]:
 def _rotation(angle: float, sign: float) -> Tensor:
     cos, sin = math.cos(angle), math.sin(angle)
     return torch.tensor([[cos, -sign * sin], [sin, sign * cos]])
-
-
-def _about(matrix: Tensor, centre: Tensor) -> Tensor:
-    return torch.cat([matrix.flatten(), centre - matrix @ centre])
 
 
 def _turn(one: Tensor) -> tuple[bool, int]:

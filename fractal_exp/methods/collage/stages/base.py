@@ -217,8 +217,9 @@ class Stage(ABC):
     candidate. A stage whose `current` is there already when it is opened is resumed.
 
     name: shown in reports; part: its name in `STAGES`, where it is not the same; ends_at: the share of its time at
-    which it ends, see `Timetable.stage_end`; ends_at_once: whether it is cut short when the search's time
-    is up and there is a code already, however far it is. A stage that has not begun by `latest_start` is skipped.
+    which it ends, see `Timetable.stage_end`; ends_at_once: whether it is cut short when the search's time is up and
+    there is a code already, however far it is; is_last_word: whether it runs even if the search has ended in favour of
+    grown maps. A stage that has not begun by `latest_start` is skipped.
     """
 
     name: str

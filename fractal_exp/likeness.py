@@ -78,9 +78,9 @@ class Likeness:
         if not levels.is_exact and levels.is_whole:
             f1_1px = min(f1_1px, likeness_of_attractor(code, image, levels))
         ratio, again_seed = comparison.noise_ratio(code, rendering), derive(seed, "likeness", "again")
-        again = comparison.shown(levels.noisy(code, len(image), again_seed).to(rendering))
+        again = comparison.masked(levels.noisy(code, len(image), again_seed).to(rendering))
         # A picture that is farther off than dots allow is no plot of this code, so its grain says nothing of chance.
-        chance = again if ratio >= WITHIN_NOISE else comparison.shown(
+        chance = again if ratio >= WITHIN_NOISE else comparison.masked(
             levels.plotted(code, len(image), again_seed).to(rendering))
         return cls(f1, iou, ratio, f1_1px,
                    ssim=ssim_inside(rendering, image, least, known),

@@ -57,14 +57,14 @@ class Comparison:
 
     def grids(self, image: Tensor) -> list[Tensor]:
         """The image (R,R), as far as it is known, on grids with `side` and fewer cells per side."""
-        image = self.shown(image)
+        image = self.masked(image)
         image = adaptive_avg_pool2d(image[None], self.side)[0] if image.shape[0] > self.side else image
         grids = [image]
         while len(grids) < GRIDS and grids[-1].shape[0] >= HALVED_FROM:
             grids.append(avg_pool2d(grids[-1][None], 2, ceil_mode=True)[0])
         return grids
 
-    def shown(self, image: Tensor) -> Tensor:
+    def masked(self, image: Tensor) -> Tensor:
         """The image (R,R) with nothing in the pixels that the picture does not show."""
         return image if self.mask is None else image * self.mask
 
@@ -84,7 +84,7 @@ class Comparison:
         once = {"independent": True} if self.renderings > 1 else {}  # a percent of the error matters then
         images = [self.levels.render(code, resolution, derive(self.seed, *path, *([n] if n else [])), **once)
                   for n in range(self.renderings)]
-        return self.shown(torch.stack(images).mean(0).to(self.image))
+        return self.masked(torch.stack(images).mean(0).to(self.image))
 
     def error(self, rendering: Tensor) -> float:
         """The error of a rendering (R,R); lower is better."""
@@ -117,7 +117,7 @@ class Comparison:
         that. It is the error over `noise`; for a picture of dots, the ratio that allows for theirs if that is less."""
         ratio = self.error(rendering) / self.noise(code, rendering)
         if self.levels.is_grainy:
-            return min(ratio, noise_ratio_of_dots(self.shown(self.image), rendering))
+            return min(ratio, noise_ratio_of_dots(self.masked(self.image), rendering))
         return ratio
 
     def likeness(self, rendering: Tensor) -> float:

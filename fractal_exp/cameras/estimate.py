@@ -87,12 +87,12 @@ def showing(image: Tensor, levels: Levels, code: IFS, seed: int) -> Camera | Non
 
 def nearest(image: Tensor, levels: Levels, code: IFS, seed: int) -> list[Tried]:
     """The cameras of this kind with which a code comes closest to the image (R,R): one for each value of
-    `Levels.drawn`, with its angle of error, the lowest first. Empty if such a camera cannot draw the code."""
+    `Levels.what_is_drawn`, with its angle of error, the lowest first. Empty if such a camera cannot draw the code."""
     judge, found = Comparison(image, levels), {}
     for camera, rendering in levels.candidates(code, len(image), derive(seed, "camera")):
         check_time()
         tried = judge.angle(judge.error(rendering.to(image))), camera
-        key = levels.drawn(camera)
+        key = levels.what_is_drawn(camera)
         found[key] = min(found.get(key, tried), tried, key=angle_of)
     return sorted(found.values(), key=angle_of)
 

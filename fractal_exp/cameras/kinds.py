@@ -16,7 +16,7 @@ from .params import CameraParams
 
 # The module and the class of each kind, by name, in the order in which they are tried: those that explain less first.
 KINDS = {"density": ".levels.Density", "linear": ".linear.Linear", "binary": ".levels.Binary",
-         "coverage": ".pens.Drawn", "strokes": ".strokes.Strokes", "dots": ".pens.Dots",
+         "coverage": ".pens.Inked", "strokes": ".strokes.Strokes", "dots": ".pens.Dots",
          "tonemapped": ".pens.ToneMapped"}
 
 
@@ -37,24 +37,24 @@ def beside(name: str) -> list[str]:
     return [other for other in KINDS if kind_of(other).beside == name]
 
 
-def levels_of(image: Tensor, meaning: str, params: CameraParams, shown: Known | None = None) -> Levels:
+def levels_of(image: Tensor, meaning: str, params: CameraParams, known: Known | None = None) -> Levels:
     """The levels of an image (R,R) whose grey levels have a meaning (see `images.levels`), and that shows a part of the
     canvas, None: all of it. Raises `InputError` if no camera that it may have has a value that the user knows."""
-    known = params.all_known
-    for name, value in known.items():
+    told = params.all_known
+    for name, value in told.items():
         if not any(name in kind_of(kind).values for kind in _possible(meaning)):
             raise InputError(f"camera.{KNOWN[name]} must be null if levels is {meaning}, got {value}")
     if meaning != DRAWN:
-        return kind_of(meaning)(params, image).within(shown)
+        return kind_of(meaning)(params, image).within(known)
     if params.blur_px is not None and not params.estimate:
         raise InputError("camera.blur_px must be null if camera.estimate is false and levels is not linear, got "
                          f"{params.blur_px}")
-    kinds = tuple(kind for kind in of_others() if set(known) <= set(kind_of(kind).values))
+    kinds = tuple(kind for kind in of_others() if set(told) <= set(kind_of(kind).values))
     if not kinds:
-        told = " and ".join(f"camera.{KNOWN[name]}" for name in known)
-        raise InputError(f"{told} must not be given together, because no kind of camera has all of them; got "
-                         + ", ".join(map(str, known.values())))
-    return kind_of("coverage")(params, image, kinds=kinds).within(shown)
+        names = " and ".join(f"camera.{KNOWN[name]}" for name in told)
+        raise InputError(f"{names} must not be given together, because no kind of camera has all of them; got "
+                         + ", ".join(map(str, told.values())))
+    return kind_of("coverage")(params, image, kinds=kinds).within(known)
 
 
 def _possible(meaning: str) -> Iterable[str]:

@@ -131,7 +131,7 @@ class Levels(ABC):
         """Whether an image may be of this kind if others that were tried before have these angles of error, by name."""
         return True
 
-    def drawn(self, camera: Camera) -> tuple[float | None, ...]:
+    def what_is_drawn(self, camera: Camera) -> tuple[float | None, ...]:
         """The values of a camera that define what is drawn of a code, without those that define how."""
         return ()
 

@@ -42,7 +42,7 @@ PEN_SUPERSAMPLE = 3       # subpixels per side of a pixel where a pen draws
 DOT_SUPERSAMPLE = 2       # and where dots are blurred
 
 
-class Drawn(Coverage):
+class Inked(Coverage):
     """Lines and areas: the share of a pixel that the drawing covers, blurred by a Gaussian. The drawing shows the
     attractor, drawn with a round pen, or a step of its construction, whose smallest parts are tiles of one shape
     (`tiles`). A tile size of 0 means the attractor."""
@@ -66,7 +66,7 @@ class Drawn(Coverage):
         """Without the pen if tiles are drawn, which have none."""
         return [name for name in super().open_values if not (self.camera.tile and name == "pen")]
 
-    def drawn(self, camera: Camera) -> tuple[float | None, ...]:
+    def what_is_drawn(self, camera: Camera) -> tuple[float | None, ...]:
         """The tile size."""
         return (camera.tile,)
 
@@ -179,7 +179,7 @@ class ToneMapped(ExposedDensity):
     @classmethod
     def is_worth_trying(cls, angles: Mapping[str, float]) -> bool:
         """Where dots do not explain an image much worse than pens and tiles."""
-        return angles.get(Dots.kind, 0.0) <= CURVED_FROM * angles.get(Drawn.kind, math.inf)
+        return angles.get(Dots.kind, 0.0) <= CURVED_FROM * angles.get(Inked.kind, math.inf)
 
     @property
     def curve(self) -> Curve:

@@ -19,7 +19,7 @@ from ..ifs import affine, attractor
 from ..ifs.code import IFS
 from .blur import blurred
 from .camera import Camera
-from .pens import PEN_SUPERSAMPLE, PENS_PX, Drawn, given, inked
+from .pens import PEN_SUPERSAMPLE, PENS_PX, Inked, given, inked
 from .stroke_kernels import outline
 
 STROKE = 0.06          # greatest width, canvas units, of the image of a map that draws a stroke
@@ -29,12 +29,12 @@ MOST_STROKES = 40_000  # that are copied by equally many maps; drawings with mor
 STROKE_BLURS_PX = 0.35, 0.7   # that are tried: from less blur, a polish does not find a larger one
 
 
-class Strokes(Drawn):
+class Strokes(Inked):
     """Segments drawn with a round pen. A map whose image is at most `STROKE` wide draws a stroke; all others copy the
     drawing."""
 
     kind = "strokes"
-    beside = Drawn.kind
+    beside = Inked.kind
     is_whole = False
     values = "depth", "thinning", "pen", "blur"
 
@@ -46,7 +46,7 @@ class Strokes(Drawn):
     def shows_attractor(self) -> bool:
         return False
 
-    def drawn(self, camera: Camera) -> tuple[float | None, ...]:
+    def what_is_drawn(self, camera: Camera) -> tuple[float | None, ...]:
         """The depth, and whether the pen shrinks."""
         return camera.depth, camera.thinning
 

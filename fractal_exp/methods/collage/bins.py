@@ -1,5 +1,5 @@
-"""Measures on grids, from the masses of an image, from an attractor, or from points; the shape of an image; and the
-correction of its masses where grey levels saturate."""
+"""Measures on grids, from the masses of an image or from points, and the correction of these masses where grey levels
+saturate."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from torch.nn.functional import avg_pool2d
 
 from ... import ops
 from ...cameras.levels import Levels
-from ...cameras.points import TRAJECTORY, WARMUP
+from ...cameras.points import WARMUP
 from ...ifs.canvas import canvas_to_pixel
 from ...ifs.code import IFS
-from ...ops.collage import BinnedMeasure, orbit_bins, pushforward
+from ...ops.collage import BinnedMeasure, pushforward
 from ...ops.collage.reference import EDGE
 from .params import SaturationParams
 
 CELLS_PER_PIXEL = 1.3   # maximum along a side of the finest grid
 PIXEL_PARTS = 2         # per side, into which a pixel is divided when its mass is shared among cells
-LIT = 0.1               # grey level, as a share of the highest, above which a pixel belongs to a shape; lines are faint
 # Of the correction for saturation.
 TRUST = 4.0    # power of the agreement between image and rendering that gives the trust in a correction
 LENGTH = 530   # points of each trajectory, including those of the warm-up
@@ -49,11 +48,6 @@ def binned(masses: Tensor, size: int, grids: int = BinnedMeasure.grids) -> Binne
     return BinnedMeasure(samples, shares.T @ masses @ shares, grids)
 
 
-def lit_pixels(image: Tensor) -> Tensor:
-    """The mask (R,R) of the shape that an image (R,R) shows."""
-    return image > LIT * image.max()
-
-
 def hats(resolution: int, size: int) -> Tensor:
     """Shares (R,G) of each pixel's mass in the bilinear bins of one axis, with the mass in the middles of equal parts
     of the pixel."""
@@ -71,13 +65,6 @@ def halve(bins: Tensor, size: int) -> Tensor:
     """Bins (…,G,G) summed to (…,size,size)."""
     step = bins.shape[-1] // size
     return avg_pool2d(bins.reshape(-1, 1, *bins.shape[-2:]), step).view(*bins.shape[:-2], size, size) * step**2
-
-
-def attractor_bins(maps: Tensor, weights: Tensor, size: int, *, points: int, seed: int) -> Tensor:
-    """The measure (G,G) of the attractor of maps (N,6) with probabilities proportional to weights (N,)."""
-    count = max(1, points // (TRAJECTORY - WARMUP))
-    return orbit_bins(maps[None], weights / weights.sum(), size, seed=seed, trajectories=count, length=TRAJECTORY,
-                      warmup=WARMUP)[0]
 
 
 def point_bins(points: Tensor, size: int) -> Tensor:

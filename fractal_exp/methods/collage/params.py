@@ -1,8 +1,10 @@
 """The parameters of collage search, one class per component. docs/method.md explains where the method uses each.
 
 Where a docstring names no source, the value was found by trial on tuning suites (docs/lab_notes.md). Each part has a
-setting that switches it off: `enabled=false` or another switch, a count of 0, odds of 0. Numbers that nobody varies are
-constants beside their use.
+setting that switches it off: `enabled=false` or another switch, a count or odds of 0, nothing (null, or an empty list)
+in the place of a number. The plan of a search leaves out a stage that is off. Any other part looks at its own setting:
+a function that is to change something returns it as it is, and one that proposes something proposes nothing. Numbers
+that nobody varies are constants beside their use.
 """
 
 from __future__ import annotations
@@ -158,15 +160,6 @@ class MoveParams(Params):
     own_weights: Amount = 0.8
     """A code keeps free probabilities if its error is below this factor times the error with tied ones; 0: they are
     always tied."""
-    unseen: Share | None = 0.002
-    """Loss of likeness (F1 within a pixel) up to which maps are dropped from the code of a picture that others
-    drew; null: none is dropped."""
-    needless: Share | None = 5e-4
-    """The same loss for maps that are removed while the others are polished together with the camera; null: none is
-    removed, and contained maps stay as well."""
-    parent_maps: Count = 8
-    """Maximum number of maps of a code whose parents and contained maps are sought, in a picture that others drew. A
-    parent is a map g of which the code only holds compositions g∘f. A contained map is such a g∘f beside g."""
 
 
 class LineParams(Params):
@@ -218,6 +211,19 @@ class RoundingParams(Params):
     """Whether maps may be preceded by a symmetry of the shape, in a picture that others drew."""
     polish: Count = 8
     """Gauss-Newton steps of the entries that are not fixed."""
+
+
+class SimplifyParams(Params):
+    """Codes of fewer maps that draw the same, for a picture that others drew."""
+
+    unseen: Share | None = 0.002
+    """Loss of likeness (F1 within a pixel) up to which maps are dropped; null: none is dropped."""
+    needless: Share | None = 5e-4
+    """The same loss for maps that are removed while the others are polished together with the camera; null: none is
+    removed, and contained maps stay as well."""
+    parent_maps: Count = 8
+    """Maximum number of maps of a code whose parents and contained maps are sought. A parent is a map g of which the
+    code only holds compositions g∘f. A contained map is such a g∘f beside g."""
 
 
 class GrowthParams(Params):
@@ -291,6 +297,7 @@ class CollageParams(Params):
     gauss_newton: GaussNewtonParams = GaussNewtonParams()
     frame: FrameParams = FrameParams()
     rounding: RoundingParams = RoundingParams()
+    simplify: SimplifyParams = SimplifyParams()
     growth: GrowthParams = GrowthParams()
     stages: StageParams = StageParams()
 

@@ -11,7 +11,7 @@ from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.estimate import DOTTED, estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.levels import FAINT, Density, may_be_density
-from fractal_exp.cameras.pens import Dots, Drawn, ToneMapped
+from fractal_exp.cameras.pens import Dots, Inked, ToneMapped
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN, meaning_of
 from fractal_exp.likeness import likeness_of_attractor
@@ -35,7 +35,7 @@ CURVE = Camera("tonemapped")
 FERN = attractor.normalize(codes.known("fern"))
 CURVED = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.04, 0.0)).render(FERN, SIDE, 1) ** (1 / 2.2)
 GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
-DRAWING = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 2 / SIDE, 0.0)).render(GASKET, SIDE, 1)
+DRAWING = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 2 / SIDE, 0.0)).render(GASKET, SIDE, 1)
 
 
 def problem(image=CURVED, levels=DRAWN, **options):
@@ -57,7 +57,7 @@ def kinds(given, number=0):
 
 def test_a_density_is_grey_inside_and_a_drawing_is_not():
     koch = attractor.normalize(codes.known("koch_curve"))
-    thin = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 0.5 / SIDE, 1 / SIDE)).render(koch, SIDE, 1)
+    thin = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 0.5 / SIDE, 1 / SIDE)).render(koch, SIDE, 1)
     assert float((thin[thin > FAINT] < 0.95).float().mean()) > 0.9, "a thin line is grey"
     assert may_be_density(CURVED)
     assert not may_be_density(DRAWING) and not may_be_density(thin)
@@ -132,7 +132,7 @@ def test_where_a_picture_is_grey_inside_the_camera_that_explains_it_best_is_chos
 def test_no_tiles_copy_what_is_grey_inside_for_a_wrong_code():
     leaf, dragon = (attractor.normalize(codes.known(name)) for name in ("maple_leaf", "twindragon"))
     plot = Dots(CAMERA, torch.zeros(SIDE, SIDE), dot_camera(0.1, 0.0)).render(leaf, SIDE, 1)
-    tiles, dots = (nearest(plot, kind(CAMERA, plot), dragon, 0)[0] for kind in (Drawn, Dots))
+    tiles, dots = (nearest(plot, kind(CAMERA, plot), dragon, 0)[0] for kind in (Inked, Dots))
     assert tiles[1].tile and tiles[0] < dots[0], "they copy the picture best"
     assert estimated(plot, levels_of(plot, DRAWN, CAMERA), dragon, 0).kind == "dots"
 
@@ -142,7 +142,7 @@ def test_faint_pixels_of_a_density_belong_to_its_shape():
     curve = Camera("tonemapped", gain=0.01, gamma=2.2, blur=0.0)
     for levels in ToneMapped(CAMERA, image, curve), Dots(CAMERA, image, dot_camera(0.01, 0.0)):
         assert likeness_of_attractor(FERN, image, levels) > 0.95
-    drawn = Drawn(CAMERA, image, pen_camera(0.0, 1 / SIDE, 0.0))
+    drawn = Inked(CAMERA, image, pen_camera(0.0, 1 / SIDE, 0.0))
     assert likeness_of_attractor(FERN, image, drawn) < 0.95, "only what is a quarter white is of a drawing"
 
 

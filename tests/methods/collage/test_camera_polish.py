@@ -10,7 +10,7 @@ from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
 from fractal_exp.cameras.estimate import estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
-from fractal_exp.cameras.pens import Dots, Drawn, ToneMapped
+from fractal_exp.cameras.pens import Dots, Inked, ToneMapped
 from fractal_exp.cameras.tiles import tiled
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
@@ -51,10 +51,10 @@ def koch_lines(depth, width, fine=8):
 
 @pytest.mark.parametrize("jacobian", [FromPoints, pytest.param(FromRenderings, marks=pytest.mark.slow)])
 def test_a_pen_and_a_code_that_make_up_for_each_other_are_polished_together(jacobian):
-    image = drawn_by(Drawn(CAMERA, None, PEN), GASKET)
+    image = drawn_by(Inked(CAMERA, None, PEN), GASKET)
     maps = affine.from_code(GASKET)
     maps[:, 4:] *= 1.02                                       # a larger attractor, drawn by a thinner pen
-    thin = ImageObjective(image, Drawn(CAMERA, image, pen_camera(0.0, 0.4 * PIXEL, 0.5 * PIXEL)), PARAMS)
+    thin = ImageObjective(image, Inked(CAMERA, image, pen_camera(0.0, 0.4 * PIXEL, 0.5 * PIXEL)), PARAMS)
     start = thin.judge(maps)
     alone = polished(thin, start, 8, jacobian=jacobian)
     both = polished(thin, start, 8, jacobian=jacobian, camera=True)
@@ -74,17 +74,17 @@ def test_the_gain_of_dots_is_polished_with_the_code():
 
 def test_only_values_that_the_user_left_open_move():
     image = torch.zeros(SIDE, SIDE)
-    assert Drawn(CAMERA, image, PEN).open_values == ["pen", "blur"], "the size of a tile is one of a list"
-    assert Drawn(CAMERA.updated(pen_px=1.0), image, PEN).open_values == ["blur"]
-    assert Drawn(CAMERA, image, PEN.moved({"tile": 0.1})).open_values == ["blur"], "tiles have no pen"
+    assert Inked(CAMERA, image, PEN).open_values == ["pen", "blur"], "the size of a tile is one of a list"
+    assert Inked(CAMERA.updated(pen_px=1.0), image, PEN).open_values == ["blur"]
+    assert Inked(CAMERA, image, PEN.moved({"tile": 0.1})).open_values == ["blur"], "tiles have no pen"
     curve = Camera("tonemapped", gain=0.1, gamma=2.0, blur=0.0)
     assert ToneMapped(CAMERA.updated(gamma=2.0), image, curve).open_values == ["gain", "blur"]
-    assert Drawn(CAMERA, image).open_values == []
+    assert Inked(CAMERA, image).open_values == []
 
 
 def test_a_pen_of_no_width_has_its_whole_derivative():
-    image = drawn_by(Drawn(CAMERA, None, PEN), GASKET)
-    thin = ImageObjective(image, Drawn(CAMERA, image, pen_camera(0.0, 0.0, 0.5 * PIXEL)), PARAMS)
+    image = drawn_by(Inked(CAMERA, None, PEN), GASKET)
+    thin = ImageObjective(image, Inked(CAMERA, image, pen_camera(0.0, 0.0, 0.5 * PIXEL)), PARAMS)
     start = thin.judge(affine.from_code(GASKET))
     columns = [kind(thin, start, range(len(start.maps)), 0, camera=True) for kind in (FromPoints, FromRenderings)]
     pens = [float(each.square[-2, -2]) ** 0.5 for each in columns]
@@ -93,7 +93,7 @@ def test_a_pen_of_no_width_has_its_whole_derivative():
 
 def test_a_length_stays_positive_and_a_number_changes_by_a_factor():
     image = torch.zeros(SIDE, SIDE)
-    drawn = Drawn(CAMERA, image, pen_camera(0.0, 0.01, 0.02)).adjusted({"pen": -0.5, "blur": 0.01})
+    drawn = Inked(CAMERA, image, pen_camera(0.0, 0.01, 0.02)).adjusted({"pen": -0.5, "blur": 0.01})
     assert drawn.camera == pen_camera(0.0, 0.0, 0.03)
     twice = Dots(CAMERA, image, dot_camera(0.2, 0.0)).adjusted({"gain": float(np.log(2))})
     assert (twice.camera.gain, twice.camera.blur) == pytest.approx((0.4, 0.0))
@@ -102,7 +102,7 @@ def test_a_length_stays_positive_and_a_number_changes_by_a_factor():
 def test_a_thin_line_is_drawn_by_thin_tiles():
     image = koch_lines(3, 0.6)
     angles = {}
-    for angle, tried in nearest(image, Drawn(CAMERA, image), KOCH, 0):
+    for angle, tried in nearest(image, Inked(CAMERA, image), KOCH, 0):
         size = tried.tile
         angles[size] = angle
         if 0.05 < size < 0.2:  # not the whole picture, and not less than its segments
@@ -134,7 +134,7 @@ def test_a_kind_of_camera_that_the_user_chose_is_kept():
 
 def test_the_likeliest_cameras_of_a_kind_come_best_first():
     image = koch_lines(3, 0.6)
-    pen = ImageObjective(image, Drawn(CAMERA, image, PEN), PARAMS)
+    pen = ImageObjective(image, Inked(CAMERA, image, PEN), PARAMS)
     seen = polish_under(pen, pen.judge(affine.from_code(KOCH)), "coverage", NO_DEADLINE)
     assert len(seen) == camera.LIKELIEST
     assert [angle_of(each) for each in seen] == sorted(map(angle_of, seen))
@@ -157,7 +157,7 @@ def test_a_known_pen_excludes_dots_and_a_known_gain_excludes_pens():
 def test_a_known_value_excludes_the_kinds_that_do_not_have_it(known, kinds):
     params = PARAMS.updated(camera=known)
     by_dots, by_pen = dot_camera(0.16, 0.7 * PIXEL), pen_camera(0.0, 0.5 * PIXEL, 0.5 * PIXEL)
-    for drawn in Dots(CAMERA, None, by_dots), Drawn(CAMERA, None, by_pen):
+    for drawn in Dots(CAMERA, None, by_dots), Inked(CAMERA, None, by_pen):
         image = drawn_by(drawn, GASKET)
         levels = levels_of(image, DRAWN, params.camera)
         assert estimated(image, levels, GASKET, 0).kind in kinds
@@ -169,7 +169,7 @@ def test_the_polish_loses_nothing_if_time_runs_out_at_the_first_camera(monkeypat
     image = drawn_by(Dots(CAMERA, None, dot_camera(0.16, 0.7 * PIXEL)), GASKET)
     dots = ImageObjective(image, Dots(CAMERA, image, dot_camera(0.16, 0.7 * PIXEL)), PARAMS)
     start = dots.judge(affine.from_code(GASKET))
-    rough = ImageObjective(image, Drawn(CAMERA, image, pen_camera(0.0, 2 * PIXEL, 0.0)), PARAMS)
+    rough = ImageObjective(image, Inked(CAMERA, image, pen_camera(0.0, 2 * PIXEL, 0.0)), PARAMS)
     monkeypatch.setattr(camera, "polish_under", lambda *rest: [(rough, rough.judge(start.maps))])
     assert angle_of(sharpened(dots, start)) <= angle_of((dots, start))
 

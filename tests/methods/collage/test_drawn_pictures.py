@@ -15,7 +15,7 @@ from fractal_exp.cameras.estimate import TILED, estimated, nearest
 from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.levels import REUSE
 from fractal_exp.cameras.params import CameraParams
-from fractal_exp.cameras.pens import DOT_SUPERSAMPLE, GAMMAS, Dots, Drawn, ToneMapped
+from fractal_exp.cameras.pens import DOT_SUPERSAMPLE, GAMMAS, Dots, Inked, ToneMapped
 from fractal_exp.cameras.tile_kernels import collect, mark
 from fractal_exp.cameras.tiles import tiled, words
 from fractal_exp.errors import InputError
@@ -36,7 +36,7 @@ GASKET = attractor.normalize(codes.known("sierpinski_triangle"))
 
 @pytest.mark.parametrize("radius", [0.5, 1.0, 2.5])
 def test_a_pen_covers_the_area_of_a_stroke(radius):
-    drawn = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, radius * PIXEL, 0.0)).render(SEGMENT, SIDE, 0)
+    drawn = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, radius * PIXEL, 0.0)).render(SEGMENT, SIDE, 0)
     length = 1.0 / PIXEL
     assert float(drawn.sum()) == pytest.approx(2 * radius * length + math.pi * radius**2, rel=0.08)
 
@@ -86,7 +86,7 @@ def test_a_construction_is_explained_by_tiles_of_its_depth_under_the_true_code_a
     size = 1.5 / 2**depth
     true = judge.error(tiled(image, GASKET, size, SIDE, 3))
     other = judge.error(tiled(image, GASKET.similar(0.97, (0.0, 0.0)), size, SIDE, 3))
-    pen = judge.error(Drawn(CAMERA, image, pen_camera(0.0, 0.5 * PIXEL, 0.0)).render(GASKET, SIDE, 0))
+    pen = judge.error(Inked(CAMERA, image, pen_camera(0.0, 0.5 * PIXEL, 0.0)).render(GASKET, SIDE, 0))
     assert true < 0.5 * other and true < 0.5 * pen
 
 
@@ -104,7 +104,7 @@ def test_tiles_are_taken_only_if_they_suit_the_code_much_better_than_a_pen():
 
 def test_the_pen_of_a_line_drawing_is_found():
     camera = pen_camera(0.0, 1.5 * PIXEL, 0.5 * PIXEL)
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), camera).render(GASKET, SIDE, 1)
+    image = Inked(CAMERA, torch.zeros(SIDE, SIDE), camera).render(GASKET, SIDE, 1)
     found = estimated(image, levels_of(image, meaning_of(image), CAMERA), GASKET, 0)
     assert (found.kind, found.tile) == ("coverage", 0)
     assert (found.pen, found.blur) == pytest.approx((camera.pen, camera.blur), abs=0.3 * PIXEL)
@@ -187,7 +187,7 @@ def test_a_tone_curve_is_undone_by_the_measure_that_is_searched():
 def test_a_camera_that_is_given_is_not_estimated():
     camera = CAMERA.updated(pen_px=2.0, blur_px=1.0)
     image = at(triangles(4))
-    tried = Drawn(camera, image).candidates(GASKET, SIDE, 0)
+    tried = Inked(camera, image).candidates(GASKET, SIDE, 0)
     assert {each for each, _ in tried} == {pen_camera(0.0, 2.0 * PIXEL, 1.0 * PIXEL)}
 
 
@@ -252,8 +252,8 @@ def test_a_code_that_explains_thick_lines_is_not_replaced_by_grown_maps():
     """Its attractor is thinner than the drawing; its drawing is not."""
     first, second = torch.tensor([[1 / 3, 0, 0, 1 / 3, -0.5, 0], [1 / 3, 0, 0, 1 / 3, 0.5, 0]])
     cantor, pen = affine.to_code(torch.stack([first, second])), pen_camera(0.0, 2.5 * PIXEL, 0.0)
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(cantor, SIDE, 0)
-    levels = Drawn(CAMERA, image)
+    image = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen).render(cantor, SIDE, 0)
+    levels = Inked(CAMERA, image)
     found = Candidate(torch.stack([first, second]), None, 0.0, 0.0, pen)
     growth = Growth(SearchProblem(image, levels, PARAMS))
     assert growth.grower.likeness(found, pen_camera(0.0, 0.1 * PIXEL, 0.0)) < UNLIKE
@@ -263,11 +263,11 @@ def test_a_code_that_explains_thick_lines_is_not_replaced_by_grown_maps():
 @pytest.mark.parametrize(("tile", "apart", "on_the_shape"), [
     (8.0, 5, True), (0.0, 5, False), (28.0, 14, False), (28.0, 5, True)])
 def test_an_attractor_may_be_off_a_lattice_by_half_a_small_tile(tile, apart, on_the_shape):
-    lattice = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 0.1 * PIXEL, 0.0)).render(SEGMENT, SIDE, 0)
+    lattice = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen_camera(0.0, 0.1 * PIXEL, 0.0)).render(SEGMENT, SIDE, 0)
     lattice = sum(torch.roll(lattice, apart * k, 0) for k in range(-4, 5)).clamp(max=1)
     half = torch.tensor([[0, -2 * apart * PIXEL], [0, 2 * apart * PIXEL]]).repeat(2, 1)
     filled = IFS(SEGMENT.linear[[0, 0, 1, 1]], SEGMENT.offset[[0, 0, 1, 1]] + half)  # the rectangle of the lines
-    levels = Drawn(CAMERA, lattice, pen_camera(tile * PIXEL, 0.0, 0.0))
+    levels = Inked(CAMERA, lattice, pen_camera(tile * PIXEL, 0.0, 0.0))
     assert (likeness_of_attractor(filled, lattice, levels) > 0.95) == on_the_shape
 
 

@@ -7,19 +7,23 @@ from drawn_helpers import at, triangles
 
 from fractal_exp import codes
 from fractal_exp.cameras.kinds import levels_of, with_camera
-from fractal_exp.cameras.pens import Dots, Drawn
+from fractal_exp.cameras.pens import Dots, Inked
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage.image.objective import ImageObjective
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.simplify import drawn
-from fractal_exp.methods.collage.simplify.drawn import simplest
+from fractal_exp.methods.collage.simplify.drawn import simplified_in_every_way
 from fractal_exp.methods.collage.simplify.flat import on_their_line
 from fractal_exp.methods.collage.simplify.loop import Draft, Price, Proposer, maps_polished, simplified
 from fractal_exp.methods.collage.simplify.parents import fewer, parents, uncontained
-from fractal_exp.methods.collage.simplify.removal import unseen, without_doubles, without_least, without_needless
-from fractal_exp.methods.collage.simplify.symmetry import simplest as least_turned
-from fractal_exp.methods.collage.simplify.symmetry import symmetries
+from fractal_exp.methods.collage.simplify.removal import (
+    dropping_unseen,
+    without_doubles,
+    without_least,
+    without_needless,
+)
+from fractal_exp.methods.collage.simplify.symmetry import least_turned, symmetries
 from fractal_exp.methods.collage.state import WeightedMaps
 
 PARAMS, SIDE = CollageParams(), 128
@@ -40,7 +44,7 @@ def inked(camera=INK, code=CULCITA, **options) -> ImageObjective:
 
 def penned(code, pen=PEN, **options) -> ImageObjective:
     """A drawing with this pen, looked at with this pen."""
-    image = Drawn(CAMERA, torch.zeros(SIDE, SIDE), pen).render(code, SIDE, 0)
+    image = Inked(CAMERA, torch.zeros(SIDE, SIDE), pen).render(code, SIDE, 0)
     return ImageObjective(image, with_camera(levels_of(image, DRAWN, CAMERA), pen), PARAMS.updated(**options))
 
 
@@ -55,7 +59,7 @@ def with_fewer(fit: Draft, way=fewer) -> Draft:
 
 
 def without_unseen(fit: Draft) -> Draft:
-    return simplified(fit, unseen(fit.objective.params), Price.of_drawn(fit.objective))
+    return simplified(fit, [dropping_unseen(fit.objective.params)], Price.of_drawn(fit.objective))
 
 
 def with_compositions() -> WeightedMaps:
@@ -184,7 +188,7 @@ def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
     assert found.objective.levels.camera.gain == pytest.approx(INK.gain, rel=0.1)
     assert without_needless(found, uncontained, without_least) is found, "all are needed"
     assert len(without_needless(fit, uncontained).shown.maps) == 4
-    for options in {"maps": 8}, {"moves": {"needless": None}}:
+    for options in {"maps": 8}, {"simplify": {"needless": None}}:
         kept = fitted(judge, many.maps, many.weights, **options)
         assert without_needless(kept, uncontained, without_least) is kept
 
@@ -193,7 +197,7 @@ def test_maps_whose_absence_the_camera_makes_up_for_are_needless():
 def test_a_map_that_is_hardly_seen_stays(camera):
     judge = inked(camera, CYCLOSORUS)
     code = affine.from_code(CYCLOSORUS), CYCLOSORUS.probabilities
-    fit, loose = fitted(judge, *code), fitted(judge, *code, moves={"needless": 0.002})
+    fit, loose = fitted(judge, *code), fitted(judge, *code, simplify={"needless": 0.002})
     assert without_needless(fit, uncontained, without_least) is fit
     assert len(without_needless(loose, uncontained, without_least).shown.maps) == 3, "the stem"
 
@@ -212,8 +216,9 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
     maps = affine.from_code(GASKET)
     mirror = torch.tensor([-1.0, 0, 0, 1, 0, 0])              # of the triangle, about its axis
     doubled = torch.cat([maps, affine.composed(maps[2], mirror)[None] + 0.2 * PIXEL * torch.eye(6)[5]])
-    only = {"parent_maps": 0, "pruning": False, "unseen": None, "needless": None}   # nothing else leaves maps out
-    found = simplest(fitted(penned(GASKET), doubled, moves=only)).shown
+    # nothing else leaves maps out
+    only = {"simplify": {"parent_maps": 0, "unseen": None, "needless": None}, "moves": {"pruning": False}}
+    found = simplified_in_every_way(fitted(penned(GASKET), doubled, **only)).shown
     assert len(found.maps) == 3
     assert torch.allclose(found.maps[:, :4], torch.tensor([0.5, 0, 0, 0.5]).expand(3, 4), atol=0.01)
 
@@ -222,21 +227,21 @@ def test_two_maps_that_a_symmetry_makes_one_are_one():
 def test_a_number_of_maps_that_was_asked_for_stays():
     maps = affine.from_code(GASKET)
     doubled = torch.cat([maps, maps[:1]])
-    assert len(simplest(fitted(penned(GASKET), doubled, maps=4)).shown.maps) == 4
+    assert len(simplified_in_every_way(fitted(penned(GASKET), doubled, maps=4)).shown.maps) == 4
 
 
 def simplest_of(picture, code, pen_px):
     """The simplest code of a picture, which is first looked at with this pen."""
     levels = with_camera(levels_of(picture, DRAWN, CAMERA), pen_camera(0.0, pen_px * PIXEL, 0.0))
     judge = ImageObjective(picture, levels, PARAMS)
-    return simplest(fitted(judge, code, rounding={"matrices": False})).shown.maps
+    return simplified_in_every_way(fitted(judge, code, rounding={"matrices": False})).shown.maps
 
 
 @pytest.mark.slow
 def test_a_shape_on_a_line_ends_as_similarities_though_its_maps_drew_the_pen():
     """Cantor's set as bars, by maps that take long to reach its line: so long that the thinner pen seems right."""
     near = torch.tensor([[1 / 3, 0.1, 0, 0.93, -0.5, 0], [1 / 3, -0.1, 0, 0.96, 0.5, 0]])
-    picture = Drawn(CAMERA, None, pen_camera(0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
+    picture = Inked(CAMERA, None, pen_camera(0.0, 2 * PIXEL, 0.0)).render(affine.to_code(CANTOR), SIDE, 0)
     assert torch.allclose(simplest_of(picture, near, pen_px=1).abs(), CANTOR.abs(), atol=0.01)
 
 
@@ -245,7 +250,7 @@ def test_a_curve_that_is_nearly_a_line_keeps_its_maps():
     """Two maps, each of which turns half of the curve a little, up and down again."""
     rise = 0.0125
     curve = torch.tensor([[0.5, -rise, rise, 0.5, -0.375, 0], [0.5, rise, -rise, 0.5, 0.375, 0]])
-    picture = Drawn(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
+    picture = Inked(CAMERA, None, pen_camera(0.0, PIXEL, 0.0)).render(affine.to_code(curve), SIDE, 0)
     assert torch.allclose(simplest_of(picture, curve, pen_px=1), curve, atol=1e-3)
 
 
@@ -259,5 +264,5 @@ def test_parents_are_found_though_points_take_long_to_reach_a_line():
 @pytest.mark.usefixtures("one_camera")
 def test_the_simplest_code_has_no_needless_maps():
     many, judge = with_compositions(), inked(THICK_INK)
-    only = {"moves": {"parent_maps": 0, "pruning": False}, "rounding": {"matrices": False}}
-    assert len(simplest(fitted(judge, many.maps, many.weights, **only)).shown.maps) == 4
+    only = {"simplify": {"parent_maps": 0}, "moves": {"pruning": False}, "rounding": {"matrices": False}}
+    assert len(simplified_in_every_way(fitted(judge, many.maps, many.weights, **only)).shown.maps) == 4

@@ -22,7 +22,7 @@ from fractal_exp.methods.collage import method
 from fractal_exp.methods.collage.given import OPTIONS
 from fractal_exp.methods.collage.image.camera import MOST_MAPS, sharpened
 from fractal_exp.methods.collage.image.objective import ImageObjective
-from fractal_exp.methods.collage.simplify.drawn import simplest, without_width
+from fractal_exp.methods.collage.simplify.drawn import simplified_in_every_way, without_width
 from fractal_exp.methods.collage.simplify.loop import Draft
 from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SearchProblem
@@ -72,7 +72,7 @@ def test_a_branch_that_makes_up_for_the_wrong_camera_is_left_out():
     start = torch.cat([maps, affine.composed(maps[1], mirror)[None]])
     start[1:, :4] *= 0.985
     objective = judged(image, DRAWN, pen_camera(0.0, 0.75 * PIXEL, 0.0))
-    found = simplest(Draft(objective, objective.judge(start)))
+    found = simplified_in_every_way(Draft(objective, objective.judge(start)))
     assert len(found.shown.maps) == 3
     camera = found.objective.levels.camera
     assert (camera.depth, camera.thinning) == (DEPTH, 0)

@@ -11,8 +11,8 @@ from fractal_exp import codes
 from fractal_exp.ifs import affine, attractor
 from fractal_exp.methods.collage.image.objective import reduced
 from fractal_exp.methods.collage.moves import single
-from fractal_exp.methods.collage.simplify.loop import Price, pruned
-from fractal_exp.methods.collage.simplify.removal import unseen
+from fractal_exp.methods.collage.simplify.loop import Draft, Price, pruned
+from fractal_exp.methods.collage.simplify.removal import one_unseen
 from fractal_exp.methods.collage.stages.image import ImageMoves
 from fractal_exp.methods.collage.stages.measure import Restart
 from fractal_exp.methods.collage.state import State
@@ -53,8 +53,10 @@ def test_without_cleaning_every_step_is_a_move(doubled):
     assert {stage.move(State(current=now, step=step)).now.score for step in range(stage.most_moves)} == {1.0}
 
 
-def test_a_map_that_nobody_sees_stays_if_none_is_to_be_dropped():
-    assert unseen(params()) and not unseen(params(moves={"unseen": None}))
+@pytest.mark.parametrize(("unseen", "tried"), [(0.002, 4), (None, 0)])
+def test_a_map_that_nobody_sees_stays_if_none_is_to_be_dropped(doubled, unseen, tried):
+    picture = objective(doubled[1], simplify={"unseen": unseen})
+    assert len(list(one_unseen(Draft(picture, picture.judge(doubled[0]))))) == tried
 
 
 def test_a_reduced_image_is_only_shrunk_if_nothing_is_to_be_rendered(doubled):

@@ -10,6 +10,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from ....cameras.camera import Camera
 from ....cameras.comparison import Comparison
 from ....cameras.levels import Levels, stabilize
 from ....ifs import affine, attractor
@@ -19,7 +20,7 @@ from ....ifs.contraction import AVERAGE
 from ....runtime.seeds import derive
 from ..limits import LARGEST, largest_for, limited
 from ..params import CollageParams, FrameParams
-from ..state import WeightedMaps
+from ..state import Candidate, WeightedMaps
 
 HOPELESS = 0.4          # error, radians rms, from which the image may show no attractor
 # Of the frame.
@@ -41,6 +42,11 @@ class Rendered(WeightedMaps):
     image: Tensor
     error: float
     levels: Levels
+
+    def candidate(self, camera: Camera | None = None) -> Candidate:
+        """The code as a stage hands it on: weights that are not tied become probabilities, the score is the error."""
+        weights = None if self.weights is None else self.probabilities
+        return Candidate(self.maps, weights, self.error, self.error, camera)
 
 
 class ImageObjective(Comparison):

@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ....cameras.points import TRAJECTORY, WARMUP
 from ....ifs import affine
-from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
+from ....ops.collage import BinnedMeasure, Descent, collage_error, descend, orbit_bins, pushforward
 from ....ops.collage.reference import displacement_squared
 from ....runtime.params import Interval
 from ....runtime.seeds import derive, generator
-from ..bins import attractor_bins, binned, grid_for
+from ..bins import binned, grid_for
 from ..limits import SMALLER, largest_for, limited
 from ..params import CollageParams
 from ..state import Candidate
@@ -107,7 +108,10 @@ class MeasureSearch:
                  smaller_limit: float = SMALLER):
         size = grid_for(masses.shape[0], regime.grid)
         self.params, self.regime, self.seed, self.smaller_limit = params, regime, seed, smaller_limit
-        self._aim_at(*(binned(masses, cells) for cells in (size, size // COARSER)))
+        self._aim_at(*(self._binned(masses, cells) for cells in (size, size // COARSER)))
+
+    def _binned(self, masses: Tensor, size: int) -> BinnedMeasure:
+        return binned(masses, size)
 
     def _aim_at(self, measure: BinnedMeasure, coarse: BinnedMeasure) -> None:
         self.measure, self.coarse, self.largest = measure, coarse, largest_for(measure.covariance)
@@ -135,13 +139,19 @@ class MeasureSearch:
         """The candidate with its score."""
         drawable = limited(maps, weights, self.largest)
         if drawable is not maps and not torch.equal(drawable, maps):
-            maps, error = drawable, float(collage_error(self._explained(drawable, weights)[None], self.measure)[0])
+            maps, error = drawable, self._error(drawable, weights)
         far = float(collage_error(self._attractor(maps, weights)[None], self.measure)[0])
         return Candidate(maps, weights, error, self.cheap_score(maps, weights, error) + ATTRACTOR_WEIGHT * far)
 
+    def _error(self, maps: Tensor, weights: Tensor) -> float:
+        """The collage error."""
+        return float(collage_error(self._explained(maps, weights)[None], self.measure)[0])
+
     def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
         """The measure (G,G) of the attractor."""
-        return attractor_bins(maps, weights, self.measure.size, points=ATTRACTOR_POINTS, seed=derive(self.seed, "a"))
+        count = ATTRACTOR_POINTS // (TRAJECTORY - WARMUP)
+        return orbit_bins(maps[None], weights / weights.sum(), self.measure.size, seed=derive(self.seed, "a"),
+                          trajectories=count, length=TRAJECTORY, warmup=WARMUP)[0]
 
     def descend_batch(self, maps: Tensor, weights: Tensor, how: Descent) -> tuple[Tensor, Tensor, Tensor]:
         """A batch of maps (B,N,6) and weights (B,N) after descent on the whole measure, and its errors (B,)."""
@@ -239,11 +249,13 @@ class MeasureSearch:
 
     def _with_births(self, sets: list[_Ruined], g: torch.Generator) -> list[_Ruined]:
         """The sets with their new maps. Maps are added one after another, but to all sets at once."""
+        place = Birthplace(self.measure, self.coarse, (self.largest, self.smaller_limit), self.regime.candidates,
+                           self.params.births)
         for turn in range(max(each.births for each in sets)):
             active = [i for i, each in enumerate(sets) if turn < each.births]
             backgrounds = torch.stack([self._explained(sets[i].maps, sets[i].weights) for i in active])
             sizes = [LARGE if sets[i].large and turn == 0 else self.regime.sizes for i in active]
-            born, masses = self._births(backgrounds, sizes, g)
+            born, masses = place.births(backgrounds, sizes, 1 - self.params.search.slack, g)
             for row, i in enumerate(active):
                 best = torch.rand((), generator=g) < BEST_BIRTH
                 pick = 0 if best else int(torch.randint(born.shape[1], (), generator=g))
@@ -251,11 +263,6 @@ class MeasureSearch:
                 sets[i] = _Ruined(torch.cat([old.maps, born[row, pick][None]]),
                                   torch.cat([old.weights, masses[row, pick][None]]), old.large, old.births)
         return sets
-
-    def _births(self, backgrounds: Tensor, sizes: list[Interval], g: torch.Generator) -> tuple[Tensor, Tensor]:
-        limits = self.largest, self.smaller_limit
-        place = Birthplace(self.measure, self.coarse, limits, self.regime.candidates, self.params.births)
-        return place.births(backgrounds, sizes, 1 - self.params.search.slack, g)
 
     def _explained(self, maps: Tensor, weights: Tensor) -> Tensor:
         return self.slack + pushforward(maps[None], weights[None], self.measure.samples, self.measure.size)[0]

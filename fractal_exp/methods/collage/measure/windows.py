@@ -14,13 +14,13 @@ from torch import Tensor
 
 from ....cameras.points import attractor_points
 from ....images.known import Known
-from ....ops.collage import BinnedMeasure, collage_error
+from ....ops.collage import BinnedMeasure
 from ....runtime.seeds import derive
-from ..bins import binned, grid_for, hats
+from ..bins import binned, hats
 from ..limits import SMALLER
 from ..params import CollageParams
 from ..state import Candidate, WeightedMaps
-from .search import COARSER, NEIGHBOUR, MeasureSearch, Regime
+from .search import NEIGHBOUR, MeasureSearch, Regime
 
 POINTS = 40_000     # of the attractor, that complete a measure
 MOST_UNSEEN = 4.0   # mass, relative to what is seen, that may be inferred
@@ -70,11 +70,13 @@ class WindowSearch(MeasureSearch):
 
     def __init__(self, masses: Tensor, known: Known, regime: Regime, params: CollageParams, seed: int = 0,
                  smaller_limit: float = SMALLER):
-        self.params = params.updated(search={"slack": max(SLACK, params.search.slack)})
-        self.regime, self.seed, self.smaller_limit = regime, seed, smaller_limit
-        self.known, self.resolution, size = known, len(masses), grid_for(len(masses), regime.grid)
-        self.seen = [seen(masses, cells, known) for cells in (size, size // COARSER)]
-        self._aim_at(*self.seen)
+        self.known, self.resolution = known, len(masses)
+        params = params.updated(search={"slack": max(SLACK, params.search.slack)})
+        super().__init__(masses, regime, params, seed, smaller_limit)
+        self.seen = self.measure, self.coarse
+
+    def _binned(self, masses: Tensor, size: int) -> BinnedMeasure:
+        return seen(masses, size, self.known)
 
     def _complete(self, found: WeightedMaps) -> None:
         seed = derive(self.seed, "unseen")
@@ -83,9 +85,6 @@ class WindowSearch(MeasureSearch):
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         self._complete(WeightedMaps(maps, weights))
         return super().judged(maps, weights, self._error(maps, weights))
-
-    def _error(self, maps: Tensor, weights: Tensor) -> float:
-        return float(collage_error(self._explained(maps, weights)[None], self.measure)[0])
 
     def _attractor(self, maps: Tensor, weights: Tensor) -> Tensor:
         """The measure (G,G) of the attractor in the window, of the mass that is seen there."""

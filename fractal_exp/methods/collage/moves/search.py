@@ -169,13 +169,8 @@ class ImageSearch(Tools):
     # -- the last polish ----------------------------------------------------------------------------------------------
 
     def _last_judged(self, found: Rendered) -> Rendered:
-        """The code after the last polish, judged by one rendering."""
-        last = self._last_polish(found)
-        return self.objective.judge(last.maps, last.weights)
-
-    def _last_polish(self, found: Rendered) -> Rendered:
         """Polish the code on the mean of several renderings, which has less noise, and into the frame. If more than
-        noise is left, polish it with a Jacobian from renderings."""
+        noise is left, polish it with a Jacobian from renderings. It is then judged by one rendering."""
         careful, params = self._careful(), self.params.gauss_newton
         near = self.noise_ratio(self.candidate(found)) < FAR
         best = fitted_into_frame(careful, careful.judge(found.maps, found.weights), self.params.moves.polish_ends,
@@ -187,7 +182,7 @@ class ImageSearch(Tools):
             last = polished(once, once.judge(best.maps, best.weights), params.rendered_steps, deadline=self.deadline,
                             jacobian=FromRenderings, alone=True)
             best = min(best, careful.judge(last.maps, last.weights), key=error_of)
-        return best
+        return self.objective.judge(best.maps, best.weights)
 
     def _careful(self) -> ImageObjective:
         return ImageObjective(self.objective.image, self.objective.levels, self.params, self.seed,
@@ -210,7 +205,6 @@ class ImageSearch(Tools):
 
     def candidate(self, rendered: Rendered) -> Candidate:
         """What the search keeps of a rendering."""
-        weights = None if rendered.weights is None else rendered.probabilities
-        rendered = replace(rendered, weights=weights)
-        self.shown.keep(rendered, rendered)
-        return Candidate(rendered.maps, weights, rendered.error, self.score(rendered), self.objective.levels.camera)
+        found = rendered.candidate(self.objective.levels.camera)
+        self.shown.keep(found, replace(rendered, weights=found.weights))
+        return replace(found, score=self.score(rendered))

@@ -10,14 +10,14 @@ from ....runtime.deadline import NO_DEADLINE, Deadline
 from ..image.camera import in_turns, sharpened
 from ..image.gauss_newton import polished
 from .flat import flattened, on_line
-from .loop import DRAWN_WORSE, Draft, Price, Proposer, maps_polished, pruning, simplified
+from .loop import DRAWN_WORSE, Draft, Price, Proposer, maps_polished, one_pruned, simplified
 from .parents import fewer, uncontained
-from .removal import unseen, without_least, without_needless
+from .removal import dropping_unseen, without_least, without_needless
 from .rounding import begun, rounded
-from .symmetry import other_simplest_code, simplest_code
+from .symmetry import least_turned_code, other_least_turned_code
 
 
-def simplest(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
+def simplified_in_every_way(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     """A simpler code with the camera that suits it. It is as like the picture as `start`, or like it to
     `UNLIKE`: tiles may draw the picture of a code whose attractor is another shape."""
     params = start.objective.params
@@ -27,7 +27,7 @@ def simplest(start: Draft, deadline: Deadline = NO_DEADLINE) -> Draft:
     needed = without_needless(now, uncontained, without_least, deadline=deadline)
     if needed is not now:
         needed = Draft(*in_turns(needed.objective, needed.shown, deadline))
-    now = simplified(rounded(begun(needed.objective, needed.shown), deadline), pruning(params), worth, deadline)
+    now = simplified(rounded(begun(needed.objective, needed.shown), deadline), [Proposer(one_pruned)], worth, deadline)
     now = simplified(now, [Proposer(without_width, repeats=False)], Price.of_drawn(now.objective), deadline)
     least = min(UNLIKE, start.objective.likeness_of(start.shown))
     return now if now.objective.likeness_of(now.shown) >= least else start
@@ -38,10 +38,11 @@ def _with_simplest_maps(start: Draft, worth: Price, deadline: Deadline) -> Draft
     shape, by doubles, and by parents in the place of maps."""
     params, drawn = start.objective.params, Price.of_drawn(start.objective)
     polish = maps_polished(params.rounding.polish)
-    now = without_needless(simplified(start, unseen(params), drawn, deadline), uncontained, deadline=deadline)
-    now = simplified(now, [Proposer(simplest_code, polish, repeats=False)], drawn, deadline)
+    now = simplified(start, [dropping_unseen(params)], drawn, deadline)
+    now = without_needless(now, uncontained, deadline=deadline)
+    now = simplified(now, [Proposer(least_turned_code, polish, repeats=False)], drawn, deadline)
     now = simplified(now, [Proposer(fewer, polish)], worth, deadline)
-    other = simplified(now, [Proposer(other_simplest_code, _with_its_camera, repeats=False)], Price(), deadline)
+    other = simplified(now, [Proposer(other_least_turned_code, _with_its_camera, repeats=False)], Price(), deadline)
     return Draft(*sharpened(now.objective, now.shown, deadline)) if other is now else other
 
 

@@ -2,8 +2,9 @@
 
 A code is simpler if it has fewer maps, or more numbers that are simple. Each way to simpler codes is a function from a
 `Draft` to others, in a `Proposer` that says how they are polished. A new way is such a function, an entry where codes
-are `simplified`, a parameter that switches it off, with its file in `conf/without`, and a test. A way that `repeats`
-proposes codes of fewer maps, or of more fixed entries, than the draft's, so that the loop ends.
+are `simplified`, a parameter that switches it off, with its file in `conf/without`, and a test. A way that is switched
+off proposes nothing. One that `repeats` proposes codes of fewer maps, or of more fixed entries, than the draft's, so
+that the loop ends.
 """
 
 from __future__ import annotations
@@ -173,14 +174,14 @@ def without_one(draft: Draft) -> Iterable[Draft]:
     return [Draft(objective, objective.without(shown, [i])) for i in gone]
 
 
-def pruning(params: CollageParams) -> list[Proposer]:
-    """Leave out maps that are not worth their price."""
-    return [Proposer(without_one)] if params.moves.pruning else []
+def one_pruned(draft: Draft) -> Iterable[Draft]:
+    """`without_one`, unless pruning is switched off."""
+    return without_one(draft) if draft.objective.params.moves.pruning else ()
 
 
 def pruned(objective: ImageObjective, shown: Rendered, price: Price, deadline: Deadline = NO_DEADLINE) -> Rendered:
     """The code without maps that are not worth their price."""
-    return simplified(Draft(objective, shown), pruning(objective.params), price, deadline).shown
+    return simplified(Draft(objective, shown), [Proposer(one_pruned)], price, deadline).shown
 
 
 def pruned_in_frame(objective: ImageObjective, shown: Rendered, price: Price, *, near: bool,

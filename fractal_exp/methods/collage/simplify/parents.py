@@ -31,9 +31,9 @@ POINTS = 20_000   # of the attractor, in this test
 def fewer(draft: Draft) -> Iterator[Draft]:
     """Parents in the place of maps, or no contained maps, for a code of few maps whose number was not asked for."""
     params = draft.objective.params
-    if not params.maps and len(draft.shown.maps) <= params.moves.parent_maps:
+    if not params.maps and len(draft.shown.maps) <= params.simplify.parent_maps:
         yield from parents(draft)
-        yield from () if params.moves.needless is None else uncontained(draft)
+        yield from uncontained(draft)
 
 
 def parents(draft: Draft) -> Iterator[Draft]:
@@ -63,6 +63,8 @@ def uncontained(draft: Draft) -> Iterator[Draft]:
     A map is contained if its image lies within the image of a larger map, as that of f∘g lies within that of f. Without
     it, the attractor is still the union of its images, so it is the same. The larger map gets its weight."""
     objective, shown = draft.objective, draft.shown
+    if objective.params.simplify.needless is None:
+        return
     images, weights = affine.images(shown.maps.cpu(), _points(objective, shown)), shown.probabilities.cpu().clone()
     order = affine.volumes(shown.maps.cpu()).argsort(stable=True)
     lit = [_lit(each, len(objective.image)) for each in images]

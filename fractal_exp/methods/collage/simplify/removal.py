@@ -20,16 +20,21 @@ NEAR_PX = 2.0     # distance (rms, pixels) below which two maps count as one: a 
 POINTS = 20_000   # of the attractor, that measure this distance
 
 
+def one_unseen(draft: Draft) -> Iterable[Draft]:
+    """`without_one`, unless this way is switched off."""
+    return () if draft.objective.params.simplify.unseen is None else without_one(draft)
+
+
 def without_least(draft: Draft) -> Iterable[Draft]:
     """The code without one of those maps that are missed least."""
-    return sorted(without_one(draft), key=lambda each: each.shown.error)[:TRIED]
+    is_off = draft.objective.params.simplify.needless is None
+    return () if is_off else sorted(without_one(draft), key=lambda each: each.shown.error)[:TRIED]
 
 
-def unseen(params: CollageParams) -> list[Proposer]:
+def dropping_unseen(params: CollageParams) -> Proposer:
     """Leave out maps that nobody sees. Such maps compensate for an imperfect camera, for instance for the widths of a
     tree's branches."""
-    loss, steps = params.moves.unseen, params.rounding.polish
-    return [] if loss is None else [Proposer(without_one, maps_polished(steps), loss=loss, early=True)]
+    return Proposer(one_unseen, maps_polished(params.rounding.polish), loss=params.simplify.unseen, early=True)
 
 
 def without_needless(draft: Draft, *ways: Way, deadline: Deadline = NO_DEADLINE) -> Draft:
@@ -40,12 +45,11 @@ def without_needless(draft: Draft, *ways: Way, deadline: Deadline = NO_DEADLINE)
     out, `draft` itself is returned, and it takes no time if there is none to try.
     """
     params = draft.objective.params
-    is_open = params.moves.needless is not None and may_be_sharpened(draft.objective, draft.shown)
-    if not is_open or not any(True for way in ways for _ in way(draft)):
+    if not may_be_sharpened(draft.objective, draft.shown) or not any(True for way in ways for _ in way(draft)):
         return draft
     polish = camera_polished(params.rounding.polish)
     start = next(polish(draft, deadline))
-    proposers = [Proposer(way, polish, loss=params.moves.needless) for way in ways]
+    proposers = [Proposer(way, polish, loss=params.simplify.needless) for way in ways]
     found = simplified(start, proposers, Price.of_drawn(start.objective), deadline)
     return draft if found is start else found
 

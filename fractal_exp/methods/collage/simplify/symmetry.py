@@ -26,17 +26,17 @@ LIT_ABOVE = 0.25         # grey level above which a pixel belongs to the shape w
 LIKENESS = 0.93          # minimum F1 within a pixel between a shape and its image under a symmetry
 
 
-def simplest_code(draft: Draft) -> Iterator[Draft]:
+def least_turned_code(draft: Draft) -> Iterator[Draft]:
     """The code whose maps rotate least, without doubles: mirrored, two maps of a symmetric shape may be one."""
     objective, shown = draft.objective, draft.shown
-    maps = simplest(shown.maps, symmetries(objective.image.cpu(), objective.params.rounding))
+    maps = least_turned(shown.maps, symmetries(objective.image.cpu(), objective.params.rounding))
     single = without_doubles(WeightedMaps(maps, shown.weights), objective.params, len(objective.image), objective.seed)
     yield draft.judged(single.maps, single.weights)
 
 
-def other_simplest_code(draft: Draft) -> Iterator[Draft]:
-    """`simplest_code`, unless the code is that already."""
-    yield from (each for each in simplest_code(draft) if not torch.equal(each.shown.maps, draft.shown.maps))
+def other_least_turned_code(draft: Draft) -> Iterator[Draft]:
+    """`least_turned_code`, unless the code is that already."""
+    yield from (each for each in least_turned_code(draft) if not torch.equal(each.shown.maps, draft.shown.maps))
 
 
 def symmetries(image: Tensor, params: RoundingParams) -> list[Tensor]:
@@ -47,11 +47,12 @@ def symmetries(image: Tensor, params: RoundingParams) -> list[Tensor]:
     side = len(image)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
     centre = torch.stack([(image.sum(0) * axis).sum(), -(image.sum(1) * axis).sum()]) / image.sum()
-    about = [_about(matrix, centre) for matrix in (_tried() if params.symmetries else [_rotation(0.0, 1.0)])]
+    about = [torch.cat([matrix.flatten(), centre - matrix @ centre])
+             for matrix in (_tried() if params.symmetries else [_rotation(0.0, 1.0)])]
     return [about[0], *(each for each in about[1:] if _likeness(mask, each) >= LIKENESS)]
 
 
-def simplest(maps: Tensor, group: list[Tensor]) -> Tensor:
+def least_turned(maps: Tensor, group: list[Tensor]) -> Tensor:
     """The maps (N,6), each preceded by the symmetry of the group with which it rotates least. A reflection counts as
     more than any rotation."""
     return torch.stack([min((affine.composed(one, symmetry.to(one)) for symmetry in group), key=_turn)
@@ -68,10 +69,6 @@ def _tried() -> list[Tensor]:
 def _rotation(angle: float, sign: float) -> Tensor:
     cos, sin = math.cos(angle), math.sin(angle)
     return torch.tensor([[cos, -sign * sin], [sin, sign * cos]])
-
-
-def _about(matrix: Tensor, centre: Tensor) -> Tensor:
-    return torch.cat([matrix.flatten(), centre - matrix @ centre])
 
 
 def _turn(one: Tensor) -> tuple[bool, int]:

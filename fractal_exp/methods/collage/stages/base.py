@@ -97,11 +97,6 @@ class SearchProblem:
         return self.image is not self.given
 
     @property
-    def kind(self) -> str:
-        """Which stages the image needs, a name in `stages.PLANS`."""
-        return "drawn" if not self.levels.is_exact else "crossed" if self.is_crossed else "rendered"
-
-    @property
     def is_crossed(self) -> bool:
         """Whether populations of sets replace stages 1 and 2."""
         few = 2 <= (self.params.maps or 0) <= self.params.population.most_maps
@@ -149,12 +144,11 @@ class SearchProblem:
 
     def masses_of(self, number: int, measured_through: Camera | None = None) -> Tensor:
         """The masses (R,R) on which a round searches, read from the image through a camera."""
-        masses = self._masses(with_camera(self.levels, measured_through)) if measured_through else self.masses
+        masses = self.masses
+        if measured_through:
+            levels = with_camera(self.levels, measured_through)  # which also say how the image is shrunk
+            masses = levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
         return masses if self.levels.is_exact else blurred(masses, number * DRAWN_BLUR_PX)
-
-    def _masses(self, levels: Levels) -> Tensor:
-        """The masses (R,R) of the image by other levels, which also say how it is shrunk."""
-        return levels.measure(levels.shrunk(self.given, len(self.image)) if self.is_reduced else self.given)
 
     def camera(self, code: IFS, measured_through: Camera | None = None) -> Camera:
         """The camera of the image, estimated from a nearly right code, once for each code; the one that is known if the
@@ -206,17 +200,13 @@ class SearchProblem:
         seed = derive(self.seed, *path)
         camera = self.camera(code, measured_through) if camera is None else camera
         objective = self.objective(len(self.image), code, seed, camera=camera)
-        seen = objective.levels
+        seen, kind = objective.levels, ImageSearch
         masses = seen.measure(objective.image) if self.is_reduced or seen.is_density else self.masses
-        return self._searching(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
+        if not self.levels.is_exact:
+            from ..moves.drawn import DrawnSearch  # for other pictures alone
 
-    @property
-    def _searching(self) -> type[ImageSearch]:
-        if self.levels.is_exact:
-            return ImageSearch
-        from ..moves.drawn import DrawnSearch  # for other pictures alone
-
-        return DrawnSearch
+            kind = DrawnSearch
+        return kind(objective, masses, noise=objective.noise(code), seed=seed, deadline=deadline)
 
 
 class Stage(ABC):
@@ -227,8 +217,9 @@ class Stage(ABC):
     candidate. A stage whose `current` is there already when it is opened is resumed.
 
     name: shown in reports; part: its name in `STAGES`, where it is not the same; ends_at: the share of its time at
-    which it ends, see `Timetable.stage_end`; ends_at_once: whether it is cut short when the search's time
-    is up and there is a code already, however far it is. A stage that has not begun by `latest_start` is skipped.
+    which it ends, see `Timetable.stage_end`; ends_at_once: whether it is cut short when the search's time is up and
+    there is a code already, however far it is; is_last_word: whether it runs even if the search has ended in favour of
+    grown maps. A stage that has not begun by `latest_start` is skipped.
     """
 
     name: str

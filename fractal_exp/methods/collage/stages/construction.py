@@ -9,7 +9,7 @@ from functools import cached_property
 from ....cameras.blur import blurred
 from ....cameras.camera import KNOWN, LENGTHS
 from ....cameras.kinds import with_camera
-from ....cameras.pens import Drawn
+from ....cameras.pens import Inked
 from ....cameras.strokes import Strokes, flat_maps
 from ....likeness import ALIKE, TILED_MAPS, UNLIKE
 from ....runtime.seeds import derive
@@ -24,7 +24,7 @@ from ..trees.trunk import with_trunk
 from .base import SearchProblem, Stage
 
 ENDS = 0.75             # share of the time limit at which the stage ends
-TILES, STROKES = Drawn.kind, Strokes.kind  # tiles are coverage with a tile size above 0; without one it is a pen
+TILES, STROKES = Inked.kind, Strokes.kind  # tiles are coverage with a tile size above 0; without one it is a pen
 LEAST_TREE = 3         # maps: a trunk and two branches
 BELOW = 0.985          # likeness of a code, or of strokes, below which a construction, or another one, is sought
 BRANCHES = 4, 3, 2     # most maps in each search for branches; the first one comes before those for tiles
@@ -116,8 +116,7 @@ class Construction(Stage):
         """The copies of a code with a trunk of several strokes or of one, polished as strokes, the best first. A small
         image comes first: on the whole one, strokes that lie beside those of the picture do not overlap them. Empty if
         the code is not promising there."""
-        promising = math.inf if self._has_tiles else \
-            GAIN**0.5 * self.objective.angle(few.error)
+        promising = math.inf if self._has_tiles else GAIN**0.5 * self.objective.angle(few.error)
         seen = self._polished(self._coarse, self._registered(self._trees(few, TRUNK_STROKES)))
         if not seen or angle_of(seen[0]) > promising:
             return []
@@ -134,8 +133,7 @@ class Construction(Stage):
         """The trees at the depths at which their strokes come closest to the lines of the picture."""
         registration = Registration(self.objective, self.deadline)
         fits = sorted((each for tree in trees for each in registration.fits(tree)), key=misfit_of)
-        return [self.objective.judge(each.maps.to(self.objective.image))
-                for each in fits[:REGISTERED_KEPT]]
+        return [self.objective.judge(each.maps.to(self.objective.image)) for each in fits[:REGISTERED_KEPT]]
 
     def _trees(self, found: Rendered, most: int) -> list[Rendered]:
         """The copies of a code with a trunk of at most so many strokes and, apart from that, of one."""
@@ -194,13 +192,13 @@ class Construction(Stage):
             return False
         if has_strokes(found):
             return self._likeness_of_drawing(found) >= DRAWN_ALIKE
-        return self._likeness_of_drawing(found) >= ALIKE \
-            and self._likeness(found) >= UNLIKE
+        return self._likeness_of_drawing(found) >= ALIKE and self._likeness(found) >= UNLIKE
 
     def _is_simpler(self, found: Candidate, now: Candidate) -> bool:
         """Whether a code draws the picture with a pen, with so few maps that it is the better code."""
         price = Price(share=self.params.moves.worth)
-        return (has_pen(found) and len(found.maps) < len(now.maps)
+        has_pen = found.camera is not None and found.camera.tile == 0
+        return (has_pen and len(found.maps) < len(now.maps)
                 and not self._is_explained(now) and self._likeness(found) >= ALIKE
                 and price.score(found.error, len(found.maps)) < price.score(now.error, len(now.maps)))
 
@@ -244,11 +242,6 @@ def _tries(problem: SearchProblem) -> list[_Try]:
 def has_strokes(found: Candidate) -> bool:
     """Whether a code was last judged by what it draws as strokes."""
     return found.camera is not None and found.camera.depth is not None
-
-
-def has_pen(found: Candidate) -> bool:
-    """Whether a code was last judged by its attractor, drawn with a pen."""
-    return found.camera is not None and found.camera.tile == 0
 
 
 def is_construction(found: Candidate) -> bool:

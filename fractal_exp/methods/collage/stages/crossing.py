@@ -9,6 +9,7 @@ from ....runtime.seeds import derive
 from ..image.gauss_newton import polished
 from ..image.objective import ImageObjective, Rendered
 from ..measure.population import Population
+from ..moves.tools import Latest
 from ..params import CollageParams
 from ..state import Candidate, State
 from .base import Stage
@@ -37,14 +38,14 @@ class Crossing:
                  done: int = 0, deadline: Deadline = NO_DEADLINE):
         self.masses, self.objective, self.deadline, self.seed = masses, objective, deadline, seed
         self.all, self.params = params, params.population
-        self._noises: dict[tuple[float, ...], float] = {}
+        self.noise = Latest(lambda code: objective.noise(code.code))
         self._begin(done // self.params.generations)
         for number in range(done - done % self.params.generations, done):
             self._advance(number)
 
     def start(self) -> Candidate:
         """The best set of the first population."""
-        return self._candidate(self._judged(0))
+        return self._judged(0).candidate()
 
     def step(self, now: Candidate, number: int) -> Candidate:
         """`now`, or a better code of the next generation."""
@@ -54,15 +55,12 @@ class Crossing:
         new.sort(key=lambda rendered: rendered.error)
         for each in new[:POLISHED]:
             if not self.deadline.passed:
-                now = min(now, self._candidate(self._polished(each)), key=lambda candidate: candidate.error)
+                now = min(now, self._polished(each).candidate(), key=lambda candidate: candidate.error)
         return now
 
     def is_settled(self, now: Candidate) -> bool:
         """Whether the code explains the image."""
-        numbers = *now.maps.flatten().tolist(), *now.probabilities.tolist()
-        if numbers not in self._noises:
-            self._noises = {numbers: self.objective.noise(now.code)}
-        return now.error <= SETTLED * self._noises[numbers]
+        return now.error <= SETTLED * self.noise(now)
 
     def _begin(self, number: int) -> None:
         """Start a new population."""
@@ -89,10 +87,6 @@ class Crossing:
         if found.error > HOPEFUL * first.error:
             return found
         return polished(self.objective, found, POLISH, deadline=self.deadline)
-
-    @staticmethod
-    def _candidate(rendered: Rendered) -> Candidate:
-        return Candidate(rendered.maps, rendered.probabilities, rendered.error, rendered.error)
 
 
 class Populations(Stage):

@@ -11,7 +11,7 @@ from ....cameras.pens import Dots, ToneMapped
 from ....likeness import UNLIKE
 from ....runtime.seeds import derive
 from ..image.objective import ImageObjective
-from ..simplify.drawn import simplest
+from ..simplify.drawn import simplified_in_every_way
 from ..simplify.loop import Draft
 from ..simplify.removal import without_doubles
 from ..state import Candidate, State
@@ -117,7 +117,7 @@ class DrawnRounding(Rounding):
         return super()._objective_for(found).hasty()  # the camera is less certain than the points of one rendering
 
     def _rounded(self, start: Draft) -> Draft:
-        return simplest(start, self.problem.deadline)
+        return simplified_in_every_way(start, self.problem.deadline)
 
     def _is_far(self, found: Candidate) -> bool:
         shown = self.objective.judge(found.maps, found.weights)

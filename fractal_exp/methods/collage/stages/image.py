@@ -129,14 +129,11 @@ class ImageMoves(Stage):
     def _is_better(self, found: Candidate, before: Candidate) -> bool:
         """By the framed score in a binary image, unless one of the codes is nearly right. Else by the errors as angles:
         an error counts subpixels, of which cameras have different numbers."""
-        if self.problem.is_framed_firmly and not any(map(self._is_nearly_right, (found, before))):
+        if self.problem.is_framed_firmly and not any(
+                self.search.noise_ratio(each) < FIRM_ABOVE for each in (found, before)):
             return self.search.framed_score(found) < self.search.framed_score(before)
         now, then = (with_camera(self.problem.levels, each.camera).supersample for each in (found, before))
         return found.score / now**2 < before.score / then**2
-
-    def _is_nearly_right(self, candidate: Candidate) -> bool:
-        """Whether a code needs no firm polish in the frame of a binary image."""
-        return self.search.noise_ratio(candidate) < FIRM_ABOVE
 
     def _mended(self, wrong: Candidate) -> Candidate | None:
         """The code, if rounding alone corrects it; None if another round is worth while."""
@@ -161,12 +158,20 @@ class ImageMoves(Stage):
         return goes_on or not self.search.objective.is_hopeless(candidate.error)
 
 
-class FullSize(Stage):
+class LastStage(Stage):
+    """A stage after all rounds. Its code takes the place of all that they have found."""
+
+    ends_at_once = True
+
+    def close(self, state: State) -> State:
+        return replace(state, best=state.current, before=None)
+
+
+class FullSize(LastStage):
     """After a search on a shrunk image, polish the code at full resolution, or at `stages.full_side` if that is less.
     Grids are at most as fine as `image.finest`: a larger rendering only has less noise."""
 
     name, ends_at = "full size", FULL_ENDS
-    ends_at_once = True
 
     def open(self, state: State) -> State:
         return state.begun(lambda: self._polished(state.found))
@@ -183,19 +188,13 @@ class FullSize(Stage):
                                     deadline=self.deadline)
             start = fitted_into_frame(objective, start, FULL_POLISH,
                                       objective.own_frame() if near else None, deadline=self.deadline)
-        found = firmly_framed(objective, start, self.problem.deadline)
-        weights = None if found.weights is None else found.probabilities
-        return Candidate(found.maps, weights, found.error, found.error, best.camera)
-
-    def close(self, state: State) -> State:
-        return replace(state, best=state.current, before=None)
+        return firmly_framed(objective, start, self.problem.deadline).candidate(best.camera)
 
 
-class Rounding(Stage):
+class Rounding(LastStage):
     """Round a nearly right code to simple numbers and make it fill the frame exactly."""
 
     name, ends_at = "rounding", ROUNDING_ENDS
-    ends_at_once = True
 
     def open(self, state: State) -> State:
         self.objective = self._objective_for(state.found)
@@ -211,9 +210,7 @@ class Rounding(Stage):
         if self._is_far(found):
             return found
         last = self._rounded(Draft(self.objective, self.objective.judge(found.maps, found.weights)))
-        shown = last.shown
-        weights = None if shown.weights is None else shown.probabilities
-        return Candidate(shown.maps, weights, shown.error, shown.error, last.objective.levels.camera)
+        return last.shown.candidate(last.objective.levels.camera)
 
     def _rounded(self, start: Draft) -> Draft:
         return rounded(begun(start.objective, start.shown), self.problem.deadline)
@@ -223,6 +220,3 @@ class Rounding(Stage):
         hasty = self.objective.hasty()
         shown = hasty.judge(found.maps, found.weights)
         return shown.error > max(FAR * hasty.noise(found.code), NEAR_ERROR)
-
-    def close(self, state: State) -> State:
-        return replace(state, best=state.current, before=None)

@@ -12,7 +12,7 @@ from .measure import Detail, FromMixture, Restart
 class Plan:
     """All stages that a search may have, one instance of each: `rounds` of them, and the `last` ones, after all rounds.
 
-    Pictures of another kind have a subclass, see `stages.PLANS`.
+    Images of other kinds have a subclass, see `stages.plan_of`.
     """
 
     rounding: type[Stage] = Rounding

@@ -51,11 +51,11 @@ class _Tree(NamedTuple):
     copies: np.ndarray
     segments: np.ndarray
 
-    def moved(self, step: np.ndarray, largest: float = 1.0) -> _Tree:
-        """After a step (P,) of all its numbers. No copy has a singular value above the largest."""
+    def moved(self, step: np.ndarray) -> _Tree:
+        """After a step (P,) of all its numbers. No copy has a singular value above `SMALLER`."""
         copies, segments = np.split(step, [self.copies.size])
         moved = torch.from_numpy(self.copies + copies.reshape(self.copies.shape))
-        return _Tree(contract(moved, largest).numpy(), self.segments + segments.reshape(self.segments.shape))
+        return _Tree(contract(moved, SMALLER).numpy(), self.segments + segments.reshape(self.segments.shape))
 
 
 class _Points(NamedTuple):
@@ -122,7 +122,7 @@ class Registration:
             before, (square, gradient) = _cost(pairs, reach), _normal_equations(pairs, reach)
             for _ in range(TRIES):
                 step = np.linalg.solve(square + damping * np.diag(square.diagonal()), gradient)
-                moved = tree.moved(step, SMALLER)
+                moved = tree.moved(step)
                 others = self._pairs(moved, depth)
                 if _cost(others, reach) < before:
                     tree, pairs, damping = moved, others, max(damping / DAMPING_DOWN, LEAST_DAMPING)
@@ -130,7 +130,10 @@ class Registration:
                 damping *= DAMPING_UP
             if _cost(pairs, reach) > (1 - LITTLE) * before:
                 break
-        return self._as_maps(tree, float(sum((each.distances**2).mean() for each in pairs)))
+        copies, segments = (torch.from_numpy(each).float() for each in tree)
+        trunk = flat_maps_onto([(first, last) for first, last in segments.double()], copies, self.points)
+        misfit = float(sum((each.distances**2).mean() for each in pairs))
+        return Registered(torch.cat([copies, trunk.to(copies)]), misfit)
 
     def _pairs(self, tree: _Tree, depth: int) -> tuple[_Pairs, _Pairs]:
         """Each point of the strokes with the nearest pixel of the shape, and each pixel on a line of the picture with
@@ -138,22 +141,15 @@ class Registration:
         from scipy.spatial import KDTree
 
         drawn = _drawn(tree, depth, self.pixel, MOST_POINTS)
-        along = ALONG**0.5
         (there, lit), (here, near) = self.lit.query(drawn.places), KDTree(drawn.places).query(self.lines)
-        return (_Pairs(there, *_seen_along(drawn, self.lit.data[lit], along)),
-                _Pairs(here, *_seen_along(_Points(*(each[near] for each in drawn)), self.lines, along)))
-
-    def _as_maps(self, tree: _Tree, misfit: float) -> Registered:
-        copies, segments = (torch.from_numpy(each).float() for each in tree)
-        trunk = flat_maps_onto([(first, last) for first, last in segments.double()], copies, self.points)
-        return Registered(torch.cat([copies, trunk.to(copies)]), misfit)
+        return (_Pairs(there, *_seen_along(drawn, self.lit.data[lit])),
+                _Pairs(here, *_seen_along(_Points(*(each[near] for each in drawn)), self.lines)))
 
 
-def _seen_along(points: _Points, goals: np.ndarray, along: float) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals (n,2) from points to their goals (n,2), and derivatives: across the stroke, and along it times a
-    factor."""
+def _seen_along(points: _Points, goals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (n,2) from points to their goals (n,2), and derivatives: across the stroke, and along it, weighted."""
     x, y = points.directions.T
-    axes = np.stack([np.stack([-y, x], 1), along * points.directions], 1)
+    axes = np.stack([np.stack([-y, x], 1), ALONG**0.5 * points.directions], 1)
     return np.einsum("nac,nc->na", axes, goals - points.places), axes @ points.slopes
 
 

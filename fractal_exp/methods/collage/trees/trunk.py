@@ -14,11 +14,11 @@ from ....cameras.strokes import extent, flat_maps, onto_segment
 from ....ifs import affine, attractor
 from ....ops.collage.reference import contract
 from ....runtime.seeds import derive
-from ..bins import lit_pixels
 from ..image.objective import ImageObjective, Rendered
 from ..limits import SMALLER
 
 Segment = tuple[Tensor, Tensor]   # two ends (2,) on the canvas
+LIT = 0.1          # grey level, as a share of the highest, above which a pixel belongs to a shape: thin lines are faint
 DIRECTIONS = 180   # in which the extent of a shape is measured
 BESIDE_PX = 2.5    # greatest distance from the images of the shape at which a lit pixel counts as drawn by them
 LEAST_PX = 8.0     # length of a stroke
@@ -52,8 +52,8 @@ def with_trunk(objective: ImageObjective, found: Rendered, most: int) -> Rendere
 
 
 def lit_shape(objective: ImageObjective) -> Tensor:
-    """The mask (R,R) of what a picture shows. Thin lines are faint."""
-    return lit_pixels(objective.image).cpu()
+    """The mask (R,R) of what a picture shows."""
+    return (objective.image > LIT * objective.image.max()).cpu()
 
 
 def middle_of(shape: Tensor) -> Tensor:

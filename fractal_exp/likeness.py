@@ -22,6 +22,7 @@ from .images.levels import TargetImage
 from .runtime.seeds import derive
 
 # What is good enough, for the search as for the verdict.
+FEW_MAPS = 12        # with which a code that draws the shape, or its dots, is no accident
 ALIKE = 0.985        # F1 within a pixel at which a code of few maps is no accident
 UNLIKE = 0.95        # F1 within a pixel from which the shape is right, though grey levels may be wrong
 ALIKE_DARK = 0.85    # F1 within a pixel of the dark inside an outline below which a shape lost what makes it

@@ -13,7 +13,7 @@ from .cameras.comparison import WITHIN_NOISE
 from .evaluation import metrics
 from .images.levels import DRAWN
 from .images.reading import ReadImage
-from .likeness import ALIKE, ALIKE_DARK, UNLIKE, Likeness
+from .likeness import ALIKE, ALIKE_DARK, FEW_MAPS, UNLIKE, Likeness
 from .runtime.deadline import USUAL
 
 Kind = Literal["recovered", "approximation", "not recovered"]
@@ -22,7 +22,6 @@ TIME_LIMIT = "time limit"     # in `stopped` if a search ran out of time
 OTHER_LEVELS = {"density": "coverage", "binary": "coverage", "coverage": "auto"}
 DENSITIES = "density", "linear"   # levels by which each grey counts
 OWN = *DENSITIES, "binary"    # levels of drawings of codes, in which nothing but noise is left by chance
-FEW_MAPS = 12                 # with which a code that draws the shape, or its dots, is no accident
 ALIKE_INSIDE = 0.88           # likeness inside from which gaps and tone are right, too
 ALIKE_DENSITY = 0.98          # the same in a density, which differs from the true code's only by chance
 NOT_ALIKE = 0.5               # F1 within a pixel below which a code is not like the picture at all

@@ -9,12 +9,18 @@ from growth_helpers import BLOB, BRANCH, FEW, LETTER, clouds, grower, stage
 
 from fractal_exp import codes
 from fractal_exp.cameras.camera import Camera
+from fractal_exp.cameras.kinds import levels_of
+from fractal_exp.cameras.levels import mean_of
 from fractal_exp.cameras.params import CameraParams
 from fractal_exp.cameras.pens import Dots
+from fractal_exp.cameras.points import counted
 from fractal_exp.ifs import affine, attractor
+from fractal_exp.images.levels import DRAWN
 from fractal_exp.methods.collage.method import Collage
+from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.pipeline import Pipeline
 from fractal_exp.methods.collage.stages import plan_of
+from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.growing import Grower
 from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch, is_worth_its_maps
@@ -250,3 +256,15 @@ def test_a_code_keeps_its_likeness_in_two_bytes_a_number():
     found = some.grown(18)
     rounded = WeightedMaps(torch.round(found.maps * 2**14) / 2**14, found.weights)
     assert some.likeness(rounded, found.camera) > found.likeness - 0.02
+
+
+def test_a_code_that_explains_a_plot_of_dots_to_its_noise_is_not_replaced_by_grown_maps():
+    """Dots fall by chance, so a right code is not very like them, and many maps may be more so."""
+    terdragon = attractor.normalize(codes.known("terdragon"))
+    plot = mean_of(counted(terdragon, 256, 20_000, 0).clamp(max=1), 128)
+    growth = Growth(SearchProblem(plot, levels_of(plot, DRAWN, CollageParams().camera), CollageParams()))
+    right, wrong = affine.from_code(terdragon), affine.from_code(terdragon)[:2]
+    dots = Camera("dots", gain=20_000 / 256**2, blur=0.0)
+    found = [Candidate(maps, None, 0.0, 0.0, dots) for maps in (right, wrong)]
+    sketch = growth.grower.plain(8)
+    assert [growth.is_wanted(State(best=each, curve=(sketch,))) for each in found] == [False, True]

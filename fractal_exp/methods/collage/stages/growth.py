@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from ....cameras.comparison import WITHIN_NOISE
 from ....cameras.levels import may_be_density
+from ....likeness import FEW_MAPS
 from ....runtime.deadline import NO_DEADLINE, USUAL, Deadline
 from ....runtime.seeds import derive
 from ..state import Candidate, Grown, State, WeightedMaps
@@ -62,10 +64,11 @@ class Growth(Stage):
 
     def is_wanted(self, state: State) -> bool:
         found = state.searched
-        if found is None or state.current is not None or state.curve:
+        if found is None or state.current is not None:
             return True
         likeness = self._likeness(found)
-        return likeness < (self.params.likeness or 0) or (likeness < UNLIKE and not self._explains_rendering(found))
+        is_doubtful = bool(state.curve) or likeness < UNLIKE
+        return likeness < (self.params.likeness or 0) or (is_doubtful and not self._is_explained(found))
 
     def open(self, state: State) -> State:
         return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)
@@ -112,14 +115,17 @@ class Growth(Stage):
         there = {len(each.maps) for each in state.curve}
         return [count for count in self.counts if count not in there]
 
-    def _explains_rendering(self, found: Candidate) -> bool:
-        """Whether what the search found renders a density or a binary image of our own roughly. Such an image is that
-        of a code, so few maps that are nearly right are worth more than many."""
+    def _is_explained(self, found: Candidate) -> bool:
+        """Whether what the search found renders a density or a binary image of our own roughly, or explains any other
+        picture to its noise by few maps. Few maps that are nearly right are worth more than many, which fit the noise
+        of dots as well."""
         problem = self.problem
-        if not problem.levels.is_exact:
-            return False
-        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"))
-        return not objective.is_hopeless(objective.judge(found.maps, found.weights).error)
+        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"),
+                                      camera=problem.camera_of(found))
+        shown = objective.judge(found.maps, found.weights)
+        if problem.levels.is_exact:
+            return not objective.is_hopeless(shown.error)
+        return len(found.maps) <= FEW_MAPS and objective.noise_ratio(found.code, shown.image) < WITHIN_NOISE
 
     def _fitting(self, curve: tuple[Grown, ...]) -> list[Grown]:
         """The sets with the given number of maps, if there is one."""

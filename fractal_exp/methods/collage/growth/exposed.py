@@ -7,9 +7,8 @@ from functools import cached_property
 
 import torch
 from torch import Tensor
-from torch.nn.functional import adaptive_avg_pool2d
 
-from ....cameras.levels import Levels
+from ....cameras.levels import Levels, mean_of
 from ....ifs.canvas import pixel_to_canvas
 from ....images.known import Known
 from ....rendering.curve import Curve
@@ -35,7 +34,7 @@ class Exposed:
     def of(cls, image: Tensor, levels: Levels) -> Exposed:
         """What an image (R,R) shows, on at most `SIDE` pixels a side."""
         image = image.cpu().float()
-        grey = adaptive_avg_pool2d(image[None], SIDE)[0] if len(image) > SIDE else image
+        grey = mean_of(image, SIDE) if len(image) > SIDE else image
         return cls(grey, levels.curve, levels.whole_mass(len(grey)), levels.known)
 
     @property

@@ -66,9 +66,8 @@ class Growth(Stage):
         found = state.searched
         if found is None or state.current is not None:
             return True
-        likeness = self._likeness(found)
-        is_doubtful = bool(state.curve) or likeness < UNLIKE
-        return likeness < (self.params.likeness or 0) or (is_doubtful and not self._is_explained(found))
+        asked, likeness = self.params.likeness or 0, self._likeness(found)
+        return likeness < asked or (bool(state.curve) or likeness < UNLIKE) and not self._is_explained(found)
 
     def open(self, state: State) -> State:
         return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)
@@ -103,8 +102,7 @@ class Growth(Stage):
         """Grown maps with the error of what their camera draws."""
         problem, seed = self.problem, derive(self.problem.seed, "grown")
         objective = problem.objective(len(problem.image), grown.code, seed, camera=grown.camera)
-        shown = objective.judge(grown.maps, grown.weights)
-        return Candidate(grown.maps, grown.weights, shown.error, shown.error, grown.camera)
+        return objective.judge(grown.maps, grown.weights).candidate(grown.camera)
 
     def _likeness(self, found: Candidate) -> float:
         """The likeness of what the search found."""

@@ -128,8 +128,8 @@ def test_a_photograph_ends_the_search_and_a_density_of_others_does_not(fern_dots
         assert state.state.is_outgrown is ends
 
 
-@pytest.mark.parametrize(("few", "many", "gain", "worth"), [(2, 64, 0.04, False), (2, 64, 0.06, True),
-                                                            (16, 64, 0.03, True), (40, 64, 0.009, False)])
+@pytest.mark.parametrize(("few", "many", "gain", "worth"), [(2, 64, 0.09, False), (2, 64, 0.11, True),
+                                                            (16, 64, 0.05, True), (40, 64, 0.019, False)])
 def test_the_more_maps_are_grown_the_more_they_must_gain(few, many, gain, worth):
     found = replace(tied(BLOB), maps=tied(BLOB).maps[:1].repeat(few, 1))
     grown = Grown(found.maps[:1].repeat(many, 1), None, 0.5 + gain, Camera("dots"))

@@ -15,7 +15,7 @@ from .base import SearchProblem, Stage
 from .growing import Grower
 
 UNLIKE = 0.9    # likeness below which maps are grown and compared with what the search found
-GAIN = 0.01     # minimum gain in likeness for each doubling of the number of maps: many maps also fit noise
+GAIN = 0.02     # minimum gain in likeness for each doubling of the number of maps: many maps also fit noise
 TILES = 64      # number of maps that are grown first; if they are more like the picture, the search for few ends
 SHORTENED = 0.5   # share of the steps that smaller numbers of maps take, beside the one that is asked for
 SKETCH_ENDS = 0.6   # share of the time limit at which a sketch ends, and from which the most maps are grown first

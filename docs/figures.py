@@ -56,7 +56,7 @@ MORPH = ("fern", "maple_leaf", "spiral", "tree")
 LEVELS = 16                       # grey levels of a picture's palette
 RESULTS = ROOT / "benchmarks" / "results"
 # The sets, their folders of results, and which F1 within a pixel tells failures.
-FAILURES = {"textbook": ("pictures_textbook_120s", "f1_truth"), "shapes": ("pictures_shapes", "f1_input")}
+FAILURES = {"textbook": ("pictures_textbook_120s", "f1_truth"), "shapes": ("pictures_shapes", "f1_light")}
 # A note, and the folder, the set and the picture.
 ELSEWHERE = [("a drawing in colour", "pictures_textbook_120s", "textbook", "pentigree-6-red"),
              ("dots, as JPEG", "pictures_textbook_120s", "textbook", "maple_leaf_dots-red-jpeg"),

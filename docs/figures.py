@@ -247,7 +247,7 @@ def failures() -> None:
             if line["role"] == "reporting" and line[score] < min(FAILED, worst.get(family, (FAILED,))[0]):
                 worst[family] = line[score], kind, line
     chosen = sorted(worst.values(), key=lambda each: each[0])[:MOST_FAILURES]
-    save(IMAGES / "failures.png", report.sheet([(kind, line) for _, kind, line in chosen], 180), 64)
+    save(IMAGES / "failures.png", report.sheet([(kind, line) for _, kind, line in chosen], 180), 32)
 
 
 def retina(folder: Path) -> None:

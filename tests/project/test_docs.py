@@ -174,7 +174,7 @@ def test_the_readme_expects_five_numbers_which_are_those_of_the_files():
              results.table("suite", "collage_2025_grey").splitlines()}
     exact, _, _, seconds, *_ = results.table("codes", "collage_2025_grey").splitlines()[2].strip("| ").split(" | ")
     [recovered] = re.findall(r"recovered \| (\d+) of (\d+)", results.table("textbook", "pictures_textbook_120s"))
-    shapes = results.table("shapes", "pictures_shapes").splitlines()[-1].split(" | ")[3]
+    shapes = results.table("shapes", "pictures_shapes_128").splitlines()[-1].split(" | ")[3]
     assert stated == [views["| the code", "attractor", "own box"].split()[0], f"{exact.split()[0]}%", f"{seconds} s",
                       f"{int(recovered[0]) / int(recovered[1]):.0%}", shapes]
 

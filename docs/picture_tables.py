@@ -136,14 +136,38 @@ def tone_curves(folder: Path) -> tuple[list[str], Rows]:
     return ["", "pictures", "F1 with the true attractor", "recovered"], rows
 
 
-def windows(folder: Path) -> tuple[list[str], Rows]:
-    """Parts of shapes: cuts, of pictures that others drew and of the suite, and zooms."""
-    fits = frame(folder)
-    fits = fits.assign(suite=fits["picture"].str.contains("suite"))
-    rows = [[str(kind), "random suite" if of_suite else "textbook and classics", f"{len(each)}",
-             short(each["f1_known"].mean()), short(each["f1_truth"].mean()), f"{each['recovered'].sum()}"]
-            for (kind, of_suite), each in fits.groupby(["kind", "suite"])]
-    return ["", "", "pictures", "F1 in what is shown", "F1 of the whole attractor", "recovered"], rows
+def windows(*folders: Path) -> tuple[list[str], Rows]:
+    """Parts of shapes: cuts, of pictures that others drew and of the suite, and zooms; from the truth or not."""
+    rows = []
+    for folder in folders:
+        fits = frame(folder)
+        fits = fits.assign(suite=fits["picture"].str.contains("suite"))
+        begin = "the true code" if fits["from_truth"].all() else "nothing"
+        rows += [[begin, str(kind), "random suite" if of_suite else "textbook and classics", f"{len(each)}",
+                  short(each["f1_known"].mean()), short(each["f1_truth"].mean()), f"{each['recovered'].sum()}"]
+                 for (kind, of_suite), each in fits.groupby(["kind", "suite"])]
+    return ["begun with", "", "", "pictures", "F1 in what is shown", "F1 of the whole attractor", "recovered"], rows
+
+
+def seen(*folders: Path) -> tuple[list[str], Rows]:
+    """Photographed paper and plots, by kind."""
+    rows = []
+    for folder in folders:
+        fits = frame(folder)
+        rows += [[str(fits["set"].iloc[0]), str(kind), f"{len(each)}", short(each["f1_truth"].mean()),
+                  f"{each['recovered'].sum()}", f"{each['core_seconds'].mean():.0f}"]
+                 for kind, each in [("all", fits), *fits.groupby("kind", sort=False)]]
+    return ["set", "kind", "pictures", "F1 with the true attractor", "recovered", "seconds of a core"], rows
+
+
+def growth_parts(path: Path) -> tuple[list[str], Rows]:
+    """Photographs as small maps, with other parts in the place of growth's own: SSIM inside and PSNR."""
+    means = lines_of(path)[-1]["figures"]["means"]
+    cells = {tuple(name.removesuffix(" maps").rsplit(", ", 1)): row for name, row in means.items()}
+    counts = list(dict.fromkeys(count for _, count in cells))
+    rows = [[part, *(f"{cells[part, count]['ssim'][0]:.2f} / {cells[part, count]['psnr'][0]:.1f}" for count in counts)]
+            for part in dict.fromkeys(part for part, _ in cells)]
+    return ["", *(f"{count} maps" for count in counts)], rows
 
 
 def fractaldb(*folders: Path) -> tuple[list[str], Rows]:

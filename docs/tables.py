@@ -223,4 +223,5 @@ MAKERS: dict[str, Callable[..., tuple[list[str], Rows]]] = {each.__name__: each 
     suite, codes, parts, ablation, paper_ablations, paper.function_count, paper.real, paper.convergence, worked_example,
     pictures.textbook, pictures.trees, pictures.binary, pictures.shapes,
     pictures.photographs, pictures.photographs_in_colour, pictures.equal_bytes, pictures.density, pictures.tone_curves,
-    pictures.windows, pictures.fractaldb, pictures.verdicts, pictures.misjudged, classics, datasets, speed, dimensions)}
+    pictures.windows, pictures.seen, pictures.growth_parts, pictures.fractaldb, pictures.verdicts, pictures.misjudged,
+    classics, datasets, speed, dimensions)}

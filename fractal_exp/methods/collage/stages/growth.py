@@ -117,13 +117,13 @@ class Growth(Stage):
         """Whether what the search found renders a density or a binary image of our own roughly, or explains any other
         picture to its noise by few maps. Few maps that are nearly right are worth more than many, which fit the noise
         of dots as well."""
-        problem = self.problem
-        objective = problem.objective(len(problem.image), found.code, derive(problem.seed, "found"),
-                                      camera=problem.camera_of(found))
+        objective = self.problem.objective(len(self.problem.image), found.code, derive(self.problem.seed, "found"),
+                                           camera=self.problem.camera_of(found))
         shown = objective.judge(found.maps, found.weights)
-        if problem.levels.is_exact:
+        if self.problem.levels.is_exact:
             return not objective.is_hopeless(shown.error)
-        return len(found.maps) <= FEW_MAPS and objective.noise_ratio(found.code, shown.image) < WITHIN_NOISE
+        is_simple = len(found.maps) <= FEW_MAPS and self.params.maps in (None, len(found.maps))
+        return is_simple and objective.noise_ratio(found.code, shown.image) < WITHIN_NOISE
 
     def _fitting(self, curve: tuple[Grown, ...]) -> list[Grown]:
         """The sets with the given number of maps, if there is one."""

@@ -21,7 +21,8 @@ from .sets import SETS
 
 ROWS, SIDE = 16, 240        # of a sheet: pictures, and pixels of each
 LARGE = 2                   # so many sheets at most have pictures of this size; more have half of it
-MAIN_SCORES = ("iou", "sse", "f1_box", "f1_truth", "f1_light", "f1_input")  # the first that a set has stands beside a picture
+# The first of these that a set has stands beside a picture.
+MAIN_SCORES = ("iou", "sse", "f1_box", "f1_truth", "f1_light", "f1_input")
 RESOLUTION = 256            # of `invert`, unless told otherwise
 
 

@@ -104,9 +104,9 @@ class Inked(Coverage):
 
 
 class ExposedDensity(Density):
-    """A density of unknown exposure: grey levels are I = 1 - exp(-gain · density), with the density relative to a
-    uniform one on the canvas, and then as the tone curve has it. The blur is that of each point, the standard deviation
-    of a Gaussian."""
+    """A density of unknown exposure. The share of ink in a pixel is 1 - exp(-gain · density), with the density relative
+    to a uniform one on the canvas, and the tone curve makes grey levels of it. The blur is that of each point, the
+    standard deviation of a Gaussian."""
 
     is_exact = False
     blurs_px: ClassVar[Sequence[float]] = BLURS_PX   # that are tried
@@ -125,23 +125,27 @@ class ExposedDensity(Density):
         if not camera.is_known:
             return self.curve.displayed(super().render(code, resolution, seed, independent=independent))
         sigma = (camera.blur or 0.0) * resolution * DOT_SUPERSAMPLE / 2
-        ink = self.inked(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
+        ink = self.ink(blurred(self._density(code, resolution, seed, independent), sigma), camera.gain or 0.0)
         return self.curve.displayed(ink)
 
     def candidates(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
-        """Pairs of a camera and the ink (R,R) of the code with it, before the tone curve."""
+        """Pairs of a camera and the rendering (R,R) of the code with it."""
+        return ((camera, self.curve.displayed(ink)) for camera, ink in self._inks(code, resolution, seed))
+
+    def _inks(self, code: IFS, resolution: int, seed: int) -> Iterator[tuple[Camera, Tensor]]:
+        """Pairs of a camera and the shares of ink (R,R) of the code with it."""
         params, pixel = self.params, 2 / resolution
         density = self._density(code, resolution, seed, False)
         for sigma in given(params.blur_px, self.blurs_px):
             spread = blurred(density, sigma * DOT_SUPERSAMPLE)
             for gain in given(params.gain, GAINS):
-                yield Camera(self.kind, gain=gain, blur=sigma * pixel), self.inked(spread, gain)
+                yield Camera(self.kind, gain=gain, blur=sigma * pixel), self.ink(spread, gain)
 
     def _density(self, code: IFS, resolution: int, seed: int, independent: bool) -> Tensor:
         return self.occupied(code, resolution * DOT_SUPERSAMPLE, 1, self.points(resolution), seed, independent,
                              "density")
 
-    def inked(self, density: Tensor, gain: float) -> Tensor:
+    def ink(self, density: Tensor, gain: float) -> Tensor:
         """The share of ink in [0,1] of pixels (R,R), from a density (2R,2R)."""
         return avg_pool2d(Curve().grey(gain * density)[None], DOT_SUPERSAMPLE)[0]
 
@@ -168,8 +172,9 @@ class Dots(ExposedDensity):
 
 
 class ToneMapped(ExposedDensity):
-    """A density seen through a tone curve, as flame renderers and plots of logarithmic counts show it. With gain and
-    gamma free, the curve is close to a logarithm too."""
+    """A density seen through a tone curve, as flame renderers and plots of logarithmic counts show it: grey levels are
+    the root of the ink, I = (1 - exp(-gain · density))^(1 / gamma). With both numbers free, that is close to a
+    logarithm too."""
 
     kind = "tonemapped"
     is_curved = True
@@ -192,7 +197,7 @@ class ToneMapped(ExposedDensity):
         wanted, gammas = self._levels_of(self.picture.cpu()), given(self.params.gamma, GAMMAS)
         shown = 1.0 if self.known is None else self.known.mask(resolution).float()
         found, least = [], math.inf
-        for camera, ink in super().candidates(code, resolution, seed):
+        for camera, ink in self._inks(code, resolution, seed):
             levels = self._levels_of(ink * shown)
             for gamma in gammas:
                 curve = Curve(gamma)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
-LEAST_SHARE = 1e-3   # at which the slope of a gamma ends, which would be infinite at black
+LEAST_SHARE = 1e-3   # of ink, up to which a root's slope is held: near black, a few pixels would outweigh all others
 
 
 @dataclass(frozen=True)
@@ -19,17 +20,17 @@ class Curve:
 
     def grey(self, mass: Tensor) -> Tensor:
         """Grey levels (…) of masses (…)."""
-        return self.displayed(mass if self.linear else 1 - (-mass).exp())
+        return self.displayed(mass if self.linear else -torch.expm1(-mass))
 
     def mass(self, grey: Tensor, whitest: float) -> Tensor:
         """Masses (…) of grey levels (…). whitest: the share of ink, below 1, that a white pixel counts as, since white
         would take infinite mass; a linear curve has no such limit."""
         share = grey.clamp_min(0) ** self.gamma
-        return share if self.linear else -(1 - share.clamp(max=whitest)).log()
+        return share if self.linear else -torch.log1p(-share.clamp(max=whitest))
 
     def slope(self, mass: Tensor) -> Tensor:
-        """The derivative (…) of `grey`."""
-        share = mass if self.linear else 1 - (-mass).exp()
+        """The derivative (…) of `grey`; for shares of ink below `LEAST_SHARE`, the root's slope is the one there."""
+        share = mass if self.linear else -torch.expm1(-mass)
         along = share.clamp_min(LEAST_SHARE) ** (1 / self.gamma - 1) / self.gamma
         return along if self.linear else along * (-mass).exp()
 

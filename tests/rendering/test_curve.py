@@ -41,3 +41,10 @@ def test_a_mass_of_one_shows_its_share_of_ink():
     assert Curve().grey(one).item() == pytest.approx(0.63212, abs=1e-5)
     assert Curve(gamma=2).grey(one).item() == pytest.approx(0.79506, abs=1e-5)
     assert Curve(gamma=2, linear=True).grey(one / 4).item() == pytest.approx(0.5)
+
+
+def test_faint_masses_keep_their_digits():
+    """In float32, 1 - exp(-1e-9) is 0."""
+    faint = torch.tensor([1e-9])
+    torch.testing.assert_close(Curve(gamma=6).grey(faint), faint ** (1 / 6))
+    torch.testing.assert_close(Curve().mass(faint, 0.985), faint)

@@ -260,13 +260,17 @@ def test_a_code_keeps_its_likeness_in_two_bytes_a_number():
 
 def test_a_code_that_explains_a_plot_of_dots_to_its_noise_is_not_replaced_by_grown_maps():
     """Dots fall by chance, so a right code is not very like them, and many maps may be more so."""
-    terdragon = attractor.normalize(codes.known("terdragon"))
-    plot = mean_of(counted(terdragon, 256, 20_000, 0).clamp(max=1), 128)
+    terdragon, count, cells = attractor.normalize(codes.known("terdragon")), 16_000, 512
+    plot = mean_of(counted(terdragon, cells, count, 0).clamp(max=1), 128)
     levels = levels_of(plot, DRAWN, CollageParams().camera)
     growth, five = (Growth(SearchProblem(plot, levels, CollageParams(maps=maps))) for maps in (None, 5))
     right, wrong = affine.from_code(terdragon), affine.from_code(terdragon)[:2]
-    dots = Camera("dots", gain=20_000 / 256**2, blur=0.0)
+    dots = Camera("dots", gain=count / cells**2, blur=0.0)
     found = [Candidate(maps, None, 0.0, 0.0, dots) for maps in (right, wrong)]
+    assert Sketch.may_help(growth.problem) and growth.grower.likeness(found[0], dots) < 0.9
     sketch = growth.grower.plain(8)
     assert [growth.is_wanted(State(best=each, curve=(sketch,))) for each in found] == [False, True]
     assert five.is_wanted(State(best=found[0], curve=(sketch,))), "exactly as many maps as are asked for"
+    better = replace(sketch, likeness=1.0)
+    ended = [Promise(growth.problem).close(State(best=each, curve=(better,))).is_outgrown for each in found]
+    assert ended == [False, True]

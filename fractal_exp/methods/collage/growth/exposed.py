@@ -14,7 +14,7 @@ from ....images.known import Known
 from ....rendering.curve import Curve
 
 SIDE = 256          # maximum side, pixels, of the picture at which growth aims; a larger one is shrunk
-WHITEST = 0.985     # grey level from which a pixel counts as white, which would take infinite mass
+WHITEST = 0.985     # share of ink from which a pixel counts as white, which would take infinite mass
 
 
 @dataclass(frozen=True)

@@ -8,22 +8,22 @@ from functools import cached_property
 from torch import Tensor
 
 from ....cameras.camera import Camera
+from ....cameras.comparison import WITHIN_NOISE
 from ....cameras.estimate import showing
 from ....cameras.kinds import kind_of
 from ....cameras.levels import Levels, may_be_density
-from ....likeness import share_inside
+from ....likeness import FEW_MAPS, share_inside
 from ....runtime.deadline import NO_DEADLINE, Deadline
 from ....runtime.seeds import derive
 from ..growth.descent import BLUR_PX, Found, descended
 from ..growth.exposed import Exposed
 from ..growth.paving import paving
-from ..state import Grown, WeightedMaps
+from ..state import Candidate, Grown, WeightedMaps
 from .base import SearchProblem
 
 
 class Grower:
-    """Sets of as many maps as asked for, that show the image of a search. on_the_way: the set that moves or moved
-    last, with the mass of its drawing."""
+    """Sets of as many maps as asked for, that show the image of a search. on_the_way: the last set, and its mass."""
 
     def __init__(self, problem: SearchProblem, seed: int = 0):
         self.problem, self.seed, self.image = problem, seed, problem.image
@@ -62,6 +62,17 @@ class Grower:
         drawn, again = objective.render(found.code), objective.render(found.code, "again")
         return max(0.0, min(1.0, share_inside(drawn, self.image, again, objective.levels.lit_above,
                                               objective.levels.known)))
+
+    def is_explained_by(self, found: Candidate) -> bool:
+        """Whether what the search found renders a density or a binary image of our own roughly, or explains any other
+        picture to its noise by few maps. Few maps that are nearly right are worth more than many, which fit the noise
+        of dots as well."""
+        objective = self.problem.objective(len(self.image), found.code, derive(self.problem.seed, "found"),
+                                           camera=self.problem.camera_of(found))
+        shown = objective.judge(found.maps, found.weights)
+        if self.problem.levels.is_exact:
+            return not objective.is_hopeless(shown.error)
+        return len(found.maps) <= FEW_MAPS and objective.noise_ratio(found.code, shown.image) < WITHIN_NOISE
 
     def _note(self, found: Found) -> None:
         self.on_the_way = found

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ....cameras.comparison import WITHIN_NOISE
 from ....cameras.levels import may_be_density
-from ....likeness import FEW_MAPS
 from ....runtime.deadline import NO_DEADLINE, USUAL, Deadline
 from ....runtime.seeds import derive
 from ..state import Candidate, Grown, State, WeightedMaps
@@ -67,7 +65,9 @@ class Growth(Stage):
         if found is None or state.current is not None:
             return True
         asked, likeness = self.params.likeness or 0, self._likeness(found)
-        return likeness < asked or (bool(state.curve) or likeness < UNLIKE) and not self._is_explained(found)
+        is_other = self.params.maps not in (None, len(found.maps))
+        is_doubtful = likeness < UNLIKE or bool(state.curve)
+        return likeness < asked or is_doubtful and (is_other or not self.grower.is_explained_by(found))
 
     def open(self, state: State) -> State:
         return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)
@@ -112,18 +112,6 @@ class Growth(Stage):
         """The numbers of maps that are not on the curve yet."""
         there = {len(each.maps) for each in state.curve}
         return [count for count in self.counts if count not in there]
-
-    def _is_explained(self, found: Candidate) -> bool:
-        """Whether what the search found renders a density or a binary image of our own roughly, or explains any other
-        picture to its noise by few maps. Few maps that are nearly right are worth more than many, which fit the noise
-        of dots as well."""
-        objective = self.problem.objective(len(self.problem.image), found.code, derive(self.problem.seed, "found"),
-                                           camera=self.problem.camera_of(found))
-        shown = objective.judge(found.maps, found.weights)
-        if self.problem.levels.is_exact:
-            return not objective.is_hopeless(shown.error)
-        is_simple = len(found.maps) <= FEW_MAPS and self.params.maps in (None, len(found.maps))
-        return is_simple and objective.noise_ratio(found.code, shown.image) < WITHIN_NOISE
 
     def _fitting(self, curve: tuple[Grown, ...]) -> list[Grown]:
         """The sets with the given number of maps, if there is one."""
@@ -192,7 +180,8 @@ class Promise(Stage):
     def close(self, state: State) -> State:
         grower, found = Grower(self.problem, derive(self.problem.seed, "growth")), state.leader
         likeness = grower.likeness(found, self.problem.camera_of(found))
-        return replace(state, is_outgrown=any(is_worth_its_maps(each, found, likeness) for each in _tiles(state)))
+        are_better = any(is_worth_its_maps(each, found, likeness) for each in _tiles(state))
+        return replace(state, is_outgrown=are_better and not grower.is_explained_by(found))
 
 
 def _tiles(state: State) -> list[Grown]:

@@ -87,8 +87,8 @@ class Levels(ABC):
 
     @property
     def lit_above(self) -> float:
-        """The grey level above which a pixel belongs to the shape."""
-        return THRESHOLD
+        """The grey level above which a pixel belongs to the shape; half of the highest level of a faint image."""
+        return THRESHOLD if self.image is None else min(THRESHOLD, float(self.image.max()) / 2)
 
     @property
     def curve(self) -> Curve:

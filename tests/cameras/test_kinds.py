@@ -9,6 +9,7 @@ from places import ROOT
 
 from fractal_exp import InputError, codes
 from fractal_exp.cameras.camera import KNOWN, VALUES
+from fractal_exp.cameras.comparison import Comparison
 from fractal_exp.cameras.estimate import estimated
 from fractal_exp.cameras.kinds import KINDS, kind_of, levels_of, of_others
 from fractal_exp.cameras.levels import Levels
@@ -57,3 +58,13 @@ def test_every_list_of_the_meanings_of_grey_levels_is_the_same():
     assert tuple(re.findall(r'value="(\w+)"', re.findall(r'<select id="levels">.*?</select>', page)[0])) == MEANINGS
     levels = re.findall(r"^## Levels$.*?^## ", (ROOT / "docs" / "cameras.md").read_text(), re.MULTILINE | re.DOTALL)[0]
     assert {"auto", *re.findall(r"^\| `(\w+)` \|", levels, re.MULTILINE)} == set(MEANINGS)
+
+
+def test_the_shape_of_a_faint_picture_is_what_lies_above_half_of_its_highest_level():
+    """As of chalk on a board, drawn so finely that no pixel is a quarter white."""
+    chalk = kind_of("coverage")(PARAMS, torch.zeros(SIDE, SIDE), CAMERAS["coverage"]).render(GASKET, SIDE, 1)
+    for strength, above in ((1.0, 0.25), (0.2, 0.1 * float(chalk.max()))):
+        drawn = Comparison(strength * chalk, levels_of(strength * chalk, DRAWN, PARAMS))
+        assert drawn.levels.lit_above == pytest.approx(above)
+        assert drawn.likeness(strength * chalk) == 1.0
+        assert drawn.likeness(torch.zeros_like(chalk)) == 0.0

@@ -20,19 +20,23 @@ class Curve:
 
     def grey(self, mass: Tensor) -> Tensor:
         """Grey levels (…) of masses (…)."""
+        if self.gamma == 1:  # a root would show that faint ink loses its digits
+            return mass if self.linear else 1 - (-mass).exp()
         return self.displayed(mass if self.linear else -torch.expm1(-mass))
 
     def mass(self, grey: Tensor, whitest: float) -> Tensor:
         """Masses (…) of grey levels (…). whitest: the share of ink, below 1, that a white pixel counts as, since white
         would take infinite mass; a linear curve has no such limit."""
         share = grey.clamp_min(0) ** self.gamma
-        return share if self.linear else -torch.log1p(-share.clamp(max=whitest))
+        return share if self.linear else -(1 - share.clamp(max=whitest)).log()
 
     def slope(self, mass: Tensor) -> Tensor:
         """The derivative (…) of `grey`; for shares of ink below `LEAST_SHARE`, the root's slope is the one there."""
+        along = torch.ones_like(mass) if self.linear else (-mass).exp()
+        if self.gamma == 1:
+            return along
         share = mass if self.linear else -torch.expm1(-mass)
-        along = share.clamp_min(LEAST_SHARE) ** (1 / self.gamma - 1) / self.gamma
-        return along if self.linear else along * (-mass).exp()
+        return along * share.clamp_min(LEAST_SHARE) ** (1 / self.gamma - 1) / self.gamma
 
     def displayed(self, share: Tensor) -> Tensor:
         """Grey levels (…) of shares of ink (…), after a display with this gamma."""

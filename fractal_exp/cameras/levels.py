@@ -11,6 +11,7 @@ from typing import ClassVar, Self
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d, max_pool2d
 
+from ..evaluation.inside import LIT, shape_level
 from ..ifs.code import IFS
 from ..images.known import Known
 from ..ops import cuda_launch
@@ -88,7 +89,7 @@ class Levels(ABC):
     @property
     def lit_above(self) -> float:
         """The grey level above which a pixel belongs to the shape; half of the highest level of a faint image."""
-        return THRESHOLD if self.image is None else min(THRESHOLD, float(self.image.max()) / 2)
+        return LIT if self.image is None else shape_level(self.image)
 
     @property
     def curve(self) -> Curve:

@@ -68,6 +68,12 @@ def outline(shape: np.ndarray) -> np.ndarray:
     return np.asarray(binary_fill_holes(closed[inner, inner] | shape))
 
 
+def shape_level(image: Tensor) -> float:
+    """The grey level above which a pixel of an image (R,R) belongs to the shape: `LIT`, or half of the highest level of
+    a faint image."""
+    return min(LIT, float(image.max()) / 2)
+
+
 def _checked(drawn: Tensor, image: Tensor) -> tuple[Tensor, Tensor]:
     if image.ndim != 2 or drawn.shape != image.shape:
         raise InputError(f"two images of one shape (R, R) are compared, got {tuple(drawn.shape)} and "

@@ -23,7 +23,7 @@ from fractal_exp.methods.collage.stages import plan_of
 from fractal_exp.methods.collage.stages.base import SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.growing import Grower
-from fractal_exp.methods.collage.stages.growth import Growth, Promise, Sketch, is_worth_its_maps
+from fractal_exp.methods.collage.stages.growth import UNLIKE, Growth, Promise, Sketch, is_worth_its_maps
 from fractal_exp.methods.collage.state import Candidate, Grown, Key, State, WeightedMaps
 from fractal_exp.runtime.checkpoint import Checkpoint
 from fractal_exp.runtime.deadline import Deadline
@@ -274,3 +274,12 @@ def test_a_code_that_explains_a_plot_of_dots_to_its_noise_is_not_replaced_by_gro
     better = replace(sketch, likeness=1.0)
     ended = [Promise(growth.problem).close(State(best=each, curve=(better,))).is_outgrown for each in found]
     assert ended == [False, True]
+
+
+def test_a_code_that_renders_a_density_roughly_is_kept_with_another_number_of_maps_than_is_asked_for():
+    code = attractor.normalize(random_suite(1, 5)[0])
+    image, params = target(code, 64), CollageParams(maps=len(code) + 1)
+    growth = Growth(SearchProblem(image, levels_of(image, "density", params.camera), params))
+    near = Candidate(affine.from_code(code) * 0.95, None, 0.0, 0.0)
+    assert growth.grower.likeness(near, growth.problem.camera_of(near)) < UNLIKE
+    assert not growth.is_wanted(State(best=near))

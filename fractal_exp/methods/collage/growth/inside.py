@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....evaluation.inside import AROUND_PX, C1, C2, LIT, REACH, SIGMA_PX
+from ....evaluation.inside import AROUND_PX, C1, C2, REACH, SIGMA_PX, shape_level
 from ....ops.filters import filtered
 
 RADIUS = round(REACH * SIGMA_PX)   # of the window, pixels
@@ -19,7 +19,7 @@ class InsideSsim:
     def __init__(self, grey: Tensor, shows: Tensor):
         from scipy.ndimage import distance_transform_edt
 
-        shape = (grey > min(LIT, float(grey.max()) / 2)).numpy()
+        shape = (grey > shape_level(grey)).numpy()
         mask = torch.from_numpy(np.asarray(distance_transform_edt(~shape)) <= AROUND_PX)
         rows, columns = (mask.any(axis).nonzero().flatten() for axis in (1, 0))
         self.box = tuple(slice(max(0, int(each[0]) - RADIUS), int(each[-1]) + 1 + RADIUS) for each in (rows, columns))

@@ -65,14 +65,15 @@ class Grower:
 
     def is_explained_by(self, found: Candidate) -> bool:
         """Whether what the search found renders a density or a binary image of our own roughly, or explains any other
-        picture to its noise by few maps. Few maps that are nearly right are worth more than many, which fit the noise
-        of dots as well."""
+        picture to its noise by few maps, as many as are asked for. Few maps that are nearly right are worth more than
+        many, which fit the noise of dots as well."""
         objective = self.problem.objective(len(self.image), found.code, derive(self.problem.seed, "found"),
                                            camera=self.problem.camera_of(found))
         shown = objective.judge(found.maps, found.weights)
         if self.problem.levels.is_exact:
             return not objective.is_hopeless(shown.error)
-        return len(found.maps) <= FEW_MAPS and objective.noise_ratio(found.code, shown.image) < WITHIN_NOISE
+        are_few = len(found.maps) <= FEW_MAPS and self.problem.params.maps in (None, len(found.maps))
+        return are_few and objective.noise_ratio(found.code, shown.image) < WITHIN_NOISE
 
     def _note(self, found: Found) -> None:
         self.on_the_way = found
@@ -102,4 +103,4 @@ def _drawn_by(levels: Levels, image: Tensor) -> Levels:
     kinds = [kind for kind in levels.kinds if kind_of(kind).is_density]
     if levels.is_exact or not kinds:
         return levels
-    return kind_of(kinds[0])(levels.params, image, kinds=tuple(kinds[:1])).within(levels.known)
+    return kind_of(kinds[0])(levels.params, image, kinds=(kinds[0],)).within(levels.known)

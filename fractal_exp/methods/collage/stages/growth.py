@@ -65,9 +65,8 @@ class Growth(Stage):
         if found is None or state.current is not None:
             return True
         asked, likeness = self.params.likeness or 0, self._likeness(found)
-        is_other = self.params.maps not in (None, len(found.maps))
         is_doubtful = likeness < UNLIKE or bool(state.curve)
-        return likeness < asked or is_doubtful and (is_other or not self.grower.is_explained_by(found))
+        return likeness < asked or (is_doubtful and not self.grower.is_explained_by(found))
 
     def open(self, state: State) -> State:
         return state.begun(lambda: state.result or self.grower.plain(self.counts[0]).candidate)

@@ -18,6 +18,7 @@ from ...ifs.code import IFS
 from ...runtime.checkpoint import Checkpoint, Snapshot, moments, under
 from ...runtime.checks import check_seconds
 from ...runtime.deadline import Deadline
+from ...runtime.memory import keep_freed
 from ...runtime.precision import full_precision
 from ...runtime.seeds import derive, generator
 from ..base import (
@@ -113,6 +114,7 @@ class Chaotic(Method):
     @full_precision()
     def reconstruct(self, target: AnyTarget, *, on_step: OnStep | None = None,
                     checkpoint: Checkpoint | None = None) -> CodeReconstruction:
+        keep_freed()
         image = check_target(target, self.model.resolution).to(self.device)
         total = self.scouted + self.iterations
         best = BestStates(self.kept, spacing=max(1, self.iterations // 100))

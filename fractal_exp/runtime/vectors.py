@@ -137,7 +137,7 @@ def _teach(symbol: Any, instruction: str) -> None:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         a, b = (value if kind == vector else _repeated(builder, context.cast(builder, value, kind, types.float32))
                 for value, kind in zip(arguments, signature.args, strict=True))
-        return getattr(builder, instruction)(a, b, flags=_FLAGS)
+        return getattr(builder, instruction)(a, b, flags=(*_FLAGS, "arcp") if instruction == "fdiv" else _FLAGS)
 
     for kinds in ((Vector, Vector), (Vector, types.Number), (types.Number, Vector)):
         lower_builtin(symbol, *kinds)(generate)

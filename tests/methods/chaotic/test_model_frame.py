@@ -15,6 +15,15 @@ def test_the_gradient_of_the_frame_is_that_of_finite_differences():
     assert torch.autograd.gradcheck(frame, points)
 
 
+def test_points_in_rows_have_the_frame_of_single_ones_and_its_gradient():
+    points = torch.rand(2, 30, 2, dtype=torch.float64, generator=random()).requires_grad_()
+    single, rows = frame(points), frame(points.view(2, 6, 10))
+    for one, other in zip(single, rows, strict=True):
+        torch.testing.assert_close(other, one, rtol=0, atol=0)
+        gradients = [torch.autograd.grad(each.square().sum(), points, retain_graph=True)[0] for each in (one, other)]
+        torch.testing.assert_close(*gradients)
+
+
 @pytest.mark.parametrize("change", ["enlarged", "moved"])
 def test_no_gradient_asks_for_a_larger_or_a_moved_attractor(change):
     """d/dε of f(x) = A x + b with b (1 + ε), or b + ε (1 - A) t: the attractor enlarged, or moved by ε t."""

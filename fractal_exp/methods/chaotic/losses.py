@@ -7,7 +7,7 @@ alone) and then maps a `Rendering` to one value per image, (…,) for images (�
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from operator import add
 from typing import Self, cast
@@ -55,20 +55,20 @@ def mse(image: Tensor, target: Tensor) -> Tensor:
 
 
 def mip_mse(image: Tensor, target: Tensor, *, stretch: bool = False, levels: int | None = None,
-            summed: bool = False) -> Tensor:
+            summed: bool = False, target_pyramid: Sequence[Tensor] | None = None) -> Tensor:
     """Mean over mip levels of the mean squared error per pixel (…,) of images (…,R,R), or their sum (equation 5 of the
     paper).
 
     Levels are 2×2 means, from R down to 2, or the first `levels` of them. `stretch`, as in the paper's program: from
     the second level on each image is stretched to [0,1] before the error is taken and before the next level; an image
-    with less than one grey level (1/255) of contrast is left as it is. Raises `InputError` if R cannot be halved so
-    often.
+    with less than one grey level (1/255) of contrast is left as it is. target_pyramid: with `stretch`, the target's
+    `mip_pyramid`, if it is known. Raises `InputError` if R cannot be halved so often.
     """
     _check_pair(image, target)
     count = _mip_levels(image.shape, levels)
     if stretch:
-        pairs = zip(mip_pyramid(image, count, stretch=True), mip_pyramid(target, count, stretch=True), strict=True)
-        differences = [a - b for a, b in pairs]
+        of_target = mip_pyramid(target, count, stretch=True) if target_pyramid is None else target_pyramid
+        differences = [a - b for a, b in zip(mip_pyramid(image, count, stretch=True), of_target, strict=True)]
     else:  # taking means is linear: one pyramid of the difference is enough
         differences = mip_pyramid(image - target, count)
     total = reduce(add, (each.square().mean((-2, -1)) for each in differences))
@@ -125,11 +125,13 @@ class MipMSE(Term):
         self.stretch, self.levels, self.summed = stretch, levels, summed
 
     def prepare(self, target: Tensor) -> Self:
-        _mip_levels(target.shape, self.levels)
+        count = _mip_levels(target.shape, self.levels)
+        self.pyramid = mip_pyramid(target, count, stretch=True) if self.stretch else None
         return super().prepare(target)
 
     def forward(self, rendering: Rendering) -> Tensor:
-        return mip_mse(rendering.image, self.prepared, stretch=self.stretch, levels=self.levels, summed=self.summed)
+        return mip_mse(rendering.image, self.prepared, stretch=self.stretch, levels=self.levels, summed=self.summed,
+                       target_pyramid=self.pyramid)
 
 
 class DSSIM(Term):
@@ -256,8 +258,9 @@ def _mip_levels(shape: torch.Size, levels: int | None) -> int:
 
 def _stretched(image: Tensor) -> Tensor:
     low, high = image.amin((-2, -1), keepdim=True), image.amax((-2, -1), keepdim=True)
-    flat = high - low < SMALLEST_CONTRAST
-    return torch.where(flat, image, (image - low) / torch.where(flat, 1, high - low))
+    span = high - low
+    flat = span < SMALLEST_CONTRAST
+    return (image - torch.where(flat, 0, low)) / torch.where(flat, 1, span)
 
 
 def _marginal_moments(density: Tensor) -> Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor
@@ -42,23 +43,31 @@ def local_statistics(image: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class _GaussianBlur(torch.autograd.Function):
-    """The window where it fits: (…,H,W) -> (…,H-10,W-10).
-
-    Sums of shifted views; on CPUs several times faster than PyTorch's convolutions, which are made for many channels.
-    The adjoint of a symmetric window is the same sum over the zero-padded cotangent.
-    """
+    """The window where it fits: (…,H,W) -> (…,H-10,W-10). The adjoint of a symmetric window is the same over the
+    zero-padded cotangent."""
 
     @staticmethod
     def forward(ctx, image: Tensor) -> Tensor:
-        return _correlate(_correlate(image, -1), -2)
+        return _blurred(image)
 
     @staticmethod
     @once_differentiable
     def backward(ctx, cotangent: Tensor) -> Tensor:
-        return _correlate(_correlate(F.pad(cotangent, [2 * RADIUS] * 4), -1), -2)
+        return _blurred(F.pad(cotangent, [2 * RADIUS] * 4))
 
 
-def _correlate(image: Tensor, dim: int) -> Tensor:
+def _blurred(image: Tensor) -> Tensor:
+    if image.device.type == "cpu" and image.dtype == torch.float32:
+        from .ssim_kernels import blurred  # at its first use, so that nobody else waits for a compiler
+
+        images = image.reshape(-1, *image.shape[-2:]).contiguous()
+        found = blurred(images.numpy(), np.array(WINDOW, np.float32))
+        return torch.from_numpy(found).view(*image.shape[:-2], *found.shape[1:])
+    return shifted_sums(shifted_sums(image, -1), -2)
+
+
+def shifted_sums(image: Tensor, dim: int) -> Tensor:
+    """The window along one axis, by sums of shifted views: PyTorch's convolutions are made for many channels."""
     size = image.shape[dim] - 2 * RADIUS
     out = image.narrow(dim, RADIUS, size) * WINDOW[RADIUS]
     for k in range(RADIUS):

@@ -11,7 +11,8 @@ from skimage.metrics import structural_similarity
 from fractal_exp.methods.chaotic import losses
 from fractal_exp.methods.chaotic.losses import DSSIM, MipMSE, Moments, Regularizer, WeightedSum
 from fractal_exp.methods.chaotic.rendering import Rendering
-from fractal_exp.methods.chaotic.ssim import local_statistics, ssim
+from fractal_exp.methods.chaotic.ssim import RADIUS, WINDOW, local_statistics, shifted_sums, ssim
+from fractal_exp.methods.chaotic.ssim_kernels import TAPS, blurred
 
 IMAGE_TERMS = {"mse": lambda: MipMSE(levels=1), "mip": MipMSE, "mip_stretch": lambda: MipMSE(stretch=True),
                "dssim": DSSIM, "moments": Moments}
@@ -134,6 +135,26 @@ def test_gradients_of_the_regularizer():
     singular, offset = (torch.rand(2, 3, 2, generator=generator, dtype=torch.float64, requires_grad=True)
                         for _ in range(2))
     assert torch.autograd.gradcheck(losses.regularizer, (singular, offset))
+
+
+@pytest.mark.parametrize("size", [(11, 11), (11, 40), (53, 12), (64, 64)])
+def test_the_kernel_of_ssim_is_its_twin(size):
+    image = torch.rand(2, *size, generator=torch.Generator().manual_seed(0))
+    expected = shifted_sums(shifted_sums(image.double(), -1), -2)
+    found = torch.from_numpy(blurred(image.numpy(), np.array(WINDOW, np.float32)))
+    torch.testing.assert_close(found.double(), expected, rtol=1e-6, atol=0)
+    assert len(WINDOW) == TAPS == 2 * RADIUS + 1
+
+
+@pytest.mark.parametrize("name", IMAGE_FUNCTIONS)
+def test_the_gradient_in_single_precision_is_that_in_double(name):
+    """Of the term as a fit has it: the target prepared, the image not a batch."""
+    image, target = images(64, 64, seed=1).requires_grad_(), images(64, 64, seed=2)
+    exact = image.detach().double().requires_grad_()
+    term = IMAGE_TERMS[name]()
+    gradients = [torch.autograd.grad(term.prepare(against)(rendering(each)), each)[0]
+                 for each, against in ((image, target), (exact, target.double()))]
+    assert (gradients[0] - gradients[1]).norm() < 1e-5 * gradients[1].norm()
 
 
 # --- guards ---------------------------------------------------------------------------------------------------------

@@ -170,12 +170,8 @@ class ForwardModel:
         """Image (…,R,R) of the attractor with fresh start points and map indices drawn from `seed`, an int or an int64
         tensor (…)."""
         maps = self.parameterization.decode(raw)
-        points = self._points(maps, seed)
-        rows = points.unflatten(-2, (self.trajectories, -1)).flatten(-2)
-        scale, shift = frame(rows)
-        shifts = shift.repeat(*[1] * (shift.ndim - 1), rows.shape[-1] // 2)
-        points = (rows * scale[..., None, :] + shifts[..., None, :]).view_as(points)
-        return Rendering(image=self._splat(points), points=points, singular=maps.singular, offset=maps.offset)
+        points = self.framed(self.play(maps, seed))
+        return Rendering(image=self.splat(points), points=points, singular=maps.singular, offset=maps.offset)
 
     def waits(self, like: Tensor) -> bool:
         """Whether drawing from tensors `like` this one on a GPU waits for it, so that no CUDA graph can record it."""
@@ -201,7 +197,7 @@ class ForwardModel:
         column_row = torch.stack([pixel % self.resolution, pixel // self.resolution], -1)
         inside = column_row + torch.rand(len(pixel), 2, generator=random)
         points = (2 * inside / self.resolution - 1) * torch.tensor([1.0, -1.0])
-        return self._splat(points.view(draws, count, 2).to(target.device)).mean(0)
+        return self.splat(points.view(draws, count, 2).to(target.device)).mean(0)
 
     @torch.no_grad()
     def is_contractive(self, raw: Parameters) -> Tensor:
@@ -219,15 +215,24 @@ class ForwardModel:
     def code(self, raw: Parameters, seed: int = 0) -> IFS:
         """The code of one set of raw parameters, in the frame of the images that the model draws."""
         maps = self.parameterization.decode(raw)
-        scale, shift = frame(self._points(maps, seed))
+        scale, shift = frame(self.play(maps, seed))
         return IFS(maps.linear.cpu(), maps.offset.cpu()).similar(float(scale) / self.start_range, tuple(shift.tolist()))
 
-    def _splat(self, points: Tensor) -> Tensor:
-        return ops.splat(points, self.resolution, sigma_px=self.sigma_px, supersample=self.supersample,
-                         backend=self.backend)
-
-    def _points(self, maps: Maps, seed: int | Tensor) -> Tensor:
-        """In units of `start_range`, as the game starts in [-1,1]²; the frame of an image knows no unit."""
+    def play(self, maps: Maps, seed: int | Tensor) -> Tensor:
+        """Points (…,P,2) of the attractor, in units of `start_range`, as the game starts in [-1,1]²; the frame of an
+        image knows no unit."""
         return ops.chaos_game(maps.linear, maps.offset / self.start_range, trajectories=self.trajectories,
                               length=self.length, warmup=self.warmup, seed=seed, backend=self.backend,
                               probabilities=PROBABILITIES[self.probabilities](maps.linear.detach()))
+
+    def framed(self, points: Tensor) -> Tensor:
+        """Points (…,P,2) brought into the frame, by rows of one trajectory each."""
+        rows = points.unflatten(-2, (self.trajectories, -1)).flatten(-2)
+        scale, shift = frame(rows)
+        shifts = shift.repeat(*[1] * (shift.ndim - 1), rows.shape[-1] // 2)
+        return (rows * scale[..., None, :] + shifts[..., None, :]).view_as(points)
+
+    def splat(self, points: Tensor) -> Tensor:
+        """The image (…,R,R) of points (…,P,2) of the canvas."""
+        return ops.splat(points, self.resolution, sigma_px=self.sigma_px, supersample=self.supersample,
+                         backend=self.backend)

@@ -177,7 +177,7 @@ def test_starts_lie_in_the_range_and_leave_image_and_code_alone():
     first = ForwardModel(SVD(), maps=1, trajectories=4000, length=1, warmup=0, start_range=5.0)
     half = {"singular": torch.zeros(1, 2), "u": torch.eye(2)[None], "v": torch.eye(2)[None],
             "offset": torch.zeros(1, 2)}
-    points = 5 * first._points(SVD().decode(half), 0)
+    points = 5 * first.play(SVD().decode(half), 0)
     assert 2.45 < float(points.max()) <= 2.5 and -2.5 <= float(points.min()) < -2.45
 
 
@@ -187,7 +187,7 @@ def test_maps_are_played_by_their_area_where_asked():
     model = ForwardModel(SVD(), resolution=32, maps=2, trajectories=500, length=40, probabilities="area")
     linear, offset = (getattr(SVD().decode(raw), name)[1].detach() for name in ("linear", "offset"))
     rendering = model(raw, 0)
-    points = model._points(SVD().decode(raw), 0)
+    points = model.play(SVD().decode(raw), 0)
     share = float(((points - offset).norm(dim=-1) <= 2 * linear.norm()).float().mean())
     assert share < .1, "the small map has a hundredth of the area and of the points, not half of them"
     rendering.image.sum().backward()

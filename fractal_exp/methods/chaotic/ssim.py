@@ -61,7 +61,7 @@ def _blurred(image: Tensor) -> Tensor:
         from .ssim_kernels import blurred  # at its first use, so that nobody else waits for a compiler
 
         images = image.reshape(-1, *image.shape[-2:]).contiguous()
-        found = blurred(images.numpy(), np.array(WINDOW, np.float32))
+        found = blurred(images.numpy(), np.array(WINDOW))
         return torch.from_numpy(found).view(*image.shape[:-2], *found.shape[1:])
     return shifted_sums(shifted_sums(image, -1), -2)
 

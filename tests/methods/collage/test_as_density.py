@@ -13,6 +13,7 @@ from fractal_exp.cameras.kinds import levels_of, with_camera
 from fractal_exp.cameras.levels import FAINT, Density, may_be_density
 from fractal_exp.cameras.pens import Dots, Inked, ToneMapped
 from fractal_exp.ifs import affine, attractor
+from fractal_exp.images.known import Known
 from fractal_exp.images.levels import DRAWN, meaning_of
 from fractal_exp.likeness import likeness_of_attractor
 from fractal_exp.methods.collage.bins import correction
@@ -20,7 +21,7 @@ from fractal_exp.methods.collage.method import Collage
 from fractal_exp.methods.collage.moves.search import ImageSearch
 from fractal_exp.methods.collage.params import CollageParams
 from fractal_exp.methods.collage.stages import plan_of
-from fractal_exp.methods.collage.stages.base import SearchProblem
+from fractal_exp.methods.collage.stages.base import SHORTER, SearchProblem
 from fractal_exp.methods.collage.stages.construction import Construction
 from fractal_exp.methods.collage.stages.drawn import AsDensity, DrawnMoves
 from fractal_exp.methods.collage.stages.growth import Sketch
@@ -191,6 +192,17 @@ def test_no_strokes_are_sought_in_a_density():
     given, far = problem(), Candidate(affine.from_code(FERN.similar(0.5, (0.0, 0.0))), None, 0.1, 1.0)
     assert Construction(given).is_wanted(State(best=far))
     assert not Construction(given).is_wanted(State(best=far, measured_through=CURVE))
+
+
+def test_a_part_has_more_and_shorter_restarts_on_each_measure_that_it_may_show():
+    levels = levels_of(CURVED, DRAWN, CAMERA)
+    plans = [plan_of(SearchProblem(CURVED, each, PARAMS.updated(search={"restarts": 2, "moves": 50})))
+             for each in (levels, levels.within(Known(left=-1.0, bottom=-1.0, right=0.3, top=1.0)))]
+    whole, part = ([each for each in plan.rounds[0] if isinstance(each, Restart)] for plan in plans)
+    assert {each.expected_moves for each in whole} == {50} and {each.expected_moves for each in part} == {13}
+    assert len(part) == SHORTER * len(whole) and sum(isinstance(each, AsDensity) for each in part) == 2 * SHORTER
+    assert [each.key for each in part] == sorted((each.key for each in part), key=lambda key: key.place)
+    assert len({(each.stream, getattr(each, "measured", None)) for each in part}) == len(part), "a search is repeated"
 
 
 def test_a_search_that_is_cut_short_returns_the_camera_of_its_code():

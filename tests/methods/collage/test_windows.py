@@ -24,7 +24,7 @@ from fractal_exp.methods.collage.image.camera import polish_under
 from fractal_exp.methods.collage.image.counts import FromCounts
 from fractal_exp.methods.collage.image.objective import Frame, ImageObjective
 from fractal_exp.methods.collage.measure.search import MeasureSearch, Regime
-from fractal_exp.methods.collage.measure.windows import WindowSearch, completed, search_on, seen, unseen
+from fractal_exp.methods.collage.measure.windows import WindowSearch, completed, search_on, seen
 from fractal_exp.methods.collage.moves.tools import CorrectedMeasure
 from fractal_exp.methods.collage.state import Candidate, WeightedMaps
 from fractal_exp.ops.collage import BinnedMeasure, Descent, collage_error, descend, pushforward
@@ -98,16 +98,18 @@ def test_a_whole_picture_is_searched_as_before():
     masses = DENSITY.measure(WHOLE)
     assert type(search_on(masses, None, Regime.whole(PARAMS), PARAMS, 0)) is MeasureSearch
     assert torch.equal(seen(masses, 64, None).bins, binned(masses, 64).bins)
-    assert completed(binned(masses, 64), WeightedMaps(MAPS, WEIGHTS), SIDE, None, 0).samples.shape[0] == \
-        binned(masses, 64).samples.shape[0]
+    whole = binned(masses, 64)
+    assert completed([whole], WeightedMaps(MAPS, WEIGHTS), SIDE, None, 0) == [whole]
 
 
 def test_a_code_continues_the_measure_beyond_the_picture():
-    code = WeightedMaps(MAPS, WEIGHTS)
-    more = unseen(code, SIDE, 64, CUT, 0)
-    assert (more[:, 0] > 0.3 - 2 / SIDE).all()
+    grids = [seen(MASSES, cells, CUT) for cells in (64, 32)]
     hidden = DENSITY.measure(WHOLE * ~MASK).sum() / MASSES.sum()
-    assert float(more[:, 2].sum()) == pytest.approx(float(hidden), rel=0.05)
+    for grid, whole in zip(grids, completed(grids, WeightedMaps(MAPS, WEIGHTS), SIDE, CUT, 0), strict=True):
+        more = whole.samples[len(grid.samples):]
+        assert torch.equal(whole.samples[:len(grid.samples)], grid.samples)
+        assert (more[:, 0] > 0.3 - 2 / SIDE).all()
+        assert float(more[:, 2].sum()) == pytest.approx(float(hidden), rel=0.05)
 
 
 def test_the_true_code_agrees_with_the_measure_that_it_completes():
@@ -115,7 +117,7 @@ def test_the_true_code_agrees_with_the_measure_that_it_completes():
         return float(collage_error(pushforward(MAPS[None], WEIGHTS[None], measure.samples, measure.size), measure)[0])
 
     cut = seen(MASSES, 64, CUT)
-    whole = completed(cut, WeightedMaps(MAPS, WEIGHTS), SIDE, CUT, 0)
+    whole, = completed([cut], WeightedMaps(MAPS, WEIGHTS), SIDE, CUT, 0)
     as_if_all = binned(MASSES, 64)
     assert error(whole) < 0.1 * error(cut) and error(whole) < 0.05 * error(as_if_all)
 

@@ -7,6 +7,7 @@ errors count where something is seen. The true code agrees with the measure that
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -22,13 +23,12 @@ from ..params import CollageParams
 from ..state import Candidate, WeightedMaps
 from .search import NEIGHBOUR, MeasureSearch, Regime
 
-POINTS = 40_000     # of the attractor, that complete a measure
+POINTS = 10_000     # of the attractor, that complete a measure
 MOST_UNSEEN = 4.0   # mass, relative to what is seen, that may be inferred
 FARTHEST = 20.0     # canvas units, from whose middle on no mass is inferred
 LEAST_SEEN = 1e-3   # mass of an attractor in the window, below which it is not scaled up to what is seen
 SLACK = 0.6         # share of what is seen that counts as explained: holes that unseen copies leave weigh less
 DEARER = 1.5        # factor on the price of a map: what is not seen leaves room for maps that only patch what is
-DESCENTS = 2        # of a neighbour, each on the measure that the set before it completes
 
 
 def seen(masses: Tensor, size: int, known: Known | None, grids: int = BinnedMeasure.grids) -> BinnedMeasure:
@@ -42,27 +42,27 @@ def seen(masses: Tensor, size: int, known: Known | None, grids: int = BinnedMeas
     return replace(measure, bins=measure.bins * counts, known=counts)
 
 
-def unseen(found: WeightedMaps, resolution: int, size: int, known: Known, seed: int) -> Tensor:
-    """The attractor of a code beyond what an image (R,R) shows, as samples (K,3) of x, y and mass, relative to the mass
-    in what it shows: the centroids of cells as large as those of a grid of this size."""
+def completed(measures: Sequence[BinnedMeasure], found: WeightedMaps, resolution: int, known: Known | None, seed: int
+              ) -> list[BinnedMeasure]:
+    """The measure of an image (R,R), on several grids, that goes on beyond it as the attractor of a code does."""
+    if known is None:
+        return list(measures)
     points = attractor_points(found.maps, found.probabilities, POINTS, seed)
     inside = known.holds(points, resolution)
     beyond = points[~inside & (points.abs() < FARTHEST).all(1)]
-    share = min(MOST_UNSEEN, len(beyond) / max(1, int(inside.sum())))
-    place = ((beyond + FARTHEST) * (size / 2)).floor().long()
+    mass = min(MOST_UNSEEN, len(beyond) / max(1, int(inside.sum())))
+    return [replace(each, samples=torch.cat([each.samples, gathered(beyond, each.size, mass)]).contiguous())
+            for each in measures]
+
+
+def gathered(points: Tensor, size: int, mass: float) -> Tensor:
+    """Points (P,2) that have this mass together, as samples (K,3) of x, y and mass: the centroids of cells as large as
+    those of a grid of this size."""
+    place = ((points + FARTHEST) * (size / 2)).floor().long()
     _, cell, counts = (place[:, 0] * round(FARTHEST * size + 1) + place[:, 1]).unique(return_inverse=True,
                                                                                       return_counts=True)
-    sums = torch.zeros(len(counts), 2).to(beyond).index_add_(0, cell, beyond)
-    return torch.cat([sums / counts[:, None], (share / max(1, len(beyond)) * counts)[:, None]], 1)
-
-
-def completed(measure: BinnedMeasure, found: WeightedMaps, resolution: int, known: Known | None, seed: int
-              ) -> BinnedMeasure:
-    """The measure of an image (R,R) that goes on beyond it as the attractor of a code does."""
-    if known is None:
-        return measure
-    more = unseen(found, resolution, measure.size, known, seed)
-    return replace(measure, samples=torch.cat([measure.samples, more]).contiguous())
+    sums = torch.zeros(len(counts), 2).to(points).index_add_(0, cell, points)
+    return torch.cat([sums / counts[:, None], (mass / max(1, len(points)) * counts)[:, None]], 1)
 
 
 class WindowSearch(MeasureSearch):
@@ -79,8 +79,7 @@ class WindowSearch(MeasureSearch):
         return seen(masses, size, self.known)
 
     def _complete(self, found: WeightedMaps) -> None:
-        seed = derive(self.seed, "unseen")
-        self._aim_at(*(completed(each, found, self.resolution, self.known, seed) for each in self.seen))
+        self._aim_at(*completed(self.seen, found, self.resolution, self.known, derive(self.seed, "unseen")))
 
     def judged(self, maps: Tensor, weights: Tensor, error: float) -> Candidate:
         self._complete(WeightedMaps(maps, weights))
@@ -107,13 +106,13 @@ class WindowSearch(MeasureSearch):
         return super().pruned(maps, weights, error)
 
     def _neighbours(self, sets: list[tuple[Tensor, Tensor]]) -> list[tuple[Tensor, Tensor, float]]:
-        return [self._settled(*each) for each in sets]
+        return [self._settled(maps, weights) for maps, weights, _ in super()._neighbours(sets)]
 
     def _settled(self, maps: Tensor, weights: Tensor) -> tuple[Tensor, Tensor, float]:
-        """A set after descents on what it completes, and its error there."""
-        for _ in range(DESCENTS):
-            self._complete(WeightedMaps(maps, weights))
-            maps, weights, _ = self.descend_one(maps, weights, NEIGHBOUR)
+        """A set that has descended on what the set before it completes, after a descent on what it completes itself,
+        and its error there."""
+        self._complete(WeightedMaps(maps, weights))
+        maps, weights, _ = self.descend_one(maps, weights, NEIGHBOUR)
         self._complete(WeightedMaps(maps, weights))
         return maps, weights, self._error(maps, weights)
 

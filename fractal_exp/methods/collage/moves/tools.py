@@ -73,8 +73,8 @@ class CorrectedMeasure:
         factors = correction(masses, code.code, objective.levels, params.saturation, seed)
         corrected = masses * factors
         size, known, resolution = grid_for(masses.shape[0], params.moves.grid), objective.levels.known, len(masses)
-        fine, coarse = (completed(seen(corrected, cells, known), code, resolution, known, seed)
-                        for cells in (size, size // 2))
+        grids = [seen(corrected, cells, known) for cells in (size, size // 2)]
+        fine, coarse = completed(grids, code, resolution, known, seed)
         return cls(fine, coarse, factors, corrected.sum())
 
     def explained(self, rendered: Rendered, volume: Tensor, objective: ImageObjective) -> Tensor:
@@ -143,7 +143,7 @@ class Tools:
                           tied=weights is None)
             corrected = saturation_corrected(self.masses, now.code, self.objective.levels, self.params.saturation,
                                              derive(self.seed, "refine", size))
-            measure = completed(seen(corrected, size, known, GRIDS), now, len(corrected), known, self.seed)
+            measure, = completed([seen(corrected, size, known, GRIDS)], now, len(corrected), known, self.seed)
             moved, shares, _ = descend(now.maps[None], now.probabilities[None], measure, how)
             now = self.objective.judge(moved[0], None if weights is None else shares[0] / shares[0].sum())
             best = min(best, now, key=error_of)

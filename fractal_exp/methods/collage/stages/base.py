@@ -30,6 +30,8 @@ EXACT_ROUNDS = 2        # on renderings, if rounds continue from each other
 DRAWN_ROUNDS = 3        # on pictures that others drew
 ROUND_SECONDS = 30.0    # in which a round finds something, on an image of at most ROUND_SIDE pixels per side
 ROUND_SIDE = 256
+SHORTER = 4             # in a part of a shape: a restart finds the maps in its first moves, or ends far from them
+PART_PACE = 0.75        # there, the stages on the measure have more of the time: they find the maps, or nothing does
 LATER_RESTARTS = 0.5    # share of the restarts, rounded up, in rounds that are not full
 # Shares of a round's part of the time limit at which its moves end, and those of all later rounds
 ROUND_ENDS = 0.95
@@ -41,12 +43,15 @@ DRAWN_BLUR_PX = 3.0     # more in each later round: from afar, a construction th
 @dataclass(frozen=True)
 class Timetable:
     """When the parts of a search end. Each of the first rounds, `parts` of them, has an equal part of the time limit.
-    Later rounds have what is left of the last part. round_ends: the share of a part at which a round ends."""
+    Later rounds have what is left of the last part. round_ends: the share of a part at which a round ends; pace: how
+    much time is left after a stage, relative to what usually is.
+    """
 
     limit: Deadline
     rounds: int
     parts: int
     round_ends: float
+    pace: float = 1.0
 
     def part_end(self, number: int, share: float = 1.0) -> Deadline:
         """When this share of a round's part has passed."""
@@ -61,7 +66,9 @@ class Timetable:
         ends with its round, as all stages of rounds without a part do."""
         if share is None or self.parts <= number < self.rounds:
             return self.round_end(number)
-        return self.limit.until(share) if number >= self.rounds else self.part_end(number, share)
+        if number >= self.rounds:
+            return self.limit.until(share)
+        return self.part_end(number, 1 - self.pace * (1 - share))
 
 
 @dataclass(frozen=True)
@@ -135,11 +142,17 @@ class SearchProblem:
         """When rounds and stages end."""
         exact = BINARY_ROUND_ENDS if self.is_framed_firmly else ROUND_ENDS
         return Timetable(self.deadline, self.rounds, self.full_rounds,
-                         exact if self.levels.is_exact else DRAWN_ROUND_ENDS)
+                         exact if self.levels.is_exact else DRAWN_ROUND_ENDS,
+                         1.0 if self.levels.known is None else PART_PACE)
+
+    @property
+    def shorter(self) -> int:
+        """How many times shorter restarts are than usual, and how many times more of them there are."""
+        return 1 if self.levels.known is None else SHORTER
 
     def restarts(self, number: int) -> int:
         """Number of restarts in a round."""
-        restarts = self.params.search.restarts
+        restarts = self.shorter * self.params.search.restarts
         return restarts if number < self.full_rounds else math.ceil(restarts * LATER_RESTARTS)
 
     def masses_of(self, number: int, measured_through: Camera | None = None) -> Tensor:

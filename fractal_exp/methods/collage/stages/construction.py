@@ -67,9 +67,10 @@ class Construction(Stage):
 
     @staticmethod
     def may_help(problem: SearchProblem) -> bool:
-        """Whether an image may show a construction: lines and areas that others drew, not too many pixels of them."""
+        """Whether an image may show a whole construction: lines and areas that others drew, not too many pixels."""
         params = problem.params
-        return (params.camera.estimate and bool(_tries(problem)) and not problem.is_reduced and not params.maps)
+        return (problem.levels.known is None and params.camera.estimate and bool(_tries(problem))
+                and not problem.is_reduced and not params.maps)
 
     @property
     def expected_moves(self) -> int:

@@ -29,17 +29,23 @@ class AsDensity(Restart):
     """A restart on the image as a density that a camera of this kind sees. The search stays with this measure if the
     code that was found on it explains the image better as a density than the best code before."""
 
-    def __init__(self, problem: SearchProblem, kind: str, restart: float):
+    def __init__(self, problem: SearchProblem, kind: str, restart: float, copy: int = 0):
         super().__init__(problem, 0, restart)
-        self.measured = Camera(kind)
+        self.measured, self.copy = Camera(kind), copy
 
     @staticmethod
     def all_of(problem: SearchProblem) -> list[AsDensity]:
         """Those that may help, between the first restart and the second, on an image that others drew."""
         levels, image = problem.levels, problem.image
         kinds = {Dots.kind: may_be_dots(image), ToneMapped.kind: levels.params.curves and may_be_density(image)}
-        return [AsDensity(problem, kind, (k + 1) / (len(kinds) + 1)) for k, (kind, may_be) in enumerate(kinds.items())
-                if may_be and kind in levels.kinds and kind != levels.kind and levels.params.estimate]
+        wanted = [kind for kind, may_be in kinds.items()
+                  if may_be and kind in levels.kinds and kind != levels.kind and levels.params.estimate]
+        each = [(kind, copy) for copy in range(problem.shorter) for kind in wanted]
+        return [AsDensity(problem, kind, (k + 1) / (len(each) + 1), copy) for k, (kind, copy) in enumerate(each)]
+
+    @property
+    def stream(self) -> tuple[str | int, ...]:
+        return (*super().stream, *([self.copy] if self.copy else []))
 
     def is_wanted(self, state: State) -> bool:
         return True

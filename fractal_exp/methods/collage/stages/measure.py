@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from ....cameras.kinds import with_camera
@@ -58,7 +59,7 @@ class Restart(MeasureStage):
 
     @property
     def expected_moves(self) -> int:
-        return self.params.search.moves
+        return math.ceil(self.params.search.moves / self.problem.shorter)
 
     @property
     def latest_start(self) -> Deadline:
@@ -66,9 +67,10 @@ class Restart(MeasureStage):
         return self.deadline if self.restart else self.problem.times.round_end(self.round)
 
     def is_wanted(self, state: State) -> bool:
-        """False once two restarts of the round agree, or one is near."""
+        """False once two restarts of the round agree, or one is near. Short ones agree on wrong maps too often."""
         # above WRONG_NUMBER, the number of maps is wrong
-        agree = len(state.scores) > 1 and state.scores[1] < min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
+        scores = state.scores if self.problem.shorter == 1 else ()
+        agree = len(scores) > 1 and scores[1] < min(WRONG_NUMBER, (1 + AGREEMENT) * state.leader.score)
         return not agree and not self._is_near(state)
 
     def _is_near(self, state: State) -> bool:
@@ -81,11 +83,15 @@ class Restart(MeasureStage):
         return not _has_isometry(best) and self.problem.noise_ratio(best) < NEAR
 
     def open(self, state: State) -> State:
-        # the words in seed paths name random streams: another word gives other numbers
-        seed = derive(self.problem.seed, "island", 1000 * self.round + int(self.restart))
+        seed = derive(self.problem.seed, *self.stream)
         before = None if self.problem.has_independent_rounds else state.before
         self.search = self._search_of(state, before, Regime.whole(self.params), seed)
         return state.begun(self.search.start)
+
+    @property
+    def stream(self) -> tuple[str | int, ...]:
+        """The path of the seed. Its word names a random stream: another word gives other numbers."""
+        return "island", 1000 * self.round + int(self.restart)
 
     def close(self, state: State) -> State:
         found = state.now

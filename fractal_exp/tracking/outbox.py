@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 FLUSH_SECONDS = 5.0  # between two sendings,
 BATCH = 1000         # or when so many values wait; also the most that MLflow takes in one call
 NOTE = "run.json"    # in the folder of what is undelivered
-LAST_WAIT = 60.0     # seconds of silence after which a run that has ended stops trying
 End = Literal["FINISHED", "FAILED", "KILLED"]
 ENDS = get_args(End)
 LARGEST_NOTE = 2**28  # bytes, four million values: hours without a store
@@ -82,6 +81,19 @@ class Note:
     files: list[Waiting]
 
 
+@dataclass(frozen=True)
+class Patience:
+    """While the store is away: the seconds from the first attempt to the next, which double up to `last_retry`, and
+    those of silence after which a run that has ended stops trying."""
+
+    first_retry: float = FIRST_RETRY
+    last_retry: float = LAST_RETRY
+    last_wait: float = 60.0
+
+
+PATIENT = Patience()
+
+
 class Outbox:
     """Sends one run's metrics, tags and files from a thread of its own and keeps what has not arrived.
 
@@ -94,8 +106,9 @@ class Outbox:
     """
 
     def __init__(self, client: MlflowClient, run_id: str, folder: str | Path,
-                 on_record: set[tuple[str, int, float]], images: set[tuple[str, int]]) -> None:
-        self._client, self._run_id = client, run_id
+                 on_record: set[tuple[str, int, float]], images: set[tuple[str, int]],
+                 patience: Patience = PATIENT) -> None:
+        self._client, self._run_id, self._patience = client, run_id, patience
         self._folder = undelivered(folder, run_id)
         # The fit appends, the thread deletes from the front what has arrived. Both are atomic: neither waits.
         self._metrics: list[tuple[str, float, int, int]] = []  # name, value, milliseconds since the epoch, step
@@ -141,7 +154,7 @@ class Outbox:
         self._heard, self._end = time.monotonic(), (status, int(time.time() * 1000))
         self._wake.set()
         try:
-            while self._thread.is_alive() and time.monotonic() - self._heard < LAST_WAIT:
+            while self._thread.is_alive() and time.monotonic() - self._heard < self._patience.last_wait:
                 self._thread.join(0.1)
         finally:  # also when Ctrl-C cuts the waiting short
             if self._thread.is_alive():
@@ -153,7 +166,7 @@ class Outbox:
                 shutil.rmtree(self._folder, ignore_errors=True)
 
     def _run(self) -> None:
-        away_since, pause = None, FIRST_RETRY
+        away_since, pause = None, self._patience.first_retry
         while not self._abandoned:
             self._wake.wait(0 if away_since else FLUSH_SECONDS)
             self._wake.clear()
@@ -166,11 +179,11 @@ class Outbox:
                     print(f"tracking: the store does not take what is sent ({reason(root(error))}); the fit goes on, "
                           f"everything is kept and tried again", file=sys.stderr)
                 time.sleep(pause)
-                pause = min(2 * pause, LAST_RETRY)
+                pause = min(2 * pause, self._patience.last_retry)
                 continue
             if away_since is not None:
                 print(f"tracking: everything arrived after {time.monotonic() - away_since:.0f} s", file=sys.stderr)
-                away_since, pause = None, FIRST_RETRY
+                away_since, pause = None, self._patience.first_retry
             if end:
                 return
 

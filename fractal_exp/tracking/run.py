@@ -20,7 +20,7 @@ from .addresses import reason, shown
 from .base import Tracker
 from .client import connect
 from .dashboard import NOTE, describe
-from .outbox import ENDS, Note, Outbox, Upload, read_note, undelivered
+from .outbox import ENDS, PATIENT, Note, Outbox, Patience, Upload, read_note, undelivered
 from .store import (
     FIRST_PATIENCE,
     PARENT,
@@ -47,14 +47,15 @@ class MlflowTracker(Tracker):
 
     def __init__(self, client: MlflowClient, run_id: str, folder: str | Path, tables: list[dict] | None = None,
                  on_record: Collection[tuple[str, int, float]] = (),
-                 images: Collection[tuple[str, int]] = (), note: str | None = None) -> None:
+                 images: Collection[tuple[str, int]] = (), note: str | None = None,
+                 patience: Patience = PATIENT) -> None:
         self.run_id = run_id
         self._note, self._scores = note, {}
         self._tables = list(tables or [])
         self._on_record = set(on_record)
         self._last: dict[str, tuple[int, float]] = {}  # step and value by name
         self._images = set(images)
-        self._outbox = Outbox(client, run_id, folder, self._on_record, self._images)
+        self._outbox = Outbox(client, run_id, folder, self._on_record, self._images, patience)
         self._names: set[str] = set()
         self._non_finite: dict[str, tuple[int, float, int]] = {}  # name: how many, the first, its step
         self._ended = False

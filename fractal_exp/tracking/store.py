@@ -34,31 +34,31 @@ PAGE = 1000                           # runs per request
 PARENT = "mlflow.parentRunId"         # the tag by which MLflow nests runs
 
 
-def prepare_store(folder: str | Path) -> str:
+def prepare_store(folder: str | Path, patience: float = FIRST_PATIENCE) -> str:
     """Make sure that runs can be kept, mark those that died while running, and return the store's URI.
 
     The store is `folder`/mlflow.db, an SQLite database in WAL mode, with the artifacts under `folder`/mlartifacts. If
     MLFLOW_TRACKING_URI is set, that http(s) server or absolute sqlite:// database is used and nothing is made under
     `folder`. Call it once, in the parent, before any worker starts; workers are processes of their own, not forks of
     this one, which would share its connection. Raises `InputError` if the folder cannot be written, the database
-    cannot be used, or the server does not answer within ten seconds.
+    cannot be used, or the server does not answer within `patience` seconds.
     """
     uri = store_uri(folder)
     database = database_path(uri)
     if database is None:
-        _check_server(uri)
+        _check_server(uri, patience)
     else:
         build(database, uri)
     mark_killed_runs(uri)
     return uri
 
 
-def _check_server(uri: str) -> None:
+def _check_server(uri: str, patience: float) -> None:
     client = connect(uri)
     from mlflow.exceptions import MlflowException
 
     try:
-        patiently(uri, client.search_experiments, max_results=1, patience=FIRST_PATIENCE)
+        patiently(uri, client.search_experiments, max_results=1, patience=patience)
     except MlflowException as error:
         raise InputError(f"{shown(uri)} refuses to keep runs ({reason(error)}); check that it is an MLflow server and "
                          f"that you may use it, or unset MLFLOW_TRACKING_URI") from None

@@ -3,7 +3,6 @@
 import pytest
 
 from fractal_exp import tracking
-from fractal_exp.tracking import outbox, store
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -21,11 +20,3 @@ def start(uri, tmp_path):
     def start(name="fit", **options):
         return tracking.start_run(uri, "study", name, folder=tmp_path, **options)
     return start
-
-
-@pytest.fixture
-def impatient(monkeypatch):
-    """Outages last milliseconds here."""
-    monkeypatch.setattr(outbox, "FIRST_RETRY", 0.002)
-    monkeypatch.setattr(outbox, "LAST_RETRY", 0.01)
-    monkeypatch.setattr(store, "FIRST_RETRY", 0.01)

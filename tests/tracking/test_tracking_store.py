@@ -6,18 +6,19 @@ import socket
 import sqlite3
 import subprocess
 import sys
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 import pandas as pd
 import pytest
-from tracking_helpers import Between, artifacts, get
+from tracking_helpers import AT_ONCE, IMPATIENT, Between, artifacts, get
 
 from fractal_exp import InputError, tracking
 from fractal_exp.cli import report
 from fractal_exp.tracking import __main__ as command
-from fractal_exp.tracking import outbox, store
+from fractal_exp.tracking import store
+from fractal_exp.tracking.outbox import Patience
 from fractal_exp.tracking.run import MlflowTracker
 
 # Four workers, forked before anything is opened so that torch and MLflow are imported once. They make the store
@@ -109,22 +110,33 @@ def test_other_stores_are_refused(address, tmp_path, monkeypatch):
         tracking.prepare_store(tmp_path)
 
 
-def test_a_server_that_does_not_answer_is_an_input_error_without_its_password(tmp_path, monkeypatch, impatient):
+def test_a_server_that_does_not_answer_is_an_input_error_without_its_password(tmp_path, monkeypatch):
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://somebody:secret@127.0.0.1:9")
-    monkeypatch.setattr(store, "FIRST_PATIENCE", 0.1)
     with pytest.raises(InputError, match=r"127.0.0.1:9 does not answer \(Conn.*refused\); start it") as caught:
-        tracking.prepare_store(tmp_path)
+        tracking.prepare_store(tmp_path, patience=0.1)
     assert "secret" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 
 
 # The store is away
 
-def test_no_metric_is_lost_while_the_store_is_away(uri, start, tmp_path, impatient, capsys):
+def test_a_store_that_does_not_answer_at_once_is_asked_again(capsys):
+    failures = iter([ConnectionError("refused")])
+
+    def ask():
+        for failure in failures:
+            raise failure
+        return "an answer"
+
+    assert store.patiently("http://somebody:secret@127.0.0.1:9", ask) == "an answer"
+    assert capsys.readouterr().err == "tracking: waiting for http://127.0.0.1:9 (ConnectionError: refused)\n"
+
+
+def test_no_metric_is_lost_while_the_store_is_away(uri, start, tmp_path, capsys):
     run_id = start().run_id
     failures = iter(range(7))
     client = Between(uri, {"log_batch", "log_artifact", "set_terminated"}, lambda: next(failures, None) is not None)
-    run = MlflowTracker(client, run_id, tmp_path)
+    run = MlflowTracker(client, run_id, tmp_path, patience=IMPATIENT)
     for step in range(2500):
         run.log({"train/loss": step}, step)
     run.artifact("code.json", "{}")
@@ -138,11 +150,11 @@ def test_no_metric_is_lost_while_the_store_is_away(uri, start, tmp_path, impatie
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_a_lost_store_did_not_take_is_kept_and_delivered(uri, start, tmp_path, impatient, monkeypatch, capsys):
-    monkeypatch.setattr(outbox, "LAST_WAIT", 1.0)
+def test_what_a_lost_store_did_not_take_is_kept_and_delivered(uri, start, tmp_path, capsys):
     run_id = start().run_id
     client = Between(uri, {"log_batch", "log_artifact", "log_image", "set_terminated"}, lambda: True)
-    with pytest.raises(RuntimeError, match="broke"), MlflowTracker(client, run_id, tmp_path) as run:
+    with (pytest.raises(RuntimeError, match="broke"),
+          MlflowTracker(client, run_id, tmp_path, patience=AT_ONCE) as run):
         run.log({"train/loss": 0.1}, 4)
         run.image("preview", np.ones((4, 4)), 4)
         run.table("per_view.json", pd.DataFrame({"f1": [0.5]}))
@@ -151,7 +163,6 @@ def test_what_a_lost_store_did_not_take_is_kept_and_delivered(uri, start, tmp_pa
     assert (tmp_path / f"undelivered-{run_id}" / "0-preview").read_bytes().startswith(b"\x89PNG")
     assert get(uri, run_id).info.status == "RUNNING"
 
-    monkeypatch.setattr(outbox, "LAST_WAIT", 60.0)  # this store answers, if late on a busy machine
     assert tracking.deliver(tmp_path) == [run_id]
     ended = get(uri, run_id)
     assert ended.info.status == "FAILED" and ended.data.tags["error"] == "RuntimeError: broke"
@@ -163,10 +174,10 @@ def test_what_a_lost_store_did_not_take_is_kept_and_delivered(uri, start, tmp_pa
         tracking.deliver(tmp_path)
 
 
-def test_one_refused_file_holds_up_nothing_else(uri, start, tmp_path, impatient, monkeypatch):
-    monkeypatch.setattr(outbox, "LAST_WAIT", 1.0)
+def test_one_refused_file_holds_up_nothing_else(uri, start, tmp_path):
     run_id = start().run_id
-    run = MlflowTracker(Between(uri, {"log_image"}, lambda: True), run_id, tmp_path)
+    without_images = Between(uri, {"log_image"}, lambda: True)
+    run = MlflowTracker(without_images, run_id, tmp_path, patience=Patience(0.002, 0.01, 1.0))
     run.image("preview", np.ones((4, 4)), 0)
     run.artifact("code.json", "{}")
     run.log({"train/loss": 1.0})
@@ -213,27 +224,28 @@ def test_a_reused_process_number_is_not_taken_for_the_process(uri, start):
     assert get(uri, run.run_id).info.status == "FINISHED"
 
 
-def test_a_run_that_another_process_goes_on_with_meanwhile_is_not_taken_for_killed(uri, start, tmp_path, monkeypatch):
-    run = start()
-    store.connect(uri).set_tag(run.run_id, "process_start", "123.45")
+def held_up(uri, work, meanwhile):
+    """Let work wait for another process, which does something meanwhile."""
+    with ThreadPoolExecutor(1) as thread:
+        with store.changing_hands(uri):
+            waiting = thread.submit(work)
+            wait([waiting], timeout=0.5)  # long enough for it to end, were it not made to wait
+            meanwhile()
+        waiting.result()
 
-    def go_on() -> None:
-        tracking.start_run(uri, "study", "fit", folder=tmp_path, resume_run_id=run.run_id).finish("FAILED")
 
-    other = threading.Thread(target=go_on)
-    pages = store.pages
+def test_a_run_that_another_process_goes_on_with_meanwhile_is_not_taken_for_killed(uri, start):
+    run_id, client = start().run_id, store.connect(uri)
+    client.set_tag(run_id, "process_start", "123.45")
+    held_up(uri, lambda: tracking.mark_killed_runs(uri), lambda: client.set_terminated(run_id, "FAILED"))
+    assert get(uri, run_id).info.status == "FAILED"
 
-    def found_then_gone_on_with(search, **query):
-        found = list(pages(search, **query))
-        if "filter_string" in query:  # the runs that are RUNNING
-            other.start()
-            other.join(timeout=2)  # long enough for it to end, were it not made to wait
-        return found
 
-    monkeypatch.setattr(store, "pages", found_then_gone_on_with)
-    tracking.mark_killed_runs(uri)
-    other.join()
-    assert get(uri, run.run_id).info.status == "FAILED"
+def test_a_run_is_not_gone_on_with_while_another_process_looks_for_killed_ones(uri, start):
+    run_id, tags = start().run_id, []
+    store.connect(uri).set_tag(run_id, "process_start", "123.45")
+    held_up(uri, lambda: start(resume_run_id=run_id).finish(), lambda: tags.append(get(uri, run_id).data.tags))
+    assert tags[0]["process_start"] == "123.45" and get(uri, run_id).info.status == "FINISHED"
 
 
 # Reading back

@@ -5,21 +5,20 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from tracking_helpers import Between, artifacts
+from tracking_helpers import AT_ONCE, Between, artifacts
 
 from fractal_exp import InputError, tracking
 from fractal_exp.cli.runs import MlflowRuns
 from fractal_exp.runtime.checkpoint import Checkpoint, Snapshot
-from fractal_exp.tracking import outbox
 from fractal_exp.tracking.run import MlflowTracker
 
 
 @pytest.fixture
-def lost(uri, start, tmp_path, impatient, monkeypatch):
+def lost(uri, start, tmp_path):
     """A run whose store is away, and its folder of what is undelivered."""
-    monkeypatch.setattr(outbox, "LAST_WAIT", 0.1)
     run_id = start().run_id
-    run = MlflowTracker(Between(uri, {"log_batch", "log_artifact"}, lambda: True), run_id, tmp_path)
+    away = Between(uri, {"log_batch", "log_artifact"}, lambda: True)
+    run = MlflowTracker(away, run_id, tmp_path, patience=AT_ONCE)
     run.log({"train/loss": 0.5}, 1)
     run.artifact("notes.txt", "some")
     return run, tmp_path / f"undelivered-{run_id}"
@@ -76,10 +75,9 @@ def test_a_damaged_or_crafted_note_is_refused_in_one_line_and_nothing_is_sent(lo
     assert artifacts(uri, run.run_id) == set()
 
 
-def test_a_sweep_sends_what_waits_to_its_own_store_only(lost, uri, tmp_path, capsys, monkeypatch):
+def test_a_sweep_sends_what_waits_to_its_own_store_only(lost, uri, tmp_path, capsys):
     run, folder = lost
     run.finish()
-    monkeypatch.setattr(outbox, "LAST_WAIT", 60.0)  # this store answers, if late on a busy machine
     note = folder / "run.json"
     own = note.read_text()
     note.write_text(json.dumps({**json.loads(own), "uri": "http://127.0.0.1:9"}))

@@ -1,6 +1,10 @@
 """How the tests of tracking look into a store, and stand between it and a run."""
 
 from fractal_exp.tracking import store
+from fractal_exp.tracking.outbox import Patience
+
+IMPATIENT = Patience(0.002, 0.01)      # outages last milliseconds,
+AT_ONCE = Patience(0.002, 0.01, 0.1)   # and a run that has ended gives up at once
 
 
 class Between:

@@ -1,10 +1,15 @@
 """What the tests of the commands begin with."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
 from PIL import Image
+
+from fractal_exp.cli import interruption
 
 
 @pytest.fixture(scope="session")
@@ -34,3 +39,22 @@ def rendering_side() -> int:
 @pytest.fixture(autouse=True)
 def small_rendering(rendering_side, monkeypatch):
     monkeypatch.setattr("fractal_exp.inversion.writing.SIDE", rendering_side)
+
+
+@pytest.fixture
+def signals_are_heard():
+    """As a command hears them; at the end they are pytest's again, and none counts as asked."""
+    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    interruption.listen()
+    yield
+    interruption.listen()
+    for each, handler in before.items():
+        signal.signal(each, handler)
+
+
+@pytest.fixture
+def hydra_composed(monkeypatch):
+    """A function that lets Hydra know a configuration as the one that its command composed."""
+    def know(config: DictConfig) -> None:
+        monkeypatch.setattr(HydraConfig.instance(), "cfg", config)
+    return know

@@ -3,7 +3,6 @@ import json
 import pytest
 import yaml
 from configured import ABLATIONS, composed, options, plain
-from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from places import ROOT
@@ -71,9 +70,9 @@ def test_an_ablation_names_one_choice_and_has_no_settings_of_its_own():
     (["ablation=no_ssim", "loss=no_mip"], "no_mip"), (["method=chaotic_released"], "as_released"),
     (["method=chaotic_written", "ablation=no_mip"], "as_written+no_mip"),
     (["method=chaotic_released", "loss=full"], "as_released+full"), (["method=collage"], "full")], ids=str)
-def test_a_variant_is_named_by_what_was_chosen(words, variant, monkeypatch):
+def test_a_variant_is_named_by_what_was_chosen(words, variant, hydra_composed):
     config = composed(*words, hydra=True)
-    monkeypatch.setattr(HydraConfig.instance(), "cfg", config)
+    hydra_composed(config)
     assert config.variant == variant
 
 

@@ -32,6 +32,8 @@ RESULT = "output/best_optimized_ifs_code.pth"
 class EasyDict(dict):
     """As the package easydict's: what is set is an item and an attribute."""
 
+    __module__ = "easydict"
+
     def __setattr__(self, name, value):
         super().__setattr__(name, value)
         self[name] = value
@@ -39,6 +41,8 @@ class EasyDict(dict):
 
 class LipschtizLinear(nn.Module):
     """Holds what the program's holds: free entries, not parameters of torch."""
+
+    __module__ = "system.blocks"
 
     def __init__(self, **values):
         super().__init__()
@@ -48,6 +52,8 @@ class LipschtizLinear(nn.Module):
 
 
 class ContractiveFunction(nn.Module):
+    __module__ = "system.blocks"
+
     def __init__(self, **values):
         super().__init__()
         self.ll = LipschtizLinear(**values)
@@ -57,9 +63,6 @@ class ContractiveFunction(nn.Module):
 def program(monkeypatch):
     """The program's classes under the names by which it pickles them. They are gone while its files are read."""
     modules = {"easydict": [EasyDict], "system.blocks": [ContractiveFunction, LipschtizLinear]}
-    for module, classes in modules.items():
-        for each in classes:
-            monkeypatch.setattr(each, "__module__", module)
 
     def write(path, functions):
         code = EasyDict()

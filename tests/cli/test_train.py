@@ -105,9 +105,6 @@ def test_a_killed_fit_goes_on_in_the_same_run_to_the_same_code(picture, tmp_path
     assert list(frame["status"]) == ["FINISHED"], "one run, gone on with"
 
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-
 @pytest.fixture
 def heard():
     """Where nohup started the tests, they ignore the end of a terminal, and so does all that they start."""
@@ -116,24 +113,19 @@ def heard():
     signal.signal(signal.SIGHUP, before)
 
 
-@pytest.mark.usefixtures("heard")
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.usefixtures("heard", "signals_are_heard")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_is_answered_at_once_and_raised_again_if_it_got_lost(number, capfd):
-    before = {each: signal.getsignal(each) for each in SIGNALS}
-    try:
-        interruption.listen("stopping; work is being kept")
+    interruption.listen("stopping; work is being kept")
+    interruption.check()
+    for _ in range(2):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(number)
+    assert capfd.readouterr().err == "\nstopping; work is being kept\n"
+    with pytest.raises(KeyboardInterrupt):
         interruption.check()
-        for _ in range(2):
-            with contextlib.suppress(KeyboardInterrupt):
-                signal.raise_signal(number)
-        assert capfd.readouterr().err == "\nstopping; work is being kept\n"
-        with pytest.raises(KeyboardInterrupt):
-            interruption.check()
-        interruption.listen()
-        interruption.check()
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
+    interruption.listen()
+    interruption.check()
 
 
 CLOSED = """
@@ -167,21 +159,21 @@ def test_what_was_found_is_kept_where_the_terminal_is_closed(tmp_path):
     assert process.wait(60) in (0, -signal.SIGHUP) and (tmp_path / "kept").read_text() == "kept"
 
 
-def test_an_interrupt_while_libraries_load_is_one_line(monkeypatch, capsys):
-    def loading(program, module):
-        with contextlib.suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        raise ImportError("half a library")  # what an interrupted import may end in
+LOADING = """
+import contextlib, signal
 
-    monkeypatch.setattr("fractal_exp.runtime.extras.start", loading)
-    before = {each: signal.getsignal(each) for each in SIGNALS}
-    try:
-        with pytest.raises(SystemExit) as left:
-            start.train()
-    finally:
-        interruption.listen()  # or it would still count as asked
-        for each, handler in before.items():
-            signal.signal(each, handler)
+with contextlib.suppress(KeyboardInterrupt):
+    signal.raise_signal(signal.SIGINT)
+raise ImportError("half a library")  # what an interrupted import may end in
+"""
+
+
+@pytest.mark.usefixtures("signals_are_heard")
+def test_an_interrupt_while_libraries_load_is_one_line(tmp_path, monkeypatch, capsys):
+    (tmp_path / "half_a_command.py").write_text(LOADING)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(SystemExit) as left:
+        start.start("fractal-train", "half_a_command")
     assert left.value.code == 130 and capsys.readouterr().err == "\nfractal-train: interrupted\n"
 
 

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
-from train_helpers import train
+from train_helpers import own_method, train
 
 from fractal_exp import IFS, InputError
 from fractal_exp.tracking import read_artifact, runs_frame
@@ -77,8 +78,8 @@ def test_what_has_no_colours_is_refused_before_the_fit(picture, tmp_path, words,
     assert not (tmp_path / "out").exists()
 
 
-def test_where_no_pixel_is_shared_the_code_stays_without_colours(picture, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("fractal_exp.inversion.road.fitted", lambda *_: None)
-    scores = on_picture(picture, tmp_path, "tracking=none", "colour=true")
+def test_where_no_pixel_is_shared_the_code_stays_without_colours(picture, tmp_path, capsys):
+    beside = IFS(torch.full((2, 2, 2), .01), torch.tensor([[.6, .6], [.5, .6]]))
+    scores = on_picture(picture, tmp_path, "tracking=none", "colour=true", *own_method(tmp_path, beside))
     assert "eval/ciede2000" not in scores and "no colours" in capsys.readouterr().out
     assert IFS.load(tmp_path / "fits" / "fit" / "code.json").colours is None

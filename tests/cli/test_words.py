@@ -1,9 +1,12 @@
 """What a wrong word on the command line is answered with, and what picture= and seconds= come to."""
 
 import argparse
+import contextlib
 import errno
 import json
 import os
+import re
+import signal
 
 import configured
 import numpy as np
@@ -13,9 +16,10 @@ from commands import run_here, said
 from omegaconf import OmegaConf
 from places import ROOT
 from sweeps_helpers import jobs_of
+from train_helpers import own_task
 
 from fractal_exp import InputError, codes, invert, render
-from fractal_exp.cli import commands, composed, interruption, sweep, words
+from fractal_exp.cli import commands, composed, sweep, words
 from fractal_exp.cli.train import NOT_PART_OF_A_FIT
 from fractal_exp.ifs import attractor
 from fractal_exp.tracking import runs_frame
@@ -63,26 +67,25 @@ def test_a_sweep_is_refused_before_it_is_opened(arguments, message, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_defect_of_ours_keeps_its_traceback(monkeypatch):
-    def broken(config):
+def fails(config):
+    """In place of a fit, by its seed."""
+    if config.seed == 1:
+        raise InputError("this seed is out")
+    if config.seed == 3:
         raise ZeroDivisionError("of ours")
-    monkeypatch.setattr("fractal_exp.cli.train.fit", broken)
-    status, printed = run_here(composed)
+    if config.seed == 5:
+        raise OSError(errno.ENOSPC, "No space left on device", "/x")
+    print(f"seed {config.seed} is done")
+
+
+def test_a_defect_of_ours_keeps_its_traceback(tmp_path):
+    status, printed = run_here(composed, *own_task(tmp_path, fails), "seed=3")
     assert status == 1 and "ZeroDivisionError: of ours" in printed
 
 
-def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(monkeypatch, tmp_path):
-    done = []
-
-    def fit(config):
-        if config.seed == 1:
-            raise InputError("this seed is out")
-        if config.seed == 3:
-            raise ZeroDivisionError("of ours")
-        done.append(config.seed)
-    monkeypatch.setattr("fractal_exp.cli.train.fit", fit)
-    status, printed = run_here(composed, "-m", "seed=0,1,3,4", f"output={tmp_path}")
-    assert status == 2 and done == [0, 4], printed
+def test_several_fits_go_on_without_those_that_fail_which_are_told_at_the_end(tmp_path):
+    status, printed = run_here(composed, "-m", *own_task(tmp_path, fails), "seed=0,1,3,4", f"output={tmp_path}")
+    assert status == 2 and re.findall(r"seed (\d) is done", printed) == ["0", "4"], printed
     told = ["seed=1: this seed is out", "seed=3: ZeroDivisionError: of ours"]
     assert [f"  {line}" for line in told] == printed.splitlines()[-2:] and "2 failed" in printed
     assert "Traceback" in printed, "of the defect"
@@ -95,20 +98,23 @@ def test_a_worker_of_a_launcher_ends_with_the_command_that_started_it(failed, fo
     ends_with = []
     monkeypatch.setattr(composed, "failed", failed)
     monkeypatch.setattr(composed.parent, "follow", ends_with.append)
-    monkeypatch.setattr(composed, "done", lambda program, work, config: "done")
-    assert composed._fit(OmegaConf.create({"task": "os.getpid"})) == "done" and ends_with == followed
+    assert composed._fit(OmegaConf.create({"task": "builtins.len"})) == 1 and ends_with == followed
 
 
 TINY = ["scale=smoke", "iterations=2", "resolution=32", "threads=1", "evaluation.resolution=32",
         "evaluation.points_in_view=20000"]
 
 
-def test_jobs_of_m_stand_below_one_run_with_their_table_and_are_named_by_what_they_vary(tmp_path, monkeypatch):
+def scores(config):
+    """In place of a fit."""
+    return {"eval/f1": 0.5}
+
+
+def test_jobs_of_m_stand_below_one_run_with_their_table_and_are_named_by_what_they_vary(tmp_path):
     words = "-m", "model=naive,svd", "model.maps=2,3", *TINY, f"output={tmp_path}"
-    with monkeypatch.context() as patch:
-        patch.setattr("fractal_exp.cli.train.fit", lambda config: {"eval/f1": 0.5})
-        assert run_here(composed, *words, "tracking=none")[0] == 0 and not (tmp_path / "mlflow.db").exists()
-        assert run_here(composed, *words)[0] == 0
+    without_fits = *words, *own_task(tmp_path, scores)
+    assert run_here(composed, *without_fits, "tracking=none")[0] == 0 and not (tmp_path / "mlflow.db").exists()
+    assert run_here(composed, *without_fits)[0] == 0
     status, printed = run_here(composed, *words)
     assert status == 0 == run_here(composed, *words, "resume=true")[0], printed
     frame = runs_frame(f"sqlite:///{tmp_path / 'mlflow.db'}", "fits")
@@ -264,12 +270,9 @@ def test_a_code_with_gradients_is_drawn_by_its_values():
     assert torch.equal(image, again) and not again.requires_grad
 
 
-def test_what_the_system_refuses_of_a_file_is_one_line(monkeypatch):
-    def fail(config):
-        raise OSError(errno.ENOSPC, "No space left on device", "/x")
-
-    monkeypatch.setattr("fractal_exp.cli.train.fit", fail)
-    assert "error: /x: No space left on device; free some space" in said(composed)
+def test_what_the_system_refuses_of_a_file_is_one_line(tmp_path):
+    told = said(composed, *own_task(tmp_path, fails), "seed=5")
+    assert "error: /x: No space left on device; free some space" in told
 
 
 @pytest.mark.parametrize("study", [["collage_ablation", "without=roots,nothing"], *(
@@ -284,14 +287,15 @@ def test_in_every_study_a_picture_is_the_whole_target(study, tmp_path):
     assert len({(job["sweep"]["row"], job["sweep"]["sample"]) for job in jobs}) == len(jobs)
 
 
-def test_an_error_after_a_signal_is_the_interruption_in_every_command(monkeypatch):
-    def fail(*_):
-        interruption._asked = True
-        raise AttributeError
+def loses_its_interruption(_):
+    """In place of a fit, or of any command."""
+    with contextlib.suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    raise AttributeError
 
-    monkeypatch.setattr(interruption, "_asked", False)
-    monkeypatch.setattr("fractal_exp.cli.train.fit", fail)
-    status, printed = run_here(composed)
+
+def test_an_error_after_a_signal_is_the_interruption_in_every_command(signals_are_heard, tmp_path):
+    status, printed = run_here(composed, *own_task(tmp_path, loses_its_interruption))
     assert status == 130 and "interrupted" in printed and "Traceback" not in printed
     with pytest.raises(SystemExit, match="130"):
-        commands.command("fractal-view", fail, argparse.ArgumentParser(), [])
+        commands.command("fractal-view", loses_its_interruption, argparse.ArgumentParser(), [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import torch
 from omegaconf import DictConfig
@@ -23,37 +23,15 @@ class _Seen(Exception):
     """Ends a fit that has been watched for long enough."""
 
 
-def estimate(jobs: Mapping[str, tuple[int, DictConfig]], workers: int) -> str:
-    """What so many jobs of each method, so many at a time, will take, in words; methods of unknown length are named."""
-    each = {name: _seconds(config, workers) for name, (_, config) in jobs.items()}
-    known = {name: seconds for name, seconds in each.items() if seconds is not None}
-    total = sum(jobs[name][0] * seconds for name, seconds in known.items()) / workers
-    parts = " + ".join(f"{jobs[name][0]} × {in_words(seconds)}" for name, seconds in known.items())
-    without = ", ".join(name for name in each if name not in known)
-    return f"about {in_words(total)}: {parts}" + (f"; without {without}" if without else "") if known else ""
-
-
-def _seconds(config: DictConfig, workers: int) -> float | None:
-    """The limit of a fit, or what its first steps say; None if its length depends on the image."""
-    if limit := config.method.get("seconds"):
-        return float(limit)
-    try:
-        method = configuration.build(config.method)
-        threads.use(config.threads or max(1, threads.available() // workers))
-        known = isinstance(method, Chaotic | Stepwise) and not config.get("init")  # a search begins with another method
-        return watched(method, config.resolution) if known else None
-    except (InputError, RuntimeError):  # the fit itself will say it
-        return None
-
-
-def watched(method: Method, resolution: int) -> float:
-    """The seconds of a fit of so many pixels a side, from the share of it that is done in ENOUGH of them."""
+def watched(method: Method, resolution: int, clock: Callable[[], float] = time.monotonic) -> float:
+    """The seconds, by the clock, of a fit of so many pixels a side, from the share of it that is done in ENOUGH of
+    them."""
     target = torch.zeros(resolution, resolution)
     target[resolution // 4:-resolution // 4, resolution // 4:-resolution // 4] = 1
-    seen = [(time.monotonic(), 0.0)]
+    seen = [(clock(), 0.0)]
 
     def watch(progress: Progress) -> None:
-        seen.append((time.monotonic(), progress.fraction))
+        seen.append((clock(), progress.fraction))
         if seen[-1][0] - seen[1][0] > ENOUGH and seen[-1][1] > seen[1][1]:
             raise _Seen
 
@@ -62,6 +40,31 @@ def watched(method: Method, resolution: int) -> float:
     except _Seen:
         del seen[0]
     return (seen[-1][0] - seen[0][0]) / (seen[-1][1] - seen[0][1])
+
+
+def estimate(jobs: Mapping[str, tuple[int, DictConfig]], workers: int,
+             watch: Callable[[Method, int], float] = watched) -> str:
+    """What so many jobs of each method, so many at a time, will take, in words; methods of unknown length are named.
+    watch: what tells the seconds of a fit of so many pixels a side."""
+    each = {name: _seconds(config, workers, watch) for name, (_, config) in jobs.items()}
+    known = {name: seconds for name, seconds in each.items() if seconds is not None}
+    total = sum(jobs[name][0] * seconds for name, seconds in known.items()) / workers
+    parts = " + ".join(f"{jobs[name][0]} × {in_words(seconds)}" for name, seconds in known.items())
+    without = ", ".join(name for name in each if name not in known)
+    return f"about {in_words(total)}: {parts}" + (f"; without {without}" if without else "") if known else ""
+
+
+def _seconds(config: DictConfig, workers: int, watch: Callable[[Method, int], float]) -> float | None:
+    """The limit of a fit, or what its first steps say; None if its length depends on the image."""
+    if limit := config.method.get("seconds"):
+        return float(limit)
+    try:
+        method = configuration.build(config.method)
+        threads.use(config.threads or max(1, threads.available() // workers))
+        known = isinstance(method, Chaotic | Stepwise) and not config.get("init")  # a search begins with another method
+        return watch(method, config.resolution) if known else None
+    except (InputError, RuntimeError):  # the fit itself will say it
+        return None
 
 
 def in_words(seconds: float) -> str:

@@ -12,7 +12,6 @@ from PIL import Image
 
 from fractal_exp import IFS, Inversion, codes, render
 from fractal_exp.cameras.camera import Camera
-from fractal_exp.cli import interruption
 from fractal_exp.cli import invert as app
 from fractal_exp.ifs import attractor
 from fractal_exp.inversion.writing import SIDE
@@ -42,9 +41,8 @@ def method(monkeypatch):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, signals_are_heard):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(interruption, "listen", lambda answer: None)
     shape = np.rint(255 * render(TRIANGLE, resolution=128, points_in_view=300_000).numpy()).astype(np.uint8)
     picture = write(Image.fromarray(255 - np.pad(shape, ((0, 30), (20, 20)))), "Sierpinski's gasket", 84, 140, 13)
     picture.save(tmp_path / "gasket.png")

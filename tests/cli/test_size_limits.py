@@ -6,11 +6,10 @@ import pytest
 import torch
 
 from fractal_exp import InputError, codes, tracking
-from fractal_exp.cli import candidates
 from fractal_exp.cli import evaluate as app
 from fractal_exp.cli.candidates import gather
 from fractal_exp.perceptual import fractal_features
-from fractal_exp.runtime import files, weights
+from fractal_exp.runtime import weights
 from fractal_exp.runtime.tensors import packed
 
 
@@ -34,17 +33,16 @@ def test_a_fits_file_that_is_too_large_ends_in_one_line(fit, capsys, name, most)
     assert stop.value.code == 2 and f"fit/{name}: it has {most + 1} bytes, at most {most} are read" in line
 
 
-def test_an_artifact_that_is_too_large_is_not_fetched(fit, tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "LARGEST_JSON", 1000)
-    monkeypatch.setattr(candidates, "LARGEST_JSON", 1000)
+def test_an_artifact_that_is_too_large_is_not_fetched(fit, tmp_path):
     uri = tracking.prepare_store(tmp_path)
     with tracking.start_run(uri, "fits", "fern", folder=tmp_path) as run:
-        run.artifact("code.json", "x" * 1001)
+        run.artifact("code.json", "x")
         run.artifact("truth.json", "{}")
     [logged] = tracking.runs_frame(uri, "fits").itertuples()
     assert tracking.read_artifact(uri, logged.run_id, "truth.json", 2) == b"{}"
-    monkeypatch.setattr("mlflow.MlflowClient.download_artifacts", None)
-    with pytest.raises(InputError, match="'code.json' of run .* has 1001 bytes, at most 1000 are read"):
+    [kept] = tmp_path.glob("mlartifacts/**/code.json")
+    os.truncate(kept, 2**40)  # takes no room on the disk, but no memory holds it
+    with pytest.raises(InputError, match=f"'code.json' of run .* has {2**40} bytes, at most {2**24} are read"):
         gather([f"run:{logged.run_id}"], None, tmp_path)
 
 
